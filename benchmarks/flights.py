@@ -19,9 +19,10 @@ from barbalat.vehicles.f16.airframe import FlightCondition
 from barbalat.vehicles.f16.axis import Axis
 from barbalat.vehicles.f16.failures import OF_PITCH
 from barbalat.vehicles.f16.flying import fly_once
-from barbalat.vehicles.f16.schemes import flying
 from barbalat.vehicles.f16.trim import trimmed
-from barbalat.vehicles.timing import Timing
+from barbalat.vehicles.flight import Timing
+from barbalat.vehicles.flying import on_loop
+from barbalat.vehicles.registry import vehicle_of
 from benchmarks.house import Section
 from benchmarks.processor import description
 from benchmarks.table import Row, console, show
@@ -40,7 +41,7 @@ def one_flight(*, quick: bool) -> Section:
     axis = Axis(trim=trimmed(FlightCondition()))
     rows = []
     for name in SCHEMES[: 1 if quick else None]:
-        pair = flying(axis, [name])[0]
+        pair = on_loop(vehicle_of(axis.like), axis, name)
         by_list, by_c = (
             _busy(axis, step, 1 if quick else 3) for step in (SampledList.of(*pair).step(), exported_c(*pair).step())
         )

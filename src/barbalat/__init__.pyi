@@ -113,11 +113,10 @@ from .sweeps.sweep import sweep as sweep
 from .tuning.result import Tuning as Tuning
 from .tuning.tune import tune as tune
 from .validate import InputError as InputError
+from .vehicles.comparison import FlightComparison as FlightComparison
 from .vehicles.f16.airframe import FlightCondition as FlightCondition
 from .vehicles.f16.equipment import Equipment as Equipment
-from .vehicles.f16.f16_comparison import FlightComparison as FlightComparison
+from .vehicles.flying import fly as fly
 from .vehicles.isolated import SimulatorFailed as SimulatorFailed
-from .vehicles.quadrotor.comparison import QuadrotorComparison as QuadrotorComparison
-from .vehicles.registry import fly as fly
 
 __version__: str

@@ -6,12 +6,14 @@ import pytest
 
 from barbalat import Budget, InputError
 from barbalat.vehicles.dispersed import Campaign
+from barbalat.vehicles.vehicle import Aboard
 
 
 def campaign(schemes: int) -> Campaign:
     """Of flights of half a second each: 60 of them in a process's half minute."""
-    fleet = SimpleNamespace(controllers=("scheme",) * schemes, failures=("failure",) * 5)
-    return Campaign(name="", drawing=SimpleNamespace(chunk=60), fleet=fleet, plan=None)
+    vehicle = SimpleNamespace(drawing=SimpleNamespace(chunk=60))
+    aboard = (tuple(Aboard(name="scheme", loops=()) for _ in range(schemes)),)
+    return Campaign(vehicle=vehicle, failures=("failure",) * 5, models=(None,), aboard=aboard, plan=None)
 
 
 def test_flights_are_counted_and_shared_by_processes():

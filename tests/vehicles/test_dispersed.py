@@ -16,15 +16,16 @@ from barbalat.papers.jafari_2013.flight.stored_flights import Flights
 from barbalat.run.sampled_step import SampledList, SampledStep
 from barbalat.vehicles import dispersed
 from barbalat.vehicles.dispersed import fly_dispersed
-from barbalat.vehicles.drawing import draws_of
 from barbalat.vehicles.f16.airframe import Airframe
 from barbalat.vehicles.f16.axis import PITCH, Axis
 from barbalat.vehicles.f16.dispersions import NOMINAL, Dispersion
 from barbalat.vehicles.f16.failures import NONE
 from barbalat.vehicles.f16.flying import fly_once
-from barbalat.vehicles.f16.schemes import TUNED, flying
+from barbalat.vehicles.f16.schemes import TUNED
 from barbalat.vehicles.f16.trim import trimmed
-from barbalat.vehicles.registry import FLIGHTS
+from barbalat.vehicles.registry import vehicles
+from barbalat.vehicles.vehicle import draws_of
+from vehicles.nominal import of_axis
 
 pytestmark = pytest.mark.full  # ./dev flight runs them; each starts a simulator
 
@@ -72,9 +73,9 @@ def test_a_load_is_heavier_and_with_less_lift_it_sinks(axis):
     assert less[1] == pytest.approx(0.1 * 32.17 / axis.trim.speed, rel=0.15)  # alpha grows; the flaps' lift stays
 
 
-@pytest.mark.parametrize("name", FLIGHTS)
+@pytest.mark.parametrize("name", vehicles())
 def test_draws_are_within_their_ranges_and_the_same_whoever_asks(name):
-    drawing = FLIGHTS[name].drawing
+    drawing = vehicles()[name].drawing
     whole = list(draws_of(drawing.plan(50), 0, 50))
     assert list(draws_of(drawing.plan(50), 7, 3)) == whole[7:10]
     assert set(drawing.units) <= set(drawing.drawn)
@@ -85,7 +86,7 @@ def test_draws_are_within_their_ranges_and_the_same_whoever_asks(name):
 
 
 def test_the_nominal_draw_is_the_nominal_flight(axis):
-    step = SampledStep(SampledList.of(*flying(axis, ["lqr"])[0]))
+    step = SampledStep(SampledList.of(*of_axis(axis, "lqr")))
     first, second = fly_once(axis, step, NONE), fly_once(axis, step, NONE, NOMINAL)
     np.testing.assert_array_equal(first.record, second.record)
     late = fly_once(axis, step, NONE, Dispersion(delay=0.02)).record

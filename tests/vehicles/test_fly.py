@@ -13,15 +13,15 @@ pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev f
 from barbalat import FlightCondition, InputError, Mrac, Sampled, SimulatorFailed, fly, pi_feedback
 from barbalat.cli import main
 from barbalat.run.sampled_step import SampledList, SampledStep
-from barbalat.vehicles.f16 import comparison
+from barbalat.vehicles import flying
 from barbalat.vehicles.f16.airframe import STEP
-from barbalat.vehicles.f16.axis import PITCH, ROLL, Axis
+from barbalat.vehicles.f16.axis import PITCH, ROLL, SAMPLE_TIME, Axis
 from barbalat.vehicles.f16.equipment import Actuator, Equipment, Sensors
 from barbalat.vehicles.f16.failures import OF_PITCH, OF_ROLL
-from barbalat.vehicles.f16.flying import DELAY_STEP, delay_borne, fly_once
-from barbalat.vehicles.f16.flying import flown as through_failures
-from barbalat.vehicles.f16.schemes import flying
+from barbalat.vehicles.f16.flying import fly_once
 from barbalat.vehicles.f16.trim import trimmed
+from barbalat.vehicles.registry import vehicle_of
+from vehicles.nominal import alone, of_axis, through_failures
 
 FAILURES = {one.name: one for one in OF_PITCH}
 pytestmark = pytest.mark.full  # ./dev flight runs them; each starts a simulator
@@ -47,7 +47,7 @@ def test_a_small_flight_is_the_linear_loop():
         for _ in range(4):
             x = ahead @ np.append(x, np.deg2rad(elevator.advance(u)))
             sensors.advance(np.rad2deg(x[[1, 3]]))
-    (found,) = through_failures(axis, SampledList.of(*flying(axis, ["lqr"])[0]), [FAILURES["none"]])
+    (found,) = through_failures(axis, SampledList.of(*of_axis(axis, "lqr")), [FAILURES["none"]])
     assert np.abs(found.column("q")[:1000] - q).max() < 0.02 * 0.3  # what is left is of second order, and the surfaces' late step
 
 
@@ -73,12 +73,13 @@ def test_who_loses_control_and_who_does_not(flown):
 def test_the_delay_borne_is_about_the_linear_one():
     """Around the linear aircraft, without limits of the surface, the loop decays with 50 ms less, and grows with 50 ms more."""
     axis = Axis(trim=trimmed(FlightCondition()))
-    contents = SampledList.of(*flying(axis, ["l1-piecewise"])[0])
-    borne = delay_borne(axis, contents)
-    assert borne == pytest.approx(DELAY_STEP * round(borne / DELAY_STEP))
+    contents = SampledList.of(*of_axis(axis, "l1-piecewise"))
+    borne = flying.delay_borne(vehicle_of(axis.like), axis, alone(contents))
+    assert borne == pytest.approx(SAMPLE_TIME * round(borne / SAMPLE_TIME))
     assert linear_growth(axis, contents, borne - 0.05) < 0.5  # what is left is the phugoid, which nobody feeds back
     assert linear_growth(axis, contents, borne + 0.05) > 10
-    assert delay_borne(axis, SampledList.of(*flying(axis, ["lqr"])[0])) > 2 * borne  # docs/guides/aircraft.md says so
+    feedback = alone(SampledList.of(*of_axis(axis, "lqr")))
+    assert flying.delay_borne(vehicle_of(axis.like), axis, feedback) > 2 * borne  # docs/guides/aircraft.md says so
 
 
 def test_without_protection_against_windup_a_pi_loses_the_hard_over_that_it_else_survives():
@@ -106,7 +107,7 @@ def test_a_small_roll_is_the_linear_loop():
         for _ in range(4):
             x = ahead @ np.append(x, np.deg2rad(actuator.advance(u)))
             sensors.advance(np.rad2deg(x[[0, 2, 3]]))
-    (found,) = through_failures(axis, SampledList.of(*flying(axis, ["lqr"])[0]), [OF_ROLL[0]])
+    (found,) = through_failures(axis, SampledList.of(*of_axis(axis, "lqr")), [OF_ROLL[0]])
     assert np.abs(found.column("p")[:1000] - p).max() < 0.02  # 2 % of the commanded rate, as in pitch
 
 
@@ -117,7 +118,7 @@ def test_an_observer_leaves_what_the_model_s_own_row_makes_of_sideslip_and_an_in
     assert (row[0], axis.model[0][1, 0]) == pytest.approx((-21, -27), abs=0.5)
     error, share = {}, {}
     for name in ("adrc", "linear"):
-        (flight,) = through_failures(axis, SampledList.of(*flying(axis, [name])[0]), [gusts])
+        (flight,) = through_failures(axis, SampledList.of(*of_axis(axis, name)), [gusts])
         made = [0.0]
         for beta in flight.column("beta")[:-1]:
             made.append(made[-1] + 0.01 * (row[1] * made[-1] + row[0] * beta))
@@ -180,14 +181,14 @@ def test_a_controller_that_overflows_loses_its_aircraft_and_says_so():
 
 def test_a_flight_that_breaks_is_lost_alone(monkeypatch):
     """The process of all flights of a controller breaks, and of the single ones that of one failure."""
-    real = comparison.isolated
+    real = flying.isolated
 
     def breaking(seconds, function, *given):
-        if function is comparison.flown and any(failure.name == "reversed" for failure in given[2]):
+        if function is flying.flown and any(failure.name == "reversed" for failure in given[3]):
             raise SimulatorFailed("the simulator's process ended by signal 11")
         return real(seconds, function, *given)
 
-    monkeypatch.setattr(comparison, "isolated", breaking)
+    monkeypatch.setattr(flying, "isolated", breaking)
     ((nominal, broken),) = fly(schemes=["lqr"], failures=["none", "reversed"]).flights
     assert not nominal.lost
     assert len(nominal.record) == 3000
@@ -241,7 +242,7 @@ def test_a_simulator_that_breaks_before_any_flight_is_one_sentence(monkeypatch, 
         raise SimulatorFailed("the simulator's process ended by signal 6")
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(comparison, "isolated", broken)
+    monkeypatch.setattr(flying, "isolated", broken)
     assert main(["fly", "f16-pitch"]) == 1
     assert capsys.readouterr().err == "barbalat: the simulator's process ended by signal 6\n"
     assert list(tmp_path.iterdir()) == []

@@ -14,11 +14,13 @@ from barbalat.run.stepwise import Agreement
 from barbalat.vehicles.f16.airframe import DEGREES
 from barbalat.vehicles.f16.axis import PITCH, SAMPLE_TIME, Axis
 from barbalat.vehicles.f16.failures import OF_PITCH
-from barbalat.vehicles.f16.flying import Timing, fly_once
-from barbalat.vehicles.f16.schemes import TUNED, flying
+from barbalat.vehicles.f16.flying import fly_once
+from barbalat.vehicles.f16.schemes import TUNED
 from barbalat.vehicles.f16.trim import trimmed
+from barbalat.vehicles.flight import Timing
 from export.engaged import Engaged
 from export.targets import needs_gcc
+from vehicles.nominal import of_axis
 
 FAILURES = {one.name: one for one in OF_PITCH}
 pytestmark = [pytest.mark.full, needs_gcc]  # ./dev flight runs them; each starts a simulator and a compiler
@@ -38,7 +40,7 @@ def test_of_a_trim_that_is_off_the_law_leaves_what_its_dc_gain_says(axis):
     off = Axis(trim=replace(axis.trim, elevator=axis.trim.elevator + TRIM_OFF / DEGREES), followed=replace(PITCH, commanded=0.0))
     rate = {}
     for name in ("lqr", "l1-piecewise", "l1-piecewise-flown"):
-        step = exported_c(*flying(off, [name])[0]).step()
+        step = exported_c(*of_axis(off, name)).step()
         found = fly_once(off, step, FAILURES["none"], timing=Timing(duration=5.0, fails_at=3.0))
         assert found.agreement == Agreement(samples=500)
         rate[name] = found.column("q")[-1]
@@ -74,7 +76,7 @@ class EnabledInFlight:
     name = "enabled in flight"
 
     def __init__(self, axis, *, started):
-        feedback, (problem, law) = flying(axis, ["lqr", "l1-piecewise"])
+        feedback, (problem, law) = of_axis(axis, "lqr"), of_axis(axis, "l1-piecewise")
         self.by_feedback, self.law, self.started = SampledList.of(*feedback).step(), Engaged(problem, law), started
 
     def reset(self):

@@ -17,23 +17,21 @@ from barbalat.export import exported_step
 from barbalat.run.recording import recorded
 from barbalat.run.sampled_step import SampledList
 from barbalat.run.stepwise import Agreement
-from barbalat.vehicles.f16 import comparison
+from barbalat.vehicles import flying
 from barbalat.vehicles.f16.axis import SAMPLE_TIME, Axis
 from barbalat.vehicles.f16.failures import OF_PITCH
 from barbalat.vehicles.f16.flying import fly_once
-from barbalat.vehicles.f16.schemes import SCHEMES, flying
+from barbalat.vehicles.f16.schemes import SCHEMES
 from barbalat.vehicles.f16.trim import trimmed
+from barbalat.vehicles.flight import Timing
 from barbalat.vehicles.isolated import SimulatorFailed
-from barbalat.vehicles.quadrotor import comparison as of_quadrotor
 from barbalat.vehicles.quadrotor.axes import Axes
+from barbalat.vehicles.quadrotor.body import Quadrotor
 from barbalat.vehicles.quadrotor.failures import FAILURES as OF_QUADROTOR
-from barbalat.vehicles.quadrotor.flying import flown as through_failures
 from barbalat.vehicles.quadrotor.hover import hovering
-from barbalat.vehicles.quadrotor.schemes import on_axis
-from barbalat.vehicles.quadrotor.vehicle import Quadrotor
-from barbalat.vehicles.timing import Timing
 from export.targets import needs_gcc
 from independent import refusal
+from vehicles.nominal import of_axis, on_axis, quadrotor_through, scheme_on
 
 FAILURES = {one.name: one for one in OF_PITCH}
 SHORT = Timing(duration=16.0, fails_at=10.0)
@@ -48,7 +46,7 @@ def axis():
 @pytest.mark.parametrize("name", [name for name in SCHEMES if name != "hinf"])
 def test_the_f16_flies_the_same_flight_in_every_bit(axis, name):
     """Through the hard-over: the surface is at its limit and the commands beyond it, where integrals wind up and sets end."""
-    ((problem, controller),) = flying(axis, [name])
+    problem, controller = of_axis(axis, name)
     by_list = fly_once(axis, SampledList.of(problem, controller).step(), FAILURES["hard-over"], timing=SHORT)
     by_c = fly_once(axis, exported_c(problem, controller).step(), FAILURES["hard-over"], timing=SHORT)
     assert by_c.record.tobytes() == by_list.record.tobytes()
@@ -76,8 +74,8 @@ def test_the_quadrotor_flies_the_same_flight_in_every_bit(name):
     short = Timing(duration=3.0, fails_at=2.5)
     axes = Axes(hover=hovering(Quadrotor()))
     failures = [OF_QUADROTOR["none"], OF_QUADROTOR["no-reset"]]
-    by_list = through_failures(axes, of_quadrotor.scheme_on(axes, name), failures, short)
-    by_c = through_failures(axes, of_quadrotor.scheme_on(axes, name, exported_c), failures, short)
+    by_list = quadrotor_through(axes, scheme_on(axes, name), failures, short)
+    by_c = quadrotor_through(axes, scheme_on(axes, name, exported_c), failures, short)
     for a, b in zip(by_list, by_c, strict=True):
         assert a.record.tobytes() == b.record.tobytes()
         assert b.agreement == Agreement(samples=3 * 1200 + 3 * 300)  # 400 Hz and 100 Hz
@@ -87,7 +85,7 @@ def test_the_quadrotor_flies_the_same_flight_in_every_bit(name):
 def test_what_an_axis_of_a_model_exports_has_test_vectors_that_move(axis):
     """Its problem has a command, or something that acts: of zeros every wrong controller would make the same zeros."""
     axes = Axes(hover=hovering(Quadrotor()))
-    pairs = [flying(axis, ["l1"])[0], *(on_axis("l1", one) for one in (axes.attitude[0], axes.position[0]))]
+    pairs = [of_axis(axis, "l1"), *(on_axis("l1", one) for one in (axes.attitude[0], axes.position[0]))]
     for problem, controller in pairs:
         T = controller.sample_time
         states = recorded(problem, controller, Simulation(t_end=200 * T, dt=T), 200).states
@@ -96,12 +94,12 @@ def test_what_an_axis_of_a_model_exports_has_test_vectors_that_move(axis):
 
 def test_of_a_vehicle_that_flies_otherwise_the_axis_is_named(monkeypatch):
     axes = Axes(hover=hovering(Quadrotor()))
-    scheme = of_quadrotor.scheme_on(axes, "geometric-integral")
+    scheme = scheme_on(axes, "geometric-integral")
     with monkeypatch.context() as patch:
         patch.setattr(exported_step, "source", with_another_bit(exported_step.source))
         wrong = exported_c(*on_axis("geometric-integral", axes.attitude[1]))
-    scheme = replace(scheme, attitude=(scheme.attitude[0], wrong, scheme.attitude[2]))
-    (found,) = through_failures(axes, scheme, [OF_QUADROTOR["no-reset"]], Timing(duration=1.0, fails_at=1.0))
+    scheme = replace(scheme, loops=(scheme.loops[0], wrong, *scheme.loops[2:]))
+    (found,) = quadrotor_through(axes, scheme, [OF_QUADROTOR["no-reset"]], Timing(duration=1.0, fails_at=1.0))
     assert (found.agreement.flights, found.agreement.samples) == (1, 400)
     assert found.agreement.difference.startswith("pitch: held_u[0] differs from sample ")
 
@@ -142,14 +140,14 @@ def test_a_bit_that_differs_is_the_exit_code(capsys, monkeypatch):
 
 
 def test_of_a_flight_that_breaks_nothing_is_claimed(monkeypatch):
-    real = comparison.isolated
+    real = flying.isolated
 
     def breaking(seconds, function, *given):
-        if function is comparison.flown and any(failure.name == "gusts" for failure in given[2]):
+        if function is flying.flown and any(failure.name == "gusts" for failure in given[3]):
             raise SimulatorFailed("the simulator's process ended by signal 11")
         return real(seconds, function, *given)
 
-    monkeypatch.setattr(comparison, "isolated", breaking)
+    monkeypatch.setattr(flying, "isolated", breaking)
     found = fly(schemes=["lqr"], failures=["none", "gusts"], software_in_the_loop=exported_c)
     assert found.agreements == {"LQR": Agreement(flights=1, samples=3000)}
 

@@ -4,9 +4,8 @@ import pytest
 
 from barbalat import validate
 from barbalat.cli import main
-from barbalat.vehicles import offered
-from barbalat.vehicles.f16 import schemes as f16
-from barbalat.vehicles.quadrotor import schemes as quadrotor
+from barbalat.vehicles import schemes
+from barbalat.vehicles.registry import vehicle_of
 
 
 @pytest.mark.parametrize(
@@ -43,6 +42,7 @@ def test_bad_input_is_one_sentence_before_any_simulator_is_asked_for(arguments, 
 
 
 def test_the_scheme_that_needs_the_extra_robust_is_left_out_without_it(monkeypatch):
-    monkeypatch.setattr(offered, "find_spec", lambda name: None)
-    for schemes, available in ((f16.SCHEMES, f16.available), (quadrotor.SCHEMES, quadrotor.available)):
-        assert set(schemes) - set(available()) == {"hinf"}
+    monkeypatch.setattr(schemes, "find_spec", lambda name: None)
+    for name in ("f16-pitch", "quadrotor"):
+        offered = vehicle_of(name).schemes
+        assert set(offered) - set(schemes.available(offered)) == {"hinf"}

@@ -65,9 +65,9 @@ def _names(command: str, action: argparse.Action, options: argparse.Namespace) -
 
             return list(papers())
         case "fly", "NAME", "name":
-            from barbalat.vehicles.registry import FLIGHTS
+            from barbalat.vehicles.registry import vehicles
 
-            return list(FLIGHTS)
+            return list(vehicles())
         case "export", "NAME", "controller":
             from barbalat.cases.load import load_case
 

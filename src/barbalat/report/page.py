@@ -39,7 +39,7 @@ from barbalat.study.tradeoff_picture import TITLES, panels
 from barbalat.sweeps.evidence import EXAMINED
 from barbalat.sweeps.result import SweepResult
 from barbalat.tuning.result import Tuning
-from barbalat.vehicles.compared import Compared
+from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.dispersed import DispersedComparison
 
 FIGURE_COLUMNS = {
@@ -158,7 +158,9 @@ class Film:
         return f"data:image/gif;base64,{b64encode(self.gif).decode()}" if alone else self.file
 
 
-def flight(found: Compared, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None) -> str:
+def flight(
+    found: FlightComparison, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None
+) -> str:
     """The page of ``barbalat fly``; pictures over time and in space by the failures' names."""
     told = {
         "title": flights.title,
@@ -168,7 +170,7 @@ def flight(found: Compared, pictures: Mapping[str, ReportFigure], paths: Mapping
         "losses": flights.losses,
         "best_and_worst": flights.best_and_worst,
     }
-    headings = ("controller", *(heading.replace("\n", " ") for heading in found.headings))
+    headings = ("controller", *(heading.replace("\n", " ") for heading in found.vehicle.headings))
     values = {
         "headings": headings,
         "loss_headings": tuple(one.replace("\n", " ") for one in flights.loss_headings(found)),

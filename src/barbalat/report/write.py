@@ -34,9 +34,9 @@ from barbalat.sweeps.result import SweepResult
 from barbalat.tuning.picture import draw as draw_tuning
 from barbalat.tuning.result import Tuning
 from barbalat.vehicles import path_picture
-from barbalat.vehicles.compared import Compared
+from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.film import film
-from barbalat.vehicles.registry import FLIGHTS
+from barbalat.vehicles.registry import vehicles
 
 
 class Drawn(Protocol):
@@ -171,7 +171,7 @@ def write_sweep(folder: Folder, found: SweepResult, worst: Sequence[WorstMember]
     folder.write(PAGE, page.sweep(found, pictures, worst))
 
 
-def write_flights(folder: Folder, found: Compared) -> None:
+def write_flights(folder: Folder, found: FlightComparison) -> None:
     """For each failure pictures over time and in space and a CSV, a film of one of them, and the page, which holds them all."""
     pictures, paths = {}, {}
     for failure in found.failures:
@@ -201,7 +201,7 @@ def _within(folder: Folder, name: str, figure: Drawn) -> ReportFigure:
 
 def files_of_flights() -> set[str]:
     """What ``barbalat fly`` may have left in a folder, beside the files that it always writes."""
-    names = {name for entry in FLIGHTS.values() for name in entry.failures}
+    names = {failure.name for vehicle in vehicles().values() for failure in vehicle.failures}
     return {FILM, *(f"{what}-{name}.{kind}" for name in names for what in ("flight", "path") for kind in ("png", "csv"))}
 
 

@@ -1,6 +1,6 @@
 """Many flights: every controller through every failure on vehicles that are drawn, kept in a store.
 
-The frame is one for all flights; what differs among them is their ``Drawing``'s to say. A store is that of a sweep: Parquet, a
+What is drawn of a vehicle is its ``Drawing``'s to say. A store is that of a sweep: Parquet, a
 row for each draw, resumed by the same call after whatever ended the last one.
 """
 
@@ -9,13 +9,14 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib import metadata
 from itertools import product
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -30,12 +31,18 @@ from barbalat.sweeps.store import Store, opened
 from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns
 from barbalat.validate import Array, counted
-from barbalat.vehicles.compared import Failing
-from barbalat.vehicles.drawing import KEPT, SEED, Drawing, Fleet, draws_of
 from barbalat.vehicles.evidence import Evidence, evidence_of
+from barbalat.vehicles.flight import Failing
+from barbalat.vehicles.flying import AnyVehicle, aboard, chosen_failures, chosen_schemes
 from barbalat.vehicles.isolated import SECONDS_PER_FLIGHT, STARTING_SECONDS, isolated
-from barbalat.vehicles.registry import entry_of
+from barbalat.vehicles.registry import vehicle_of
+from barbalat.vehicles.vehicle import SEED, Aboard, Draw, draws_of
 
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+KEPT = ("lost_at", "rms_e", "max_abs_e", "travel")
+"""Figures of each flight."""
 MEMBERS, PROCESSES = 200, 2
 """Draws by default, and processes."""
 MOST_DRAWS = 25
@@ -52,30 +59,40 @@ DIFFERENCES = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
-    """What is flown: schemes through failures on the draws of a plan."""
+    """What is flown: schemes through failures on the draws of a plan. It is pickled into the processes that fly.
 
-    name: str
-    drawing: Drawing
-    fleet: Fleet
+    models  the vehicle at each of its conditions
+    aboard  what flies it there
+    """
+
+    vehicle: AnyVehicle
+    failures: tuple[Failing, ...]
+    models: tuple[Any, ...]
+    aboard: tuple[tuple[Aboard, ...], ...]
     plan: Plan
 
     @property
-    def controllers(self) -> tuple[str, ...]:
-        return self.fleet.controllers
+    def name(self) -> str:
+        return self.vehicle.name
 
     @property
-    def failures(self) -> tuple[Failing, ...]:
-        return self.fleet.failures
+    def controllers(self) -> tuple[str, ...]:
+        return tuple(one.name for one in self.aboard[0])
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Where the draws fly, in turns."""
+        return tuple(self.vehicle.drawing.conditions)
 
     @property
     def chunk(self) -> int:
         """Draws that one process flies."""
-        return min(max(self.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
+        return min(max(self.vehicle.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
 
     def cost(self, members: float, processes: int) -> Estimate:
         """Of flying so many draws, with the processes side by side."""
         flights = members * len(self.controllers) * len(self.failures)
-        return Estimate(memory=FLIGHT_BYTES * flights, seconds=CHUNK_SECONDS / self.drawing.chunk * flights / processes)
+        return Estimate(memory=FLIGHT_BYTES * flights, seconds=CHUNK_SECONDS / self.vehicle.drawing.chunk * flights / processes)
 
     def require(self, members: int, processes: int) -> None:
         """InputError where so many draws are beyond the budget."""
@@ -89,18 +106,19 @@ class Campaign:
         """What a store must have been made with to be gone on with."""
         case = {
             "flight": self.name,
-            "conditions": list(self.fleet.conditions),
+            "conditions": list(self.conditions),
             "controllers": list(self.controllers),
-            "failures": self.fleet.described(),
-            "timing": asdict(self.drawing.timing),
+            "failures": [asdict(cast("DataclassInstance", one)) for one in self.failures],
+            "timing": asdict(self.vehicle.drawing.timing),
         }
         return {"case": json.dumps(case), "plan": self.plan.as_json(), "equations": self._equations()}
 
     def _equations(self) -> str:
         """SHA-256 of the controllers' operations, the linear models, and the simulator's version."""
-        digest = hashlib.sha256(metadata.version(self.drawing.simulator).encode())
-        for part in self.fleet.contents():
-            digest.update(part)
+        digest = hashlib.sha256(metadata.version(self.vehicle.simulator).encode())
+        for model, several in zip(self.models, self.aboard, strict=True):
+            for part in self.vehicle.contents(model, several):
+                digest.update(part)
         return digest.hexdigest()
 
 
@@ -161,11 +179,14 @@ def fly_dispersed(
     Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks; what was stored before stays.
     """
     validate.whole("processes", processes, least=1)
-    drawing = entry_of(name).drawing
-    plan = drawing.plan(members, seed)
+    vehicle = vehicle_of(name)
+    plan = vehicle.drawing.plan(members, seed)
     if store is not None:
         require_parquet()
-    campaign = Campaign(name=name, drawing=drawing, fleet=drawing.prepare(schemes, failures), plan=plan)
+    wanted, chosen = chosen_schemes(vehicle, schemes), chosen_failures(vehicle, failures)
+    models = tuple(vehicle.nominal(condition) for condition in vehicle.drawing.conditions.values())
+    flying = tuple(tuple(aboard(vehicle, model, wanted)) for model in models)
+    campaign = Campaign(vehicle=vehicle, failures=chosen, models=models, aboard=flying, plan=plan)
     campaign.require(members, processes)
     with _sink(campaign, store) as sink:
         resumed = done = sink.stored
@@ -200,9 +221,30 @@ def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterat
         pool.shutdown(cancel_futures=True)
 
 
+def _flying(campaign: Campaign) -> Callable[[Draw, int], Iterator[tuple[str, str, Mapping[str, float | None]]]]:
+    """How a draw and its number are flown, by every controller through every failure; made once in a process.
+
+    Yields controller, failure and at least the figures ``KEPT`` of each flight.
+    """
+    vehicle = campaign.vehicle
+    pilots = [
+        [vehicle.pilot(model, one) for one in several] for model, several in zip(campaign.models, campaign.aboard, strict=True)
+    ]
+    travel, _ = vehicle.drawing.travel
+
+    def fly(draw: Draw, number: int) -> Iterator[tuple[str, str, Mapping[str, float | None]]]:
+        dispersion, which = vehicle.dispersion(**draw, number=number), number % len(campaign.models)
+        for pilot in pilots[which]:
+            for flight in vehicle.fly(campaign.models[which], pilot, campaign.failures, dispersion, vehicle.drawing.timing):
+                figures = flight.figures
+                yield flight.controller, flight.failure.name, figures | {"travel": figures[travel]}
+
+    return fly
+
+
 def flown_members(campaign: Campaign, chunk: Chunk) -> Columns:
     """All columns of these draws, in this process."""
-    fly, turns = campaign.fleet.flying(), len(campaign.fleet.conditions)
+    fly, turns = _flying(campaign), len(campaign.models)
     found: Columns = {"member": np.arange(chunk.first, chunk.first + chunk.size)}
     values = campaign.plan.values(*chunk)
     found |= {str(path): values[:, i] for i, path in enumerate(campaign.plan.paths)}

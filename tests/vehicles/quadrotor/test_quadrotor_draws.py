@@ -13,19 +13,20 @@ from scipy.optimize import brentq
 
 from barbalat.papers.jafari_2013.flight.stored_flights import Flights
 from barbalat.vehicles.dispersed import fly_dispersed
+from barbalat.vehicles.flight import Timing
 from barbalat.vehicles.quadrotor.air import GUSTS_SHARE, Air
 from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, Axes, Electronics
-from barbalat.vehicles.quadrotor.comparison import scheme_on
+from barbalat.vehicles.quadrotor.body import SLOPE, STANDING, STEP, Quadrotor
 from barbalat.vehicles.quadrotor.control import Control
 from barbalat.vehicles.quadrotor.dispersions import NOMINAL, Dispersion
 from barbalat.vehicles.quadrotor.failures import FAILURES
-from barbalat.vehicles.quadrotor.flying import flown, fly_all
+from barbalat.vehicles.quadrotor.flying import fly_all
 from barbalat.vehicles.quadrotor.hover import hovering
-from barbalat.vehicles.quadrotor.schemes import TUNED, available
+from barbalat.vehicles.quadrotor.schemes import SCHEMES, TUNED
 from barbalat.vehicles.quadrotor.sensing import Sensing
 from barbalat.vehicles.quadrotor.simulator import Motion
-from barbalat.vehicles.quadrotor.vehicle import SLOPE, STANDING, STEP, Quadrotor
-from barbalat.vehicles.timing import Timing
+from barbalat.vehicles.schemes import available
+from vehicles.nominal import quadrotor_through, scheme_on
 
 pytestmark = pytest.mark.full  # ./dev flight runs them
 LEVEL = Motion(np.array([0.0, 0.0, 2.0]), np.eye(3), np.zeros(3), np.zeros(3))
@@ -109,7 +110,7 @@ def test_gusts_along_the_wind_have_dryden_s_correlation():
 
 def test_the_nominal_draw_is_the_nominal_flight_and_another_is_none(axes):
     short, scheme = Timing(duration=3.5, fails_at=3.0), scheme_on(axes, "l1-piecewise")
-    (first,) = flown(axes, scheme, [FAILURES["none"]], short)
+    (first,) = quadrotor_through(axes, scheme, [FAILURES["none"]], short)
     (second,) = fly_all(axes, Control(axes, scheme), [FAILURES["none"]], NOMINAL, short)
     np.testing.assert_array_equal(first.record, second.record)
     (late,) = fly_all(axes, Control(axes, scheme), [FAILURES["none"]], Dispersion(delay=0.005), short)
@@ -141,7 +142,7 @@ def test_the_stored_flights_of_the_ledger_are_flown_again():
     """The first draw, by three schemes: to what another processor's rounding leaves alike in thirteen seconds."""
     stored = Flights.stored("quadrotor").document
     assert stored["numbers"] == TUNED
-    schemes = [name for name in ("geometric", "hinf", "l1") if name in available()]
+    schemes = [name for name in ("geometric", "hinf", "l1") if name in available(SCHEMES)]
     found = fly_dispersed(
         "quadrotor", schemes=schemes, failures=["wind", "no-reset"], members=1, seed=stored["plan"]["seed"], processes=1
     )

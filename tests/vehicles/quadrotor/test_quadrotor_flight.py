@@ -15,17 +15,17 @@ from barbalat import InputError, Mrac, Sampled, SimulatorFailed, fly
 from barbalat.cli import main
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.run.sampled_part import initial_acting
-from barbalat.vehicles.quadrotor import comparison, control
+from barbalat.vehicles import flying
+from barbalat.vehicles.flight import Timing
+from barbalat.vehicles.quadrotor import control
 from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, Axes
-from barbalat.vehicles.quadrotor.comparison import scheme_on
+from barbalat.vehicles.quadrotor.body import Quadrotor
 from barbalat.vehicles.quadrotor.failures import FAILURES
-from barbalat.vehicles.quadrotor.flying import DELAY_STEP, delay_borne
-from barbalat.vehicles.quadrotor.flying import flown as through_failures
 from barbalat.vehicles.quadrotor.hover import hovering
-from barbalat.vehicles.quadrotor.schemes import TUNED, available, on_axis
+from barbalat.vehicles.quadrotor.schemes import SCHEMES, TUNED
 from barbalat.vehicles.quadrotor.trajectory import TAKES_OFF
-from barbalat.vehicles.quadrotor.vehicle import Quadrotor
-from barbalat.vehicles.timing import Timing
+from barbalat.vehicles.schemes import available
+from vehicles.nominal import QUADROTOR, on_axis, quadrotor_through, scheme_on
 
 pytestmark = pytest.mark.full  # ./dev flight runs them; each flies for seconds
 
@@ -47,14 +47,14 @@ CHOSEN = {
 def flown(axes):
     found = {}
     for scheme, names in CHOSEN.items():
-        several = through_failures(axes, scheme_on(axes, scheme), [FAILURES[name] for name in names], SHORTER)
+        several = quadrotor_through(axes, scheme_on(axes, scheme), [FAILURES[name] for name in names], SHORTER)
         found[scheme] = {one.failure.name: one for one in several}
     return found
 
 
 def test_the_same_flight_twice_is_the_same_in_every_bit(axes, flown):
     """And whatever flew before it, and from wherever it went on by itself."""
-    (again,) = through_failures(axes, scheme_on(axes, "l1-piecewise"), [FAILURES["slung-mass"]], SHORTER)
+    (again,) = quadrotor_through(axes, scheme_on(axes, "l1-piecewise"), [FAILURES["slung-mass"]], SHORTER)
     np.testing.assert_array_equal(again.record, flown["l1-piecewise"]["slung-mass"].record)
 
 
@@ -98,7 +98,7 @@ def test_an_integral_that_ran_on_the_ground_throws_the_vehicle_off_its_path(flow
     assert largest["l1-piecewise"] < 0.5 * largest["geometric-integral"]  # what it learnt it forgets sooner
 
 
-@pytest.mark.parametrize("name", available())
+@pytest.mark.parametrize("name", available(SCHEMES))
 def test_what_flies_is_the_package_s_own_sampled_controller(name, axes, monkeypatch):
     """Every sample of an axis, handed to the scheme's equations in NumPy, gives the u that was flown."""
     seen = []
@@ -113,7 +113,7 @@ def test_what_flies_is_the_package_s_own_sampled_controller(name, axes, monkeypa
 
     monkeypatch.setattr(control, "_asked", recording)
     short = Timing(duration=2.5, fails_at=2.5)
-    through_failures(axes, scheme_on(axes, name), [replace(FAILURES["none"], stale=True)], short)
+    quadrotor_through(axes, scheme_on(axes, name), [replace(FAILURES["none"], stale=True)], short)
     loop = ClosedLoop.of(*on_axis(name, axes.attitude[0]))
     acting = initial_acting(loop)
     assert len(seen) == 1000
@@ -138,10 +138,10 @@ def test_a_command_beyond_the_limit_is_fed_to_the_predictor_as_what_is_left_of_i
 
 def test_the_delay_borne_is_found_to_a_sample(axes):
     scheme, early, none = scheme_on(axes, "geometric"), Timing(duration=7.0, fails_at=3.0), FAILURES["none"]
-    borne = delay_borne(axes, scheme, early)
-    assert borne == pytest.approx(DELAY_STEP * round(borne / DELAY_STEP))
-    more = [replace(none, delay=borne), replace(none, delay=borne + DELAY_STEP)]
-    (kept, lost) = through_failures(axes, scheme, more, early)
+    borne = flying.delay_borne(QUADROTOR, axes, scheme, early)
+    assert borne == pytest.approx(ATTITUDE_SAMPLE * round(borne / ATTITUDE_SAMPLE))
+    more = [replace(none, delay=borne), replace(none, delay=borne + ATTITUDE_SAMPLE)]
+    (kept, lost) = quadrotor_through(axes, scheme, more, early)
     assert (bool(kept.lost), bool(lost.lost)) == (False, True)
     roll = axes.attitude[0]
     crossover = 1.55 * roll.frequency
@@ -172,7 +172,7 @@ def test_a_controller_that_overflows_loses_its_vehicle_and_says_so(axes, tmp_pat
     monkeypatch.chdir(tmp_path)
     nominal = scheme_on(axes, "geometric")
     scheme = replace(nominal, attitude=(Overflowing(), *nominal.attitude[1:]))
-    (one,) = through_failures(axes, scheme, [FAILURES["none"]], Timing(duration=4.0, fails_at=3.0))
+    (one,) = quadrotor_through(axes, scheme, [FAILURES["none"]], Timing(duration=4.0, fails_at=3.0))
     assert one.lost == "its controller gave a command that is no number"
     assert one.lost_at == pytest.approx(Overflowing.overflows_at, abs=0.011)
     assert np.isfinite(one.record).all()
@@ -180,14 +180,14 @@ def test_a_controller_that_overflows_loses_its_vehicle_and_says_so(axes, tmp_pat
 
 
 def test_a_flight_of_a_controller_of_ones_own_that_breaks_is_lost_alone(monkeypatch):
-    real = comparison.isolated
+    real = flying.isolated
 
     def breaking(seconds, function, *given):
-        if function is comparison.flown and any(failure.name == "wind" for failure in given[2]):
+        if function is flying.flown and any(failure.name == "wind" for failure in given[3]):
             raise SimulatorFailed("the simulator's process ended by signal 11")
         return real(seconds, function, *given)
 
-    monkeypatch.setattr(comparison, "isolated", breaking)
+    monkeypatch.setattr(flying, "isolated", breaking)
     own = Sampled(Mrac(gamma=1.0, name="Mine"), 1 / 400)
     found = fly("quadrotor", schemes=[], controllers=[own], failures=["motor-lag", "wind"])
     ((nominal, broken),) = found.flights

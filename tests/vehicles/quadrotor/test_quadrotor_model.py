@@ -12,6 +12,7 @@ mujoco = pytest.importorskip("mujoco", reason="the extra flight is not installed
 
 from barbalat import InputError  # noqa: E402
 from barbalat.vehicles.quadrotor.axes import Axes  # noqa: E402
+from barbalat.vehicles.quadrotor.body import PLACES, SPINS, STANDING, STEP, Quadrotor, SlungMass  # noqa: E402
 from barbalat.vehicles.quadrotor.geometry import (  # noqa: E402
     AttitudeCommand,
     allocated,
@@ -23,7 +24,6 @@ from barbalat.vehicles.quadrotor.geometry import (  # noqa: E402
 from barbalat.vehicles.quadrotor.hover import hovering  # noqa: E402
 from barbalat.vehicles.quadrotor.simulator import Motion, Simulator  # noqa: E402
 from barbalat.vehicles.quadrotor.trajectory import CLIMBS, HALF_LENGTH, HALF_WIDTH, HEIGHT, PERIOD, path  # noqa: E402
-from barbalat.vehicles.quadrotor.vehicle import PLACES, SPINS, STANDING, STEP, Quadrotor, SlungMass  # noqa: E402
 
 VEHICLE = Quadrotor()
 LEVEL = Motion(np.array([0.0, 0.0, 5.0]), np.eye(3), np.zeros(3), np.zeros(3))

@@ -171,6 +171,41 @@ class Axis:
         return -limit - trimmed, limit - trimmed
 
     @property
+    def like(self) -> str:
+        """The flight on whose linear model the schemes' numbers were found: its own."""
+        return self.followed.name
+
+    @property
+    def sample_time(self) -> float:
+        """That of the flight computer [s]."""
+        return SAMPLE_TIME
+
+    @property
+    def time_unit(self) -> float:
+        """Bandwidths are in rad/s."""
+        return 1.0
+
+    @property
+    def frequency_unit(self) -> float:
+        """So are adaptation frequencies."""
+        return 1.0
+
+    @property
+    def met(self) -> Array:
+        """(1 + n,), how large 1 and x are in such flights."""
+        return np.array(self.followed.met)
+
+    @property
+    def known_gain(self) -> Array:
+        """(n,) of the linear-quadratic feedback, which every scheme begins with."""
+        return self.gain
+
+    @property
+    def theta_hat0(self) -> Array:
+        """(1 + n,), at which adaptive schemes begin."""
+        return self.nominal
+
+    @property
     def linear_problem(self) -> Problem:
         """phi(x) = x: what linear controllers read."""
         _, b = self.model

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.run.stepwise import Agreement
-from barbalat.validate import Array, Named
+from barbalat.validate import Array
 from barbalat.vehicles.f16.axis import SAMPLE_TIME, Followed
-from barbalat.vehicles.f16.failures import FAILS_AT, Failure
-from barbalat.vehicles.timing import Timing
+from barbalat.vehicles.f16.failures import FAILS_AT
+from barbalat.vehicles.flight import Flight, Timing
+from barbalat.vehicles.scene import attitudes
 
 TIMING = Timing(duration=30.0, fails_at=FAILS_AT)
 
@@ -47,59 +47,43 @@ def figures_of(followed: Followed) -> dict[str, str]:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Flight:
-    """What was flown.
+class AxisFlight(Flight):
+    """A flight of one of the F-16's axes; its record is (K, 16), a row for each sample, see ``columns_of``."""
 
-    record     (K, 16), one row for each sample, see ``columns_of``; up to where control was lost
-    lost       why control was lost, empty where it was not
-    agreement  of the exported C that flew with the simulated list; None where that list flew
-    """
-
-    controller: str
-    failure: Failure
     followed: Followed
-    record: Array
-    lost: str
     timing: Timing = TIMING
-    agreement: Agreement | None = None
-
-    def column(self, name: str) -> Array:
-        """One of ``columns_of`` over the samples; KeyError for another name."""
-        places = {one: place for place, one in enumerate(columns_of(self.followed))}
-        return np.asarray(self.record[:, Named.of("column", places)[name]])
 
     @property
-    def duration(self) -> float:
-        """The last sample's time [s]."""
-        return float(self.record[-1, T])
+    def columns(self) -> dict[str, str]:
+        return columns_of(self.followed)
 
     @property
-    def lost_at(self) -> float | None:
-        """When the aircraft was lost [s]; None where it was not."""
-        return self.duration if self.lost else None
+    def units(self) -> dict[str, str]:
+        return figures_of(self.followed)
 
     @property
-    def rms_error(self) -> float:
-        """Of the followed rate against the model's, from the failure on [deg/s]."""
-        return float(np.sqrt(np.mean(self._error**2)))
+    def error(self) -> Array:
+        """The followed rate less the model's, at the samples [deg/s]."""
+        return np.asarray(self.record[:, RATE] - self.record[:, MODEL])
 
-    @property
-    def figures(self) -> dict[str, float | None]:
-        """From the failure on, by the names of the JSON; null where control was lost."""
-        after, names = self._after, figures_of(self.followed)
-        if self.lost or not len(after):
-            return Named.of("figure", {"lost_at": self.lost_at, **dict.fromkeys(names)})
-        load, alpha, surface = (after[:, place] for place in (N_Z, ALPHA, SURFACE))
-        values = (
-            self.rms_error, np.abs(self._error).max(), load.min(), load.max(), alpha.min(), alpha.max(),
-            np.abs(np.diff(surface)).sum() / (len(after) * SAMPLE_TIME), np.abs(surface).max(),
+    def measured(self, after: Array) -> tuple[float, ...]:
+        rows, error = self.record[after], self.error[after]
+        load, alpha, surface = (rows[:, place] for place in (N_Z, ALPHA, SURFACE))
+        return (
+            self.rms_error, np.abs(error).max(), load.min(), load.max(), alpha.min(), alpha.max(),
+            np.abs(np.diff(surface)).sum() / (len(rows) * SAMPLE_TIME), np.abs(surface).max(),
         )  # fmt: skip
-        return Named.of("figure", {"lost_at": None, **dict(zip(names, map(float, values), strict=True))})
 
     @property
-    def _after(self) -> Array:
-        return self.record[self.record[:, T] >= self.timing.fails_at]
+    def path(self) -> Array:
+        """North, west, altitude [ft]. Who pitches stays in one plane, but for what the earth's rotation turns him aside."""
+        aside = -self.column("east") if self.followed.attitude == "phi" else np.zeros(len(self.record))
+        return np.column_stack([self.column("north"), aside, self.column("altitude")])
 
     @property
-    def _error(self) -> Array:
-        return np.asarray(self._after[:, RATE] - self._after[:, MODEL])
+    def attitude(self) -> Array:
+        """The nose goes up about the axis to the right and right about the axis down, the negative ones of those here."""
+        pitch = self.column("pitch")
+        if self.followed.attitude == "theta":
+            return attitudes(np.zeros(len(pitch)), -pitch, np.zeros(len(pitch)))
+        return attitudes(self.column("bank"), -pitch, -self.column("heading"))

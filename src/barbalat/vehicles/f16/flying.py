@@ -2,27 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.linear.largest import largest_whole
 from barbalat.linear.zero_order_hold import HeldSystem
-from barbalat.run.stepwise import Flyable, Step
+from barbalat.run.stepwise import Step
 from barbalat.validate import Array
-from barbalat.vehicles.compared import NO_NUMBER
 from barbalat.vehicles.f16 import model as f16
 from barbalat.vehicles.f16.airframe import DEGREES, STEP, Airframe
 from barbalat.vehicles.f16.axis import PITCH, SAMPLE_TIME, Axis
 from barbalat.vehicles.f16.dispersions import NOMINAL, Dispersion
 from barbalat.vehicles.f16.equipment import Actuator, Sensors
 from barbalat.vehicles.f16.failures import Failure
-from barbalat.vehicles.f16.flight import ALPHA, BANK, BETA, COMMAND, N_Z, TIMING, Flight, columns_of
+from barbalat.vehicles.f16.flight import ALPHA, BANK, BETA, COMMAND, N_Z, TIMING, AxisFlight, columns_of
 from barbalat.vehicles.f16.gusts import SEED, gusts_met
 from barbalat.vehicles.f16.trim import Trim
-from barbalat.vehicles.timing import Timing
+from barbalat.vehicles.flight import NO_NUMBER, Timing
 
 if TYPE_CHECKING:
     from jsbsim import FGPropertyNode
@@ -31,33 +29,9 @@ SUBSTEPS = range(round(SAMPLE_TIME / STEP))
 """The simulator's steps in a sample."""
 
 
-def flown(axis: Axis, contents: Flyable, failures: Sequence[Failure]) -> list[Flight]:
-    """One controller through the failures, in this process."""
-    step = contents.step()
-    return [fly_once(axis, step, failure) for failure in failures]
-
-
-DELAY_STEP = 0.01
-"""[s] to which the largest delay is found: a sample."""
-TRIAL_STRIDE, MOST_DELAY_STEPS = 5, 50
-"""DELAY_STEPs from one trial to the next until control is lost, and the last of them."""
-
-
-def delay_borne(axis: Axis, contents: Flyable) -> float:
-    """The largest added delay [s] with which control is kept to the end, to DELAY_STEP: by trials upwards, then by bisection.
-
-    TRIAL_STRIDE * DELAY_STEP at least, or 0.0, lie between it and a delay that lost control;
-    MOST_DELAY_STEPS * DELAY_STEP where none did.
-    """
-    step = contents.step()
-
-    def kept(delay: int) -> bool:
-        return not fly_once(axis, step, Failure(name="delay", meaning="", delay=delay * DELAY_STEP)).lost
-
-    return largest_whole(kept, stride=TRIAL_STRIDE, most=MOST_DELAY_STEPS) * DELAY_STEP
-
-
-def fly_once(axis: Axis, controller: Step, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING) -> Flight:
+def fly_once(
+    axis: Axis, controller: Step, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
+) -> AxisFlight:
     """From trim, or from what a dispersion makes of it."""
     aircraft = _Aircraft.at_start(axis, dispersion)
     controller.reset()
@@ -76,7 +50,7 @@ def fly_once(axis: Axis, controller: Step, failure: Failure, dispersion: Dispers
             record = record[: k + 1]
             break
         aircraft.advance(command)
-    return Flight(
+    return AxisFlight(
         controller=controller.name,
         failure=failure,
         followed=axis.followed,

@@ -1,149 +1,72 @@
-"""The project's own schemes on an axis, sampled, with the numbers that one rule found for each on the linearised aircraft."""
+"""The schemes that fly an axis of the F-16, and the numbers that one rule found for each on the linearised aircraft."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 
-from barbalat.adaptation.laws.least_squares import LeastSquares
-from barbalat.controllers import (
-    Adrc,
-    KnownParameters,
-    L1Adaptive,
-    L1PiecewiseConstant,
-    LinearFeedback,
-    Mrac,
-    RobustMrac,
-    Sampled,
-)
-from barbalat.controllers.piecewise_predictor import AsFlown
+from barbalat.controllers import KnownParameters, LinearFeedback, Mrac, Sampled
 from barbalat.controllers.windup import ModifiedError
 from barbalat.design import hinf_feedback, pi_feedback
-from barbalat.linear.systems import StateSpace, input_filter
-from barbalat.problem.state_feedback import Problem
-from barbalat.protocols import Controller
-from barbalat.validate import Array
+from barbalat.linear.systems import StateSpace
 from barbalat.vehicles.f16.axis import SAMPLE_TIME, Axis
-from barbalat.vehicles.offered import ROBUST, designable, require_offered
+from barbalat.vehicles.schemes import (
+    ROBUST,
+    Numbers,
+    OnLoop,
+    Scheme,
+    adaptive_gain,
+    adrc,
+    l1,
+    l1_piecewise,
+    l1_piecewise_flown,
+    robust_mrac,
+)
 
 
-class Flying(NamedTuple):
-    """A controller and what it reads."""
-
-    problem: Problem
-    controller: Controller
-
-
-Numbers = Mapping[str, float]
-"""Of a scheme, by the names of its knobs."""
-
-
-@dataclass(frozen=True)
-class Contestant:
-    """A scheme in the comparison.
-
-    make    from an axis and the scheme's numbers to what flies
-    knobs   the numbers that are tuned, each with the range in which it is sought
-    adapts  whether it adapts at all
-    """
-
-    make: Callable[[Axis, Numbers], Flying]
-    knobs: Mapping[str, tuple[float, float]]
-    adapts: bool = True
-
-
-def _lqr(axis: Axis, _: Numbers) -> Flying:
+def _lqr(axis: Axis, _: Numbers) -> OnLoop:
     problem = axis.linear_problem
-    return Flying(problem, Sampled(KnownParameters(theta=axis.gain, name="LQR"), SAMPLE_TIME, discretization="euler"))
+    return OnLoop(problem, Sampled(KnownParameters(theta=axis.gain, name="LQR"), SAMPLE_TIME, discretization="euler"))
 
 
-def _sampled(axis: Axis, linear: LinearFeedback) -> Flying:
+def _sampled(axis: Axis, linear: LinearFeedback) -> OnLoop:
     """With its integral protected against windup: what a missing control weighs is K's own gain at the crossover."""
     K = StateSpace.accept("controller", linear.controller)
     gain = float(abs(K.response(np.array([axis.followed.crossover]))[0]))
-    return Flying(axis.linear_problem, Sampled(replace(linear, anti_windup=gain), SAMPLE_TIME))
+    return OnLoop(axis.linear_problem, Sampled(replace(linear, anti_windup=gain), SAMPLE_TIME))
 
 
-def _linear(axis: Axis, numbers: Numbers) -> Flying:
+def _linear(axis: Axis, numbers: Numbers) -> OnLoop:
     """SIMC's PI on the model-following error, with a crossover of ``bandwidth``."""
     delay = 1 / (2 * numbers["bandwidth"])
     return _sampled(axis, pi_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="LQR with PI"))
 
 
-def _hinf(axis: Axis, numbers: Numbers) -> Flying:
+def _hinf(axis: Axis, numbers: Numbers) -> OnLoop:
     delay = 1 / (2 * numbers["bandwidth"])
     return _sampled(axis, hinf_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="H-infinity"))
 
 
-def _adrc(axis: Axis, numbers: Numbers) -> Flying:
-    adrc = Adrc(bandwidth=numbers["bandwidth"], nominal=axis.gain, saturated_predictor=True)
-    return Flying(axis.linear_problem, Sampled(adrc, SAMPLE_TIME))
-
-
-def _gain(axis: Axis, frequency: float) -> Array:
-    """Gamma, (1 + n,), with which each estimate swings so fast against a regressor of the size met: Gamma_i phi_i^2 b'Pb."""
-    known = axis.adaptive_problem.known
-    return np.asarray(frequency**2 / (known.b @ known.P @ known.b * np.array(axis.followed.met) ** 2))
-
-
-def _mrac(axis: Axis, numbers: Numbers) -> Flying:
-    mrac = Mrac(gamma=_gain(axis, numbers["adaptation"]), theta_hat0=axis.nominal, modified_error=ModifiedError())
-    return Flying(axis.adaptive_problem, Sampled(mrac, SAMPLE_TIME))
-
-
-def _robust(axis: Axis, numbers: Numbers) -> Flying:
-    robust = RobustMrac(
-        tau=1 / numbers["bandwidth"],
-        law=LeastSquares(covariance0=numbers["covariance"]),
-        theta_hat0=axis.nominal,
-        saturated_predictor=True,
-    )
-    return Flying(axis.adaptive_problem, Sampled(robust, SAMPLE_TIME))
-
-
-def _l1(axis: Axis, numbers: Numbers) -> Flying:
-    l1 = L1Adaptive(
-        gamma=_gain(axis, numbers["adaptation"]),
-        filter=input_filter(kappa=1 / numbers["bandwidth"]),
-        theta_hat0=axis.nominal,
-        saturated_predictor=True,
-        name="L1",
-    )
-    return Flying(axis.adaptive_problem, Sampled(l1, SAMPLE_TIME))
-
-
-def _piecewise(axis: Axis, numbers: Numbers, *, flown: bool = False) -> Flying:
-    controller = L1PiecewiseConstant(
-        sample_time=SAMPLE_TIME,
-        filter=input_filter(kappa=1 / numbers["bandwidth"]),
-        as_flown=AsFlown(nominal=axis.gain) if flown else None,
-        saturated_predictor=True,
-        name="L1 piecewise, as flown" if flown else "L1 piecewise",
-    )
-    return Flying(axis.linear_problem, controller)
-
-
-def _as_flown(axis: Axis, numbers: Numbers) -> Flying:
-    return _piecewise(axis, numbers, flown=True)
+def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
+    mrac = Mrac(gamma=adaptive_gain(axis, numbers), theta_hat0=axis.nominal, modified_error=ModifiedError())
+    return OnLoop(axis.adaptive_problem, Sampled(mrac, SAMPLE_TIME))
 
 
 BANDWIDTH_RANGE = {"bandwidth": (0.5, 50.0)}
 """[rad/s], from what a flight of 15 s hardly shows to half a radian in a sample."""
 ADAPTATION_RANGE = {"adaptation": (0.3, 100.0)}
 """[rad/s] at which estimates swing, up to a radian in a sample."""
-SCHEMES: dict[str, Contestant] = {
-    "lqr": Contestant(_lqr, {}, adapts=False),
-    "linear": Contestant(_linear, BANDWIDTH_RANGE, adapts=False),
-    ROBUST: Contestant(_hinf, BANDWIDTH_RANGE, adapts=False),
-    "adrc": Contestant(_adrc, BANDWIDTH_RANGE, adapts=False),
-    "mrac": Contestant(_mrac, ADAPTATION_RANGE),
-    "robust-mrac": Contestant(_robust, {**BANDWIDTH_RANGE, "covariance": (1e-3, 1e2)}),
-    "l1": Contestant(_l1, {**BANDWIDTH_RANGE, **ADAPTATION_RANGE}),
-    "l1-piecewise": Contestant(_piecewise, BANDWIDTH_RANGE),
-    "l1-piecewise-flown": Contestant(_as_flown, BANDWIDTH_RANGE),
+SCHEMES: dict[str, Scheme] = {
+    "lqr": Scheme(_lqr, {}, counterpart="geometric"),
+    "linear": Scheme(_linear, BANDWIDTH_RANGE, counterpart="geometric-integral"),
+    ROBUST: Scheme(_hinf, BANDWIDTH_RANGE),
+    "adrc": Scheme(adrc, BANDWIDTH_RANGE),
+    "mrac": Scheme(_mrac, ADAPTATION_RANGE),
+    "robust-mrac": Scheme(robust_mrac, {**BANDWIDTH_RANGE, "covariance": (1e-3, 1e2)}),
+    "l1": Scheme(l1, {**BANDWIDTH_RANGE, **ADAPTATION_RANGE}),
+    "l1-piecewise": Scheme(l1_piecewise, BANDWIDTH_RANGE),
+    "l1-piecewise-flown": Scheme(l1_piecewise_flown, BANDWIDTH_RANGE),
 }
 """The registry, by the names of the command line."""
 TUNED: dict[str, dict[str, Numbers]] = {
@@ -171,18 +94,3 @@ TUNED: dict[str, dict[str, Numbers]] = {
     },
 }
 """By flights and schemes, to three digits: what ``benchmarks/flight_tuning.py`` finds at 10,013 ft and Mach 0.525."""
-
-
-def available() -> list[str]:
-    """All schemes but those whose design lacks its packages here."""
-    return designable(SCHEMES)
-
-
-def require_known(names: Sequence[str]) -> None:
-    """InputError for a scheme that is none of these."""
-    require_offered(names, SCHEMES)
-
-
-def flying(axis: Axis, names: Sequence[str]) -> list[Flying]:
-    """The schemes of these names, each once, with the numbers found for the axis."""
-    return [SCHEMES[name].make(axis, TUNED[axis.followed.name][name]) for name in dict.fromkeys(names)]

@@ -20,8 +20,8 @@ from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
 from barbalat.signals import Constant
 from barbalat.validate import Array
+from barbalat.vehicles.quadrotor.body import GRAVITY
 from barbalat.vehicles.quadrotor.hover import Hover
-from barbalat.vehicles.quadrotor.vehicle import GRAVITY
 
 PHASE = np.pi / 6
 """[rad] that the lag takes at the crossover of each loop: a half of the 65 deg that linear-quadratic feedback of a double
@@ -82,6 +82,29 @@ class Axis:
     def range(self) -> Array:
         """(3,), how large theta of phi(x) = (1, x) may be, as the schemes know it: all of the limit, half of each gain."""
         return np.array([self.limit, *(0.5 * self.gain)])
+
+    @property
+    def time_unit(self) -> float:
+        """Bandwidths are so many over the lag [s]."""
+        return self.lag
+
+    @property
+    def frequency_unit(self) -> float:
+        """Adaptation frequencies are so many times the feedback's natural one [rad/s]."""
+        return self.frequency
+
+    @property
+    def met(self) -> Array:
+        """(3,), how large 1 and x are in flight."""
+        return np.array([1.0, self.size, self.size * self.frequency])
+
+    @property
+    def known_gain(self) -> None:
+        """A_m has the geometric controller's feedback already."""
+
+    @property
+    def theta_hat0(self) -> None:
+        """Adaptive schemes begin at zero."""
 
     def feedback(self, errors: Array) -> float:
         """-K x within its limit."""
@@ -171,6 +194,11 @@ class Axes:
             )
             for i, name in enumerate(("forward", "left", "up"))
         )  # fmt: skip
+
+    @property
+    def all(self) -> tuple[Axis, ...]:
+        """The attitude's, then the position's."""
+        return self.attitude + self.position
 
     def _block(self, *rows: int) -> Array:
         return np.asarray(self.hover.A[np.ix_(rows, rows)])

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.run.stepwise import Agreement, Flyable, Resumable, Step
+from barbalat.run.stepwise import Agreement, Resumable, Step
 from barbalat.validate import Array
 from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, POSITION_SAMPLE, Axes, Axis
 from barbalat.vehicles.quadrotor.geometry import (
@@ -23,18 +23,10 @@ from barbalat.vehicles.quadrotor.geometry import (
 )
 from barbalat.vehicles.quadrotor.simulator import Motion
 from barbalat.vehicles.quadrotor.trajectory import Path
+from barbalat.vehicles.vehicle import Aboard
 
 OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)
 """Samples of the attitude from one of the position to the next."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Scheme:
-    """What one scheme adds, as what flies: for roll, pitch, yaw, and for forward, left, up."""
-
-    name: str
-    attitude: tuple[Flyable, ...]
-    position: tuple[Flyable, ...]
 
 
 class Memory(NamedTuple):
@@ -53,11 +45,11 @@ class Control:
     that obeys the geometric controller at once. So their errors are what the vehicle adds, and its command is known to them.
     """
 
-    def __init__(self, axes: Axes, scheme: Scheme) -> None:
-        self.axes, self.name, self.vehicle = axes, scheme.name, axes.hover.vehicle
+    def __init__(self, axes: Axes, aboard: Aboard) -> None:
+        self.axes, self.name, self.vehicle = axes, aboard.name, axes.hover.vehicle
         self._mixer, self._hover, self._inertia = axes.hover.mixer, axes.hover.thrusts, np.asarray(self.vehicle.inertia)
-        self._attitude = [(axis, one.step()) for axis, one in zip(axes.attitude, scheme.attitude, strict=True)]
-        self._position = [(axis, one.step()) for axis, one in zip(axes.position, scheme.position, strict=True)]
+        steps = [(axis, one.step()) for axis, one in zip(axes.all, aboard.loops, strict=True)]
+        self._attitude, self._position = steps[: len(axes.attitude)], steps[len(axes.attitude) :]
         self.reset(np.eye(3), np.zeros(3))
 
     def reset(self, attitude: Array, rates: Array) -> None:

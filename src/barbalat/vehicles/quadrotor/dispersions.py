@@ -9,8 +9,8 @@ import numpy as np
 from barbalat.sweeps.spread import Uniform
 from barbalat.validate import Array
 from barbalat.vehicles.quadrotor.axes import Electronics
+from barbalat.vehicles.quadrotor.body import Quadrotor
 from barbalat.vehicles.quadrotor.simulator import ROTORS, Simulator
-from barbalat.vehicles.quadrotor.vehicle import Quadrotor
 
 
 @dataclass(frozen=True, kw_only=True)

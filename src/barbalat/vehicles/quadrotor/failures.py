@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from barbalat.vehicles.flight import Timing
+from barbalat.vehicles.quadrotor.body import SLOPE, SlungMass
 from barbalat.vehicles.quadrotor.trajectory import TAKES_OFF
-from barbalat.vehicles.quadrotor.vehicle import SLOPE, SlungMass
-from barbalat.vehicles.timing import Timing
 
 
 @dataclass(frozen=True, kw_only=True)

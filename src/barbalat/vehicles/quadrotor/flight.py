@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.run.stepwise import Agreement
-from barbalat.validate import Array, Named
+from barbalat.validate import Array
+from barbalat.vehicles.flight import Flight, Timing
 from barbalat.vehicles.quadrotor.failures import Failure
 from barbalat.vehicles.quadrotor.simulator import ROTORS
 from barbalat.vehicles.scene import attitudes
-from barbalat.vehicles.timing import Timing
 
 TIMING = Timing(duration=20.0, fails_at=10.0)
 COLUMNS = {
@@ -37,44 +36,54 @@ thrusts change by in a second on average, limited the share of the time in which
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class QuadrotorFlight:
-    """What was flown.
+class QuadrotorFlight(Flight):
+    """A quadrotor's flight; its record is (K, 18), a row for each sample of position, see ``COLUMNS``.
 
-    record     (K, 18), one row for each sample of position, see ``COLUMNS``; up to where the vehicle was lost
-    lost       why it was lost, empty where it was not
     agreement  of the exported C of all axes with the simulated lists; None where those flew
     """
 
-    controller: str
     failure: Failure
-    record: Array
-    lost: str
     timing: Timing = TIMING
-    agreement: Agreement | None = None
-
-    def column(self, name: str) -> Array:
-        """One of ``COLUMNS`` over the samples; KeyError for another name."""
-        places = {one: place for place, one in enumerate(COLUMNS)}
-        return np.asarray(self.record[:, Named.of("column", places)[name]])
 
     @property
-    def duration(self) -> float:
-        """The last sample's time [s]."""
-        return float(self.record[-1, 0])
+    def columns(self) -> dict[str, str]:
+        return COLUMNS
 
     @property
-    def lost_at(self) -> float | None:
-        """When the quadrotor was lost [s]; None where it was not."""
-        return self.duration if self.lost else None
+    def units(self) -> dict[str, str]:
+        return FIGURES
 
     @property
     def error(self) -> Array:
         """Distance from where it should be, at the samples [m]."""
-        return np.asarray(np.linalg.norm(self.record[:, 4:7] - self.record[:, 1:4], axis=1))
+        return np.asarray(np.linalg.norm(self.path - self.target, axis=1))
+
+    def measured(self, after: Array) -> tuple[float, ...]:
+        thrusts = self.record[after, 13 : 13 + ROTORS]
+        travel = np.abs(np.diff(thrusts, axis=0)).sum() / (ROTORS * np.ptp(self.column("t")[after]))
+        sinks = (self.column("z_d") - self.column("z"))[after].max()
+        return (
+            self.rms_error,
+            self.error[after].max(),
+            max(sinks, 0.0),
+            self.tilt[after].max(),
+            travel,
+            thrusts.max(),
+            self.column("limited")[after].mean(),
+        )
+
+    @property
+    def path(self) -> Array:
+        """Forward, left, up [m]."""
+        return self.record[:, 4:7]
+
+    @property
+    def target(self) -> Array:
+        """Where it should have been [m]."""
+        return self.record[:, 1:4]
 
     @property
     def attitude(self) -> Array:
-        """(K, 3, 3), its columns the body's axes."""
         return attitudes(self.column("roll"), self.column("pitch"), self.column("yaw"))
 
     @property
@@ -84,35 +93,5 @@ class QuadrotorFlight:
         return np.rad2deg(np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1, 1)))
 
     @property
-    def rms_error(self) -> float:
-        """From the failure on [m]."""
-        return float(np.sqrt(np.mean(self.error[self._after] ** 2)))
-
-    @property
-    def figures(self) -> dict[str, float | None]:
-        """From the failure on, by the names of the JSON; null where the vehicle was lost."""
-        after = self._after
-        if self.lost or not after.any():
-            return Named.of("figure", {"lost_at": self.lost_at, **dict.fromkeys(FIGURES)})
-        thrusts = self.record[after, 13 : 13 + ROTORS]
-        travel = np.abs(np.diff(thrusts, axis=0)).sum() / (ROTORS * np.ptp(self.column("t")[after]))
-        sinks = (self.column("z_d") - self.column("z"))[after].max()
-        values = (
-            self.rms_error,
-            self.error[after].max(),
-            max(sinks, 0.0),
-            self.tilt[after].max(),
-            travel,
-            thrusts.max(),
-            self.column("limited")[after].mean(),
-        )
-        return Named.of("figure", {"lost_at": None, **dict(zip(FIGURES, map(float, values), strict=True))})
-
-    @property
     def since(self) -> float:
-        """When it began to fail [s]."""
         return self.failure.since(self.timing)
-
-    @property
-    def _after(self) -> Array:
-        return np.asarray(self.column("t") >= self.since)

@@ -8,27 +8,20 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from barbalat.linear.largest import largest_whole
-from barbalat.vehicles.compared import NO_NUMBER
+from barbalat.vehicles.flight import NO_NUMBER, Timing
 from barbalat.vehicles.quadrotor.air import Air
 from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, Axes
-from barbalat.vehicles.quadrotor.control import OUTER_EVERY, Control, Memory, Scheme
+from barbalat.vehicles.quadrotor.body import STANDING, STEP
+from barbalat.vehicles.quadrotor.control import OUTER_EVERY, Control, Memory
 from barbalat.vehicles.quadrotor.dispersions import NOMINAL, Dispersion
 from barbalat.vehicles.quadrotor.failures import Failure
 from barbalat.vehicles.quadrotor.flight import TIMING, QuadrotorFlight
 from barbalat.vehicles.quadrotor.sensing import Sensing
 from barbalat.vehicles.quadrotor.simulator import ROTORS, Motion
 from barbalat.vehicles.quadrotor.trajectory import CLIMBS, TAKES_OFF, path
-from barbalat.vehicles.quadrotor.vehicle import STANDING, STEP
-from barbalat.vehicles.timing import Timing
 
 LARGEST_DISTANCE, LARGEST_TILT, LEAST_HEIGHT = 3.0, 85.0, STANDING + 0.02
 """[m] from its path, [deg] of tilt and [m] above the ground: beyond these the vehicle is lost."""
-
-
-def flown(axes: Axes, scheme: Scheme, failures: Sequence[Failure], timing: Timing = TIMING) -> list[QuadrotorFlight]:
-    """One scheme through the failures, in this process."""
-    return fly_all(axes, Control(axes, scheme), failures, NOMINAL, timing)
 
 
 def fly_all(
@@ -53,23 +46,6 @@ def fly_all(
         vehicle.advance_to(timing.duration)
         flights.append(vehicle.flight(failure))
     return flights
-
-
-DELAY_STEP = 0.0025
-"""[s] to which the largest delay is found: a sample of the attitude."""
-TRIAL_STRIDE, MOST_DELAY_STEPS = 8, 64
-"""DELAY_STEPs from one trial to the next until the vehicle is lost, and the last of them."""
-
-
-def delay_borne(axes: Axes, scheme: Scheme, timing: Timing = TIMING) -> float:
-    """The largest added delay [s] with which the vehicle is kept, to DELAY_STEP: by trials upwards, then by bisection."""
-    control = Control(axes, scheme)
-
-    def kept(delay: int) -> bool:
-        (found,) = fly_all(axes, control, [Failure(name="delay", meaning="", delay=delay * DELAY_STEP)], timing=timing)
-        return not found.lost
-
-    return largest_whole(kept, stride=TRIAL_STRIDE, most=MOST_DELAY_STEPS) * DELAY_STEP
 
 
 class _Vehicle:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.validate import Array
-from barbalat.vehicles.quadrotor.vehicle import GRAVITY
+from barbalat.vehicles.quadrotor.body import GRAVITY
 
 UP = np.array([0.0, 0.0, 1.0])
 LEAST_THRUST = 0.2 * GRAVITY

@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 
 from barbalat.validate import Array, InputError
+from barbalat.vehicles.quadrotor.body import Quadrotor
 from barbalat.vehicles.quadrotor.simulator import ROTORS, Motion, Simulator
-from barbalat.vehicles.quadrotor.vehicle import Quadrotor
 
 HOVER_HEIGHT = 2.0
 """[m]; clear of the ground, on which nothing else depends."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.validate import Array, require_extra
-from barbalat.vehicles.quadrotor.vehicle import INTEGRATOR, SLOPE, STEP, Quadrotor, SlungMass, mjcf
+from barbalat.vehicles.quadrotor.body import INTEGRATOR, SLOPE, STEP, Quadrotor, SlungMass, mjcf
 
 ROTORS = 4
 BODY_COORDINATES = 7

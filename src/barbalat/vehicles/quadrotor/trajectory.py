@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.validate import Array
+from barbalat.vehicles.quadrotor.body import GRAVITY, STANDING
 from barbalat.vehicles.quadrotor.geometry import commanded_attitude
-from barbalat.vehicles.quadrotor.vehicle import GRAVITY, STANDING
 
 TAKES_OFF = 2.0
 """[s], with the motors; until then it stands on the ground."""

@@ -1,120 +1,175 @@
-"""A quadrotor of one kilogram, in numbers, and as the text of MuJoCo's own format."""
+"""The quadrotor as a vehicle: a figure of eight in MuJoCo."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
-from barbalat import validate
-from barbalat.validate import InputError, Vector
+import numpy as np
 
-INTEGRATOR = "RK4"
-"""MuJoCo's default takes Euler's steps, whose energy drifts; a test has both."""
-STEP = 1 / 400
-"""[s], the sample of the attitude's controllers; half of it moves the vehicle alike, see the tests."""
-AIR_DENSITY = 1.225
-"""[kg/m^3]. MuJoCo's drag is that of a box with the body's mass and inertia, quadratic in the speed through the air."""
-SPINS = (1, -1, 1, -1)
-"""Sense of the rotors' drag torque about the axis that points up: front left, rear left, rear right, front right."""
-PLACES = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-"""Where they are, in the same order: forward and left, as parts of ``reach``."""
-LEGS = 0.08
-"""[m], how far the feet are below the centre of gravity."""
-FOOT = 0.02
-"""[m], a foot's radius."""
-SLOPE = 5.0
-"""[deg] of the ground where it stands: a start is never level."""
-STANDING = LEGS + FOOT
-"""[m], height of the centre of gravity on the ground."""
+from barbalat.run.sampled_step import SampledList
+from barbalat.validate import Array, InputError, require_extra
+from barbalat.vehicles.flight import Timing
+from barbalat.vehicles.isolated import STARTING_SECONDS, isolated
+from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, POSITION_SAMPLE, Axes, Axis
+from barbalat.vehicles.quadrotor.body import AIR_DENSITY, INTEGRATOR, PLACES, SLOPE, STEP, Quadrotor
+from barbalat.vehicles.quadrotor.control import Control
+from barbalat.vehicles.quadrotor.dispersions import DRAWN, UNITS, Dispersion
+from barbalat.vehicles.quadrotor.failures import FAILURES, Failure
+from barbalat.vehicles.quadrotor.flight import COLUMNS, FIGURES, TIMING, QuadrotorFlight
+from barbalat.vehicles.quadrotor.flying import fly_all
+from barbalat.vehicles.quadrotor.hover import hovering
+from barbalat.vehicles.quadrotor.schemes import SCHEMES, TUNED
+from barbalat.vehicles.quadrotor.trajectory import TAKES_OFF
+from barbalat.vehicles.vehicle import Aboard, DelaySearch, Drawing, Shown, Vehicle
 
-
-@dataclass(frozen=True, kw_only=True)
-class Quadrotor:
-    """Four rotors at the corners of a square.
-
-    mass       [kg]
-    inertia    [kg m^2] about the forward, left and upward axes
-    reach      [m], how far a rotor is forward or back, and left or right, of the centre
-    thrust     [N], the most that a rotor gives; the least is zero
-    torque     [m], its drag torque over its thrust
-    motor_lag  [s] of thrust behind its command, first order. Identified ones are between 0.02 and 0.07 s
-    centre     [m], how far forward and left of the rotors' middle the centre of gravity is
-    """
-
-    mass: float = 1.0
-    inertia: Vector = (0.0105, 0.0095, 0.0180)
-    reach: float = 0.12
-    thrust: float = 6.0
-    torque: float = 0.016
-    motor_lag: float = 0.035
-    centre: Vector = (0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        for name in ("mass", "reach", "thrust", "torque", "motor_lag"):
-            validate.freeze(self, **{name: validate.positive(name, self.__dict__[name])})
-        inertia = validate.vector("inertia", self.inertia, 3)
-        if not (inertia > 0).all() or 2 * inertia.max() > inertia.sum():
-            raise InputError(f"inertia must be three numbers, none above the sum of the others, got {validate.show(inertia)}")
-        validate.freeze(self, inertia=inertia, centre=validate.vector("centre", self.centre, 2))
-        if 4 * self.thrust <= self.mass * GRAVITY:
-            raise InputError(f"thrust must lift {self.mass:g} kg with four rotors, got {self.thrust:g} N")
+AROUND = np.linspace(0, 2 * np.pi, 13)
+WIRE = (
+    *(np.array([(x, y, 0.0), (-x, -y, 0.0)]) for x, y in PLACES[:2]),
+    *(np.column_stack([x + 0.6 * np.cos(AROUND), y + 0.6 * np.sin(AROUND), 0 * AROUND]) for x, y in PLACES),
+    np.array([(0.0, 0.0, 0.0), (1.6, 0.0, 0.0)]),
+)
+"""Two arms, four rotors, and a mark that points forward."""
 
 
-GRAVITY = 9.81
-"""[m/s^2]."""
+CAMPAIGN_TIMING = Timing(duration=13.0, fails_at=8.0)
+"""What fails does so as the figure of eight has come up to its speed; most of an eight follows."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SlungMass:
-    """A mass on a cable that stays taut: a rod without mass on a ball joint.
-
-    mass    [kg]
-    cable   [m]
-    beside  [m], how far forward and left of the centre it is hooked on, on each axis
-    """
-
-    mass: float = 0.25
-    cable: float = 0.5
-    beside: float = 0.03
+def _height(flight: QuadrotorFlight) -> Array:
+    return flight.column("z")
 
 
-def mjcf(vehicle: Quadrotor, *, slung: SlungMass | None = None, step: float = STEP, integrator: str = INTEGRATOR) -> str:
-    """The model as MuJoCo reads it; forward, left, up are its axes, and no part of it is anybody else's.
+def _thrust(flight: QuadrotorFlight) -> Array:
+    return flight.column("thrust_1")
 
-    Numbers that are none stay so: MuJoCo would put the vehicle back on the ground, as if nothing had been.
-    """
-    places = [(vehicle.reach * forward, vehicle.reach * left) for forward, left in PLACES]
-    sites = "".join(f'<site name="rotor-{i}" pos="{x!r} {y!r} 0"/>' for i, (x, y) in enumerate(places))
-    feet = "".join(
-        f'<geom name="foot-{i}" type="sphere" size="{FOOT}" mass="0" pos="{x!r} {y!r} {-LEGS}"/>'
-        for i, (x, y) in enumerate(places)
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
+    """The schemes act on all six axes; controllers of one's own on roll, pitch and yaw."""
+
+    simulator = "mujoco"
+    dispersion = Dispersion
+    delays = DelaySearch(step=ATTITUDE_SAMPLE, stride=8, most=64)
+    own_loops = 3
+    own_rest = "geometric"
+    headings = ("RMS e\n[m]", "max e\n[m]", "sinks\n[m]", "tilt\n[deg]", "rotors\n[N/s]", "limited\n[%]")
+    length = "m"
+    wire = WIRE
+    shown = "Distance from where it should be, height, tilt and thrust of one rotor of every controller"
+    panels = (
+        Shown("Distance from where it should be", "[m]", lambda flight: flight.error),
+        Shown("Height above the ground", "[m]", _height, (("z_d", "commanded", "ink", 1),)),
+        Shown("Tilt", "[deg]", lambda flight: flight.tilt),
+        Shown("Thrust of the front left rotor", "[N]", _thrust),
     )
-    motors = "".join(
-        f'<general name="rotor-{i}" site="rotor-{i}" gear="0 0 1 0 0 {spin * vehicle.torque!r}" dyntype="filter" '
-        f'dynprm="{vehicle.motor_lag!r}" ctrllimited="true" ctrlrange="0 {vehicle.thrust!r}"/>'
-        for i, spin in enumerate(SPINS)
+    columns = COLUMNS
+    units = FIGURES
+    notes = (
+        f"From the failure on, which comes at {TIMING.fails_at:g} s and stays (no-reset: from the start at {TAKES_OFF:g} s); "
+        "e is the distance from where it should be, sinks how far it came below that, tilt its largest value, rotors how "
+        "much a thrust changes in a second, limited the share of the time in which some rotor is at an end of its range",
+        "each of the project's schemes has on each axis the setting that one rule gives on the linearised vehicle, and "
+        "none is tuned on flights: these are ranked",
     )
-    hung = "" if slung is None else _hung(slung)
-    inertia = " ".join(repr(float(one)) for one in vehicle.inertia)
-    centre = " ".join(repr(float(one)) for one in (*vehicle.centre, 0.0))
-    return f"""<mujoco model="quadrotor">
-<option timestep="{step!r}" integrator="{integrator}" density="{AIR_DENSITY}" gravity="0 0 {-GRAVITY}">
-<flag autoreset="disable"/></option>
-<worldbody><geom name="ground" type="plane" size="50 50 1" euler="{SLOPE} 0 0"/>
-<body name="vehicle" pos="0 0 {STANDING}" euler="{SLOPE} 0 0"><freejoint/>
-<inertial pos="{centre}" mass="{vehicle.mass!r}" diaginertia="{inertia}"/>{sites}{feet}{hung}</body>
-</worldbody>
-<actuator>{motors}</actuator>
-</mujoco>"""
+
+    def require(self, condition: object, equipment: object) -> None:
+        if condition is not None or equipment is not None:
+            raise InputError(
+                "condition and equipment, --altitude and --mach, are the F-16's: the quadrotor hovers near the ground"
+            )
+
+    def nominal(self, condition: object = None, equipment: object = None) -> Axes:
+        """The vehicle that the controllers are designed for."""
+        require_extra("mujoco", "flight", "the quadrotor")
+        return Axes(hover=isolated(STARTING_SECONDS, hovering, Quadrotor()))
+
+    def loops(self, model: Axes) -> tuple[Axis, ...]:
+        return model.all
+
+    def pilot(self, model: Axes, aboard: Aboard) -> Control:
+        return Control(model, aboard)
+
+    def fly(
+        self, model: Axes, pilot: Control, failures: Sequence[Failure], dispersion: Dispersion, timing: Timing
+    ) -> list[QuadrotorFlight]:
+        return fly_all(model, pilot, failures, dispersion, timing)
+
+    def delayed(self, seconds: float) -> Failure:
+        return Failure(name="delay", meaning="", delay=seconds)
+
+    def broken(self, controller: str, failure: Failure, why: str) -> QuadrotorFlight:
+        return QuadrotorFlight(controller=controller, failure=failure, record=np.zeros((1, len(COLUMNS))), lost=why)
+
+    def contents(self, model: Axes, aboard: Sequence[Aboard]) -> Iterator[bytes]:
+        for scheme in aboard:
+            lists = [one for one in scheme.loops if isinstance(one, SampledList)]
+            yield repr((scheme.name, [(one.program, one.initial.tolist()) for one in lists])).encode()
+        yield model.hover.A.tobytes() + model.hover.B.tobytes()
+        yield repr([one.gain.tolist() for one in model.all]).encode()
+
+    def headline(self, model: Axes) -> str:
+        return f"{self.name}: RMS distance [m] from where it should be after each failure"
+
+    def cells(self, figures: Mapping[str, float | None]) -> list[str]:
+        digits = {"rms_e": 3, "max_abs_e": 3, "sinks": 3, "tilt_max": 1, "rotor_travel": 2, "limited": 1}
+        return ["-" if figures[name] is None else f"{figures[name]:.{count}f}" for name, count in digits.items()]
+
+    def facts(self, model: Axes, version: str) -> list[tuple[str, str]]:
+        hover, roll, forward = model.hover, model.attitude[0], model.position[0]
+        return [
+            ("hover", f"{hover.vehicle.mass:g} kg, {hover.thrusts[0]:.3f} N of {hover.vehicle.thrust:g} N on each rotor"),
+            (
+                "loops",
+                f"roll and pitch {roll.frequency:.2f} rad/s for a lag of {1e3 * roll.lag:.0f} ms, position "
+                f"{forward.frequency:.2f} rad/s for {1e3 * forward.lag:.0f} ms",
+            ),
+            (
+                "computed",
+                f"MuJoCo {version}, {INTEGRATOR}, {1 / STEP:g} Hz; control at {1 / ATTITUDE_SAMPLE:g} Hz "
+                f"and {1 / POSITION_SAMPLE:g} Hz, {TIMING.duration:g} s",
+            ),
+        ]
+
+    def details(self, model: Axes, version: str) -> dict[str, Any]:
+        hover = model.hover
+        return {
+            "vehicle": {name: np.asarray(value).tolist() for name, value in asdict(hover.vehicle).items()},
+            "hover": {"thrusts_N": hover.thrusts.tolist(), "A": hover.A.tolist(), "B": hover.B.tolist()},
+            "design": {
+                axis.name: {
+                    "gain": axis.gain.tolist(), "frequency": axis.frequency, "lag": axis.lag, "limit": axis.limit,
+                    "sample_time": axis.sample_time,
+                }
+                for axis in (*model.attitude, *model.position)
+            },
+            "electronics": asdict(model.electronics),
+            "simulation": {
+                "simulator": f"MuJoCo {version}", "integrator": INTEGRATOR, "dt": STEP, "air_density": AIR_DENSITY,
+                "slope_deg": SLOPE, "t_end": TIMING.duration, "fails_at": TIMING.fails_at, "takes_off": TAKES_OFF,
+            },
+        }  # fmt: skip
 
 
-SWING_DAMPING = 1e-3
-"""[N m s], of the hook: a swing of half a metre's cable loses a fifth of its height in ten swings."""
-
-
-def _hung(slung: SlungMass) -> str:
-    """The mass is a ball of 4 cm: its own inertia is a hundredth of what its cable makes of it."""
-    ball = 0.4 * slung.mass * 0.04**2
-    return (
-        f'<body name="slung" pos="{slung.beside!r} {slung.beside!r} 0"><joint name="hook" type="ball" damping="{SWING_DAMPING}"/>'
-        f'<inertial pos="0 0 {-slung.cable!r}" mass="{slung.mass!r}" diaginertia="{ball!r} {ball!r} {ball!r}"/></body>'
-    )
+VEHICLES = (
+    FigureOfEight(
+        name="quadrotor",
+        meaning="a quadrotor flies a figure of eight in MuJoCo",
+        failures=tuple(FAILURES.values()),
+        schemes=SCHEMES,
+        numbers=TUNED,
+        timing=TIMING,
+        drawing=Drawing(
+            drawn=DRAWN,
+            units=UNITS,
+            conditions={"near the ground": None},
+            timing=CAMPAIGN_TIMING,
+            travel=("rotor_travel", "rotors"),
+            beside=("Geometric, integral", "integral"),
+            set_by="one rule for all (benchmarks/flight_tuning.py): on each linearised axis least RMS error with half of the "
+            "delay margin that the feedback has alone and a gain margin of 1.5",
+            chunk=56,
+        ),
+    ),
+)

@@ -1,132 +1,89 @@
-"""Flights of some controllers through some failures, side by side: what all vehicles share, and what each says of its own."""
+"""Flights of some controllers through some failures, side by side: figures, rankings, pictures and films."""
 
 from __future__ import annotations
 
 import textwrap
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from barbalat.run.stepwise import Agreement
-from barbalat.validate import Array, InputError, show
-from barbalat.vehicles.scene import Scene
+from barbalat.validate import InputError, show
+from barbalat.vehicles.flight import Failing, Flight
+from barbalat.vehicles.scene import Mover, Scene
+from barbalat.vehicles.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HELD_BLANK = "\0"
 """In the place of a blank at which no line ends."""
-NO_NUMBER = "its controller gave a command that is no number"
-"""Why control was lost, where a flight's controller overflowed and its simulator did not."""
 
 
-class Failing(Protocol):
-    """What fails in a flight, by its name."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def meaning(self) -> str: ...
-
-
-class Flown(Protocol):
-    """One flight: a row of its record for each sample, and why control was lost, empty where it was not."""
-
-    @property
-    def controller(self) -> str: ...
-
-    @property
-    def failure(self) -> Failing: ...
-
-    @property
-    def record(self) -> Array: ...
-
-    @property
-    def lost(self) -> str: ...
-
-    @property
-    def duration(self) -> float: ...
-
-    @property
-    def rms_error(self) -> float: ...
-
-    @property
-    def figures(self) -> dict[str, float | None]: ...
-
-    @property
-    def agreement(self) -> Agreement | None: ...
-
-
-class Compared(ABC):
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class FlightComparison:
     """All flights of some controllers through some failures.
 
+    vehicle   what flew
+    model     where it was trimmed, with its linear model: an ``Axis`` of the F-16, the ``Axes`` of the quadrotor
+    version   of its simulator
     flights   for each controller those through all failures, in their order
     delays    the largest added delay that each kept control with [s], by name; None where nobody asked
     exported  whether what flew was the exported C
     """
 
-    name: str
+    vehicle: Vehicle[Any, Any, Any]
+    model: Any
+    version: str
     failures: tuple[Failing, ...]
-    flights: tuple[tuple[Flown, ...], ...]
-    delays: dict[str, float] | None
-    exported: bool
+    flights: tuple[tuple[Flight, ...], ...]
+    delays: dict[str, float] | None = None
+    exported: bool = False
 
     @property
-    @abstractmethod
+    def name(self) -> str:
+        return self.vehicle.name
+
+    @property
     def headline(self) -> str:
-        """Of what is printed: what flies, and which error is ranked."""
+        """What flew, and which error is ranked."""
+        return self.vehicle.headline(self.model)
 
-    @property
-    @abstractmethod
-    def columns(self) -> dict[str, str]:
-        """What a record holds, in this order, with its units."""
-
-    @property
-    @abstractmethod
-    def units(self) -> dict[str, str]:
-        """The figures of a flight, with their units."""
-
-    @property
-    @abstractmethod
-    def headings(self) -> tuple[str, ...]:
-        """Of a table of figures, after the controller's name."""
-
-    @abstractmethod
-    def cells(self, figures: dict[str, float | None]) -> list[str]:
-        """A row of that table, of a flight that kept control."""
-
-    @property
-    @abstractmethod
-    def notes(self) -> tuple[str, ...]:
-        """What a reader of the tables has to know."""
-
-    @abstractmethod
     def facts(self) -> list[tuple[str, str]]:
-        """Where it flies, what its linear model is, how it is computed."""
+        """Where it flew, what its linear model is, how it was computed."""
+        return self.vehicle.facts(self.model, self.version)
 
-    @abstractmethod
     def details(self) -> dict[str, Any]:
         """The same for the document of ``--json``."""
+        return self.vehicle.details(self.model, self.version)
 
     @property
-    @abstractmethod
     def longest_delay(self) -> float:
-        """The largest that is tried [s]."""
+        """The largest added delay that is tried [s]."""
+        return self.vehicle.delays.most * self.vehicle.delays.step
 
-    @abstractmethod
     def figure(self, failure: Failing, *, narrow: bool = False, shown: bool = False) -> Figure:
         """Time histories of all controllers through a failure; what lost ones do stands as far as the others' ranges reach."""
+        from barbalat.vehicles.picture import figure_of
 
-    @property
-    @abstractmethod
-    def shown(self) -> str:
-        """What these are of, in words."""
+        return figure_of(self.vehicle, self.all_through(failure), narrow=narrow, shown=shown)
 
-    @abstractmethod
     def scene(self, failure: Failing, controllers: Sequence[str]) -> Scene | None:
-        """The flights of these controllers through a failure in space; None where the record has no path."""
+        """The flights of these controllers through a failure in space; None where none of them got away from the start."""
+        chosen = [
+            (i, one) for i, one in enumerate(self.all_through(failure)) if one.controller in controllers and len(one.record) > 1
+        ]
+        if not chosen:
+            return None
+        longest = max((one for _, one in chosen), key=lambda one: len(one.record))
+        movers = [
+            Mover(label=one.controller, colour=i, path=one.path, attitude=one.attitude, lost=bool(one.lost)) for i, one in chosen
+        ]
+        return Scene(
+            title=failure.meaning, unit=self.vehicle.length, t=longest.column("t"), target=longest.target, movers=tuple(movers),
+            wire=self.vehicle.wire, fails=longest.since, failing=failure.name != "none", equal=self.vehicle.equal_lengths,
+        )  # fmt: skip
 
     @property
     def controllers(self) -> tuple[str, ...]:
@@ -184,11 +141,11 @@ class Compared(ABC):
             )
         return found[-1]
 
-    def all_through(self, failure: Failing) -> Sequence[Flown]:
+    def all_through(self, failure: Failing) -> Sequence[Flight]:
         """The flights of all controllers through one failure, in the controllers' order."""
         return [flight for several in self.flights for flight in several if flight.failure == failure]
 
-    def through(self, failure: Failing) -> Sequence[Flown]:
+    def through(self, failure: Failing) -> Sequence[Flight]:
         """The flights of all controllers through one failure: lost ones last, the sooner the later; the others by error."""
         return sorted(
             self.all_through(failure),

@@ -1,0 +1,120 @@
+"""A quadrotor of one kilogram, in numbers, and as the text of MuJoCo's own format."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from barbalat import validate
+from barbalat.validate import InputError, Vector
+
+INTEGRATOR = "RK4"
+"""MuJoCo's default takes Euler's steps, whose energy drifts; a test has both."""
+STEP = 1 / 400
+"""[s], the sample of the attitude's controllers; half of it moves the vehicle alike, see the tests."""
+AIR_DENSITY = 1.225
+"""[kg/m^3]. MuJoCo's drag is that of a box with the body's mass and inertia, quadratic in the speed through the air."""
+SPINS = (1, -1, 1, -1)
+"""Sense of the rotors' drag torque about the axis that points up: front left, rear left, rear right, front right."""
+PLACES = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+"""Where they are, in the same order: forward and left, as parts of ``reach``."""
+LEGS = 0.08
+"""[m], how far the feet are below the centre of gravity."""
+FOOT = 0.02
+"""[m], a foot's radius."""
+SLOPE = 5.0
+"""[deg] of the ground where it stands: a start is never level."""
+STANDING = LEGS + FOOT
+"""[m], height of the centre of gravity on the ground."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quadrotor:
+    """Four rotors at the corners of a square.
+
+    mass       [kg]
+    inertia    [kg m^2] about the forward, left and upward axes
+    reach      [m], how far a rotor is forward or back, and left or right, of the centre
+    thrust     [N], the most that a rotor gives; the least is zero
+    torque     [m], its drag torque over its thrust
+    motor_lag  [s] of thrust behind its command, first order. Identified ones are between 0.02 and 0.07 s
+    centre     [m], how far forward and left of the rotors' middle the centre of gravity is
+    """
+
+    mass: float = 1.0
+    inertia: Vector = (0.0105, 0.0095, 0.0180)
+    reach: float = 0.12
+    thrust: float = 6.0
+    torque: float = 0.016
+    motor_lag: float = 0.035
+    centre: Vector = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name in ("mass", "reach", "thrust", "torque", "motor_lag"):
+            validate.freeze(self, **{name: validate.positive(name, self.__dict__[name])})
+        inertia = validate.vector("inertia", self.inertia, 3)
+        if not (inertia > 0).all() or 2 * inertia.max() > inertia.sum():
+            raise InputError(f"inertia must be three numbers, none above the sum of the others, got {validate.show(inertia)}")
+        validate.freeze(self, inertia=inertia, centre=validate.vector("centre", self.centre, 2))
+        if 4 * self.thrust <= self.mass * GRAVITY:
+            raise InputError(f"thrust must lift {self.mass:g} kg with four rotors, got {self.thrust:g} N")
+
+
+GRAVITY = 9.81
+"""[m/s^2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlungMass:
+    """A mass on a cable that stays taut: a rod without mass on a ball joint.
+
+    mass    [kg]
+    cable   [m]
+    beside  [m], how far forward and left of the centre it is hooked on, on each axis
+    """
+
+    mass: float = 0.25
+    cable: float = 0.5
+    beside: float = 0.03
+
+
+def mjcf(vehicle: Quadrotor, *, slung: SlungMass | None = None, step: float = STEP, integrator: str = INTEGRATOR) -> str:
+    """The model as MuJoCo reads it; forward, left, up are its axes, and no part of it is anybody else's.
+
+    Numbers that are none stay so: MuJoCo would put the vehicle back on the ground, as if nothing had been.
+    """
+    places = [(vehicle.reach * forward, vehicle.reach * left) for forward, left in PLACES]
+    sites = "".join(f'<site name="rotor-{i}" pos="{x!r} {y!r} 0"/>' for i, (x, y) in enumerate(places))
+    feet = "".join(
+        f'<geom name="foot-{i}" type="sphere" size="{FOOT}" mass="0" pos="{x!r} {y!r} {-LEGS}"/>'
+        for i, (x, y) in enumerate(places)
+    )
+    motors = "".join(
+        f'<general name="rotor-{i}" site="rotor-{i}" gear="0 0 1 0 0 {spin * vehicle.torque!r}" dyntype="filter" '
+        f'dynprm="{vehicle.motor_lag!r}" ctrllimited="true" ctrlrange="0 {vehicle.thrust!r}"/>'
+        for i, spin in enumerate(SPINS)
+    )
+    hung = "" if slung is None else _hung(slung)
+    inertia = " ".join(repr(float(one)) for one in vehicle.inertia)
+    centre = " ".join(repr(float(one)) for one in (*vehicle.centre, 0.0))
+    return f"""<mujoco model="quadrotor">
+<option timestep="{step!r}" integrator="{integrator}" density="{AIR_DENSITY}" gravity="0 0 {-GRAVITY}">
+<flag autoreset="disable"/></option>
+<worldbody><geom name="ground" type="plane" size="50 50 1" euler="{SLOPE} 0 0"/>
+<body name="vehicle" pos="0 0 {STANDING}" euler="{SLOPE} 0 0"><freejoint/>
+<inertial pos="{centre}" mass="{vehicle.mass!r}" diaginertia="{inertia}"/>{sites}{feet}{hung}</body>
+</worldbody>
+<actuator>{motors}</actuator>
+</mujoco>"""
+
+
+SWING_DAMPING = 1e-3
+"""[N m s], of the hook: a swing of half a metre's cable loses a fifth of its height in ten swings."""
+
+
+def _hung(slung: SlungMass) -> str:
+    """The mass is a ball of 4 cm: its own inertia is a hundredth of what its cable makes of it."""
+    ball = 0.4 * slung.mass * 0.04**2
+    return (
+        f'<body name="slung" pos="{slung.beside!r} {slung.beside!r} 0"><joint name="hook" type="ball" damping="{SWING_DAMPING}"/>'
+        f'<inertial pos="0 0 {-slung.cable!r}" mass="{slung.mass!r}" diaginertia="{ball!r} {ball!r} {ball!r}"/></body>'
+    )
