@@ -1,4 +1,4 @@
-"""Find the numbers of ``flight/schemes.py`` and ``flight/quadrotor/schemes.py``: every scheme under the contest's rule.
+"""Find the numbers of ``vehicles/f16/schemes.py`` and ``vehicles/quadrotor/schemes.py``: every scheme under the contest's rule.
 
     python -m benchmarks.flight_tuning [f16-pitch|f16-roll|quadrotor] [SCHEME ...]
 
@@ -19,22 +19,21 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat import FlightCondition, Simulation, Step, TransferFunction
+from barbalat import Simulation, Step, TransferFunction
 from barbalat.cases.build import Case
 from barbalat.contests.entrant import Entrant
 from barbalat.contests.rule import Rule
 from barbalat.contests.tuned import Qualified, qualify
 from barbalat.controllers.knobs import Knobs
-from barbalat.flight.axis import Axis
-from barbalat.flight.comparison import axis_of
-from barbalat.flight.quadrotor.comparison import nominal_axes
-from barbalat.flight.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
-from barbalat.flight.schemes import SCHEMES
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.study.delay_search import Criterion
 from barbalat.tuning.trial import Plants
+from barbalat.vehicles.f16.axis import Axis
+from barbalat.vehicles.f16.schemes import SCHEMES
+from barbalat.vehicles.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
+from barbalat.vehicles.registry import vehicle_of
 from benchmarks import quadrotor_tuning
 
 DELAY_MARGIN, GAIN_MARGIN = 0.1, 2.0
@@ -93,14 +92,14 @@ def table(rows: Iterable[Sequence[str]], heads: Sequence[str] = HEADS) -> str:
 
 def of_aircraft(name: str, chosen: Sequence[str]) -> Iterator[list[str]]:
     """Rows of one axis of the F-16."""
-    nominal = axis_of(name, FlightCondition())
+    nominal = vehicle_of(name).nominal()
     for scheme in chosen or SCHEMES:
         yield row(scheme, tuned(nominal, scheme), RULE)
 
 
 def of_quadrotor(chosen: Sequence[str]) -> Iterator[list[str]]:
     """Rows of the axes that differ, with the axis in front."""
-    axes = nominal_axes()
+    axes = vehicle_of("quadrotor").nominal()
     for axis in (axes.attitude[0], axes.attitude[2], axes.position[0]):
         rule = quadrotor_tuning.rule_of(axes, axis, RULE.trials)
         for scheme in chosen or QUADROTOR_SCHEMES:

@@ -12,16 +12,17 @@ import sys
 import time
 
 from barbalat.export.exported_step import exported_c
-from barbalat.flight.airframe import FlightCondition
-from barbalat.flight.axis import Axis
-from barbalat.flight.dispersed import fly_dispersed
-from barbalat.flight.failures import OF_PITCH
-from barbalat.flight.flying import fly_once
-from barbalat.flight.schemes import flying
-from barbalat.flight.timing import Timing
-from barbalat.flight.trim import trimmed
 from barbalat.run.sampled_step import SampledList
 from barbalat.run.stepwise import Step
+from barbalat.vehicles.dispersed import fly_dispersed
+from barbalat.vehicles.f16.airframe import FlightCondition
+from barbalat.vehicles.f16.axis import Axis
+from barbalat.vehicles.f16.failures import OF_PITCH
+from barbalat.vehicles.f16.flying import fly_once
+from barbalat.vehicles.f16.trim import trimmed
+from barbalat.vehicles.flight import Timing
+from barbalat.vehicles.flying import on_loop
+from barbalat.vehicles.registry import vehicle_of
 from benchmarks.house import Section
 from benchmarks.processor import description
 from benchmarks.table import Row, console, show
@@ -40,7 +41,7 @@ def one_flight(*, quick: bool) -> Section:
     axis = Axis(trim=trimmed(FlightCondition()))
     rows = []
     for name in SCHEMES[: 1 if quick else None]:
-        pair = flying(axis, [name])[0]
+        pair = on_loop(vehicle_of(axis.like), axis, name)
         by_list, by_c = (
             _busy(axis, step, 1 if quick else 3) for step in (SampledList.of(*pair).step(), exported_c(*pair).step())
         )

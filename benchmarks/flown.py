@@ -1,6 +1,6 @@
 """Keep a campaign for the ledger: ``barbalat fly NAME --dispersions N --store DIR --json | python -m benchmarks.flown``.
 
-It writes src/barbalat/claims/flown-NAME.json, which the row ``adaptive-in-flight`` reads from then on.
+It writes src/barbalat/papers/jafari_2013/flight/flown-NAME.json, which the row ``adaptive-in-flight`` reads from then on.
 """
 
 from __future__ import annotations
@@ -9,11 +9,11 @@ import json
 import sys
 from pathlib import Path
 
-from barbalat.claims.stored_flights import PREFIX, SUFFIX
+from barbalat.papers.jafari_2013.flight import stored_flights
 
-FOLDER = Path(__file__).parents[1] / "src" / "barbalat" / "claims"
+FOLDER = Path(stored_flights.__file__).parent
 
 if __name__ == "__main__":
     document = json.load(sys.stdin)
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False)
-    (FOLDER / f"{PREFIX}{document['flight']}{SUFFIX}").write_text(text, encoding="utf-8")
+    (FOLDER / f"{stored_flights.PREFIX}{document['flight']}{stored_flights.SUFFIX}").write_text(text, encoding="utf-8")

@@ -20,8 +20,6 @@ from barbalat.contests.entrant import Entrant
 from barbalat.contests.rule import Rule
 from barbalat.contests.tuned import Qualified, qualify
 from barbalat.controllers.knobs import Knobs
-from barbalat.flight.quadrotor.axes import Axes, Axis
-from barbalat.flight.quadrotor.schemes import SCHEMES, OnAxis
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.actuation import PlantInput
@@ -31,6 +29,9 @@ from barbalat.study.delay_search import Criterion
 from barbalat.study.ideal_benchmark import quiet
 from barbalat.tuning.trial import Plants
 from barbalat.validate import Array
+from barbalat.vehicles.quadrotor.axes import Axes, Axis
+from barbalat.vehicles.quadrotor.schemes import SCHEMES
+from barbalat.vehicles.schemes import OnLoop
 
 DELAY_SHARE, GAIN_MARGIN = 0.5, 1.5
 """Of the delay that the feedback bears alone, what it bears with a scheme; and a factor, 3.5 dB, the contest's own: that of the
@@ -73,7 +74,7 @@ class WithFeedback:
     """A scheme on an axis, as a controller of the whole loop."""
 
     axis: Axis
-    scheme: OnAxis
+    scheme: OnLoop
 
     @property
     def name(self) -> str:

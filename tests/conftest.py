@@ -16,7 +16,7 @@ from barbalat.run.processes import Here
 from barbalat.signals import Sine, Sines
 
 if TYPE_CHECKING:
-    from barbalat.claims.section_v import Runs
+    from barbalat.papers.jafari_2013.section_v import Runs
 
 
 hypothesis.settings.register_profile("untimed", deadline=None)
@@ -91,7 +91,7 @@ def _optimised_code(request: pytest.FixtureRequest) -> Iterator[None]:
 @pytest.fixture(scope="session")
 def section_v_runs() -> Runs:
     """All runs of Section V, as ``reproduce`` makes them; nobody changes them."""
-    from barbalat.claims import section_v
+    from barbalat.papers.jafari_2013 import section_v
 
     return section_v.run()
 

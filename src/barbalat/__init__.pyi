@@ -54,12 +54,6 @@ from .export.exported_step import exported_c as exported_c
 from .export.in_the_loop import InTheLoop as InTheLoop
 from .export.in_the_loop import simulate_export as simulate_export
 from .export.write import export_controller as export_controller
-from .flight.airframe import FlightCondition as FlightCondition
-from .flight.equipment import Equipment as Equipment
-from .flight.f16_comparison import FlightComparison as FlightComparison
-from .flight.isolated import SimulatorFailed as SimulatorFailed
-from .flight.quadrotor.comparison import QuadrotorComparison as QuadrotorComparison
-from .flight.registry import fly as fly
 from .linear.enclosure import Enclosure as Enclosure
 from .linear.l1_norms import l1_norm as l1_norm
 from .linear.margins import Margins as Margins
@@ -119,5 +113,10 @@ from .sweeps.sweep import sweep as sweep
 from .tuning.result import Tuning as Tuning
 from .tuning.tune import tune as tune
 from .validate import InputError as InputError
+from .vehicles.comparison import FlightComparison as FlightComparison
+from .vehicles.f16.airframe import FlightCondition as FlightCondition
+from .vehicles.f16.equipment import Equipment as Equipment
+from .vehicles.flying import fly as fly
+from .vehicles.isolated import SimulatorFailed as SimulatorFailed
 
 __version__: str

@@ -28,10 +28,10 @@ from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.claims.variants import variant
 from barbalat.cli import main
 from barbalat.linear.interconnections import series
 from barbalat.linear.margins import margins
+from barbalat.papers.jafari_2013.variants import variant
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

@@ -32,8 +32,8 @@ from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify_where_possible
 from barbalat.certificates.rounding import down, up
 from barbalat.certificates.table_1 import PROPERTIES, table_1
-from barbalat.claims.variants import variant
 from barbalat.cli import main
+from barbalat.papers.jafari_2013.variants import variant
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-4)
 DYNAMIC = Normalization(alpha_0=1.0)

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from barbalat.claims.rows import LEDGER
 from barbalat.cli import main
+from barbalat.papers.jafari_2013.paper import PAPER
 
 
 def test_the_list_has_every_name_and_no_verdict(capsys):
@@ -33,12 +33,12 @@ def test_an_unknown_name(capsys):
 
 def test_the_names_are_those_of_the_rows(section_v_runs):
     """Of the quick rows; those of all in the full command."""
-    _assert_names([part for part in LEDGER if part.quick], section_v_runs)
+    _assert_names([part for part in PAPER.ledger if part.quick], section_v_runs)
 
 
 @pytest.mark.full
 def test_all_names_are_those_of_the_rows(section_v_runs):
-    _assert_names([part for part in LEDGER if not part.quick], section_v_runs)
+    _assert_names([part for part in PAPER.ledger if not part.quick], section_v_runs)
 
 
 def _assert_names(parts, runs):

@@ -4,14 +4,16 @@ import json
 import math
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from barbalat.cases.bundled import bundled
 from barbalat.cases.load import load_case
-from barbalat.claims import section_v
 from barbalat.cli import main
+from barbalat.papers.jafari_2013.paper import PAPER as JAFARI
+from barbalat.papers.paper import papers
 from barbalat.run.simulate import simulate
 
 PAPER = bundled()["paper"].read_text()
@@ -220,7 +222,9 @@ finally:
 
 
 def test_reproduce(tmp_path, capsys, monkeypatch, section_v_runs):
-    monkeypatch.setattr(section_v, "run", lambda progress: section_v_runs)  # the same, which other tests share
+    monkeypatch.setitem(
+        papers(), JAFARI.name, replace(JAFARI, run=lambda progress: section_v_runs)
+    )  # the same, which other tests share
     assert main(["reproduce", "--quick", "--out", str(tmp_path), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert set(document["figures"]) >= {"2", "3", "4", "5"}

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from barbalat import simulate
-from barbalat.claims.claim import Claim
-from barbalat.claims.rows import LEDGER
 from barbalat.explorer.describe import Described
 from barbalat.explorer.lessons import BoundedGoal, FigureGoal, SettingGoal
 from barbalat.explorer.section_v import PAGES, addresses, explorer
+from barbalat.papers.claim import Claim
+from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.sweeps.paths import FieldPath
 
 LESSONS = [(file, lesson) for file, lessons in PAGES.items() for lesson in lessons]
@@ -62,7 +62,7 @@ def test_a_lesson_moves_sliders_of_its_page_to_values_that_they_take(file) -> No
 
 
 def test_the_claims_of_lessons_are_rows_of_the_ledger() -> None:
-    names = {name for part in LEDGER for name in part.names}
+    names = {name for part in PAPER.ledger for name in part.names}
     assert {claim for _, lesson in LESSONS for claim in lesson.claims} <= names
 
 

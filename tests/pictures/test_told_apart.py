@@ -9,14 +9,14 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from barbalat.flight.path_picture import figure_of
-from barbalat.flight.scene import Mover, Scene
 from barbalat.pictures.panel_drawing import draw
 from barbalat.pictures.panels import Panel, Series, width_of
 from barbalat.pictures.render import render
 from barbalat.pictures.shares import Shares
 from barbalat.pictures.shares import draw as draw_shares
 from barbalat.pictures.theme import COLOURS, ON_DARK, dash_of, mark_of
+from barbalat.vehicles.path_picture import figure_of
+from barbalat.vehicles.scene import Mover, Scene
 
 SIGHTS = {
     "any": np.eye(3),

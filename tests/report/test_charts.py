@@ -5,7 +5,8 @@ import pytest
 
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.table_1 import Table1
-from barbalat.claims.claim import Chart, ChartAxis, Claim, Curve, Listing
+from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Listing
+from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.pictures.render import render
 from barbalat.report import charts, page, write
 from barbalat.report.files import Folder
@@ -77,7 +78,7 @@ def test_page_and_files(tmp_path):
     pictures = write.draw_maps(folder, [claim])
     folder.commit()
     assert (tmp_path / "map-sizes.png").stat().st_size > 1000
-    html = page.reproduction([], [claim], {}, pictures, Certified({}, Table1(())), [], {"total": 1.0}, {})["claims.html"]
+    html = page.reproduction(PAPER, [], [claim], {}, pictures, Certified({}, Table1(())), [], {"total": 1.0}, {})["claims.html"]
     assert "error over size, for whole, ends early" in html
     assert '<th scope="row">PI &amp; co</th><td>1.03</td>' in html
     assert "A table" in html

@@ -8,7 +8,8 @@ from matplotlib.image import imread
 
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.table_1 import Table1
-from barbalat.claims.claim import ChartAxis, Claim, Curve, Map
+from barbalat.papers.claim import ChartAxis, Claim, Curve, Map
+from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.pictures.render import render
 from barbalat.report import maps, page, write
 from barbalat.report.files import Folder
@@ -79,7 +80,9 @@ def test_files_page_and_link(tmp_path):
     folder.commit()
     assert {path.name for path in tmp_path.iterdir()} == {"map-gain-step.png", "map-gain-step.svg", "map-gain-step-narrow.svg"}
     tried = {"some-claim": "explorer.html#lesson=it"}
-    text = page.reproduction([], [claim], {}, pictures, Certified({}, Table1(())), [], {"total": 1.0}, tried)["claims.html"]
+    text = page.reproduction(PAPER, [], [claim], {}, pictures, Certified({}, Table1(())), [], {"total": 1.0}, tried)[
+        "claims.html"
+    ]
     card = text[text.index('<article id="claim-some-claim"') : text.index("</article>")]
     assert 'id="map-gain-step"' in card
     assert '<a href="explorer.html#lesson=it">' in card

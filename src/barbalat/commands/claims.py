@@ -24,20 +24,22 @@ def add(commands: Commands) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code: 0 whatever the verdict."""
-    from barbalat.claims import ledger
-    from barbalat.claims.rows import LEDGER, RUNS_OF_SECTION_V
+    from barbalat.papers import ledger
+    from barbalat.papers.paper import papers
     from barbalat.report.documents import as_json
     from barbalat.report.terminal import ledger as terminal
     from barbalat.report.terminal.layout import Screen
 
     if options.name is None:
         if options.json:
-            print_json(as_json({"claims": [row for part in LEDGER for row in part.as_json()]}))
+            print_json(
+                as_json({"claims": [row for paper in papers().values() for part in paper.ledger for row in part.as_json()]})
+            )
         else:
-            terminal.names(Screen(), LEDGER)
+            terminal.names(Screen(), list(papers().values()))
         return 0
-    part = ledger.part_with(options.name)
-    with work({"measuring": part.seconds + RUNS_OF_SECTION_V * part.judges_runs}) as running, running.part("measuring"):
+    paper, part = ledger.part_with(options.name)
+    with work({"measuring": part.seconds + paper.run_seconds * part.judges_runs}) as running, running.part("measuring"):
         claim = ledger.row(options.name)
     if options.json:
         print_json(as_json(claim.as_json()))

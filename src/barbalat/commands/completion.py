@@ -57,13 +57,17 @@ def _names(command: str, action: argparse.Action, options: argparse.Namespace) -
 
             return list(bundled())
         case "claims", "NAME", _:
-            from barbalat.claims.rows import LEDGER
+            from barbalat.papers.paper import papers
 
-            return [name for part in LEDGER for name in part.names]
+            return [name for paper in papers().values() for part in paper.ledger for name in part.names]
+        case "reproduce", "PAPER", _:
+            from barbalat.papers.paper import papers
+
+            return list(papers())
         case "fly", "NAME", "name":
-            from barbalat.flight.registry import FLIGHTS
+            from barbalat.vehicles.registry import vehicles
 
-            return list(FLIGHTS)
+            return list(vehicles())
         case "export", "NAME", "controller":
             from barbalat.cases.load import load_case
 

@@ -12,7 +12,7 @@ from barbalat.commands.screen import Work, say, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
-    from barbalat.flight.compared import Compared
+    from barbalat.vehicles.comparison import FlightComparison
 
 DEFAULT_FOLDER = "barbalat-fly"
 
@@ -70,7 +70,7 @@ EXPECTED_SECONDS = {"flying": 40.0, "drawing": 10.0}
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
-    from barbalat.flight.isolated import SimulatorFailed
+    from barbalat.vehicles.isolated import SimulatorFailed
 
     if options.dispersions is not None:
         return _execute_dispersed(options)
@@ -110,11 +110,11 @@ def _require_none(options: argparse.Namespace, names: Sequence[str], remedy: str
 
 def _execute_dispersed(options: argparse.Namespace) -> int:
     from barbalat import validate
-    from barbalat.flight.dispersed import fly_dispersed
-    from barbalat.flight.drawing import SEED
-    from barbalat.flight.isolated import SimulatorFailed
     from barbalat.report import dispersed, documents, page
     from barbalat.report.file_names import PAGE
+    from barbalat.vehicles.dispersed import fly_dispersed
+    from barbalat.vehicles.isolated import SimulatorFailed
+    from barbalat.vehicles.vehicle import SEED
 
     require_folder_name("--store", options.store)
     validate.whole("--dispersions", options.dispersions, least=1, most=MOST_DRAWS)
@@ -147,11 +147,11 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
     return 0
 
 
-def _flown(options: argparse.Namespace, running: Work) -> Compared:
+def _flown(options: argparse.Namespace, running: Work) -> FlightComparison:
     from barbalat.cases import outside
     from barbalat.export.exported_step import exported_c
-    from barbalat.flight.airframe import FlightCondition
-    from barbalat.flight.registry import fly
+    from barbalat.vehicles.flying import fly
+    from barbalat.vehicles.registry import vehicle_of
 
     own = () if options.controllers is None else outside.run(options.controllers).controllers(named={})
     given = {name: value for name, value in (("altitude", options.altitude), ("mach", options.mach)) if value is not None}
@@ -161,7 +161,7 @@ def _flown(options: argparse.Namespace, running: Work) -> Compared:
             schemes=options.schemes or None,
             controllers=own,
             failures=options.failure or None,
-            condition=FlightCondition(**given) if given else None,
+            condition=vehicle_of(options.name).condition(given) if given else None,
             delays=options.delays,
             software_in_the_loop=exported_c if options.sil else None,
             progress=progress,

@@ -1,4 +1,4 @@
-"""``barbalat reproduce``: everything of the paper."""
+"""``barbalat reproduce``: everything of a paper."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from barbalat.commands.screen import work
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from barbalat.claims.claim import Claim
-    from barbalat.claims.ledger import Measured
-    from barbalat.claims.paper_figure import PaperFigure
     from barbalat.commands import Commands
+    from barbalat.papers.claim import Claim
+    from barbalat.papers.ledger import Measured
+    from barbalat.papers.paper import Paper
+    from barbalat.papers.paper_figure import PaperFigure
     from barbalat.report.files import Folder
     from barbalat.run.progress import Progress
 
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("reproduce", help="everything of the paper: figures, tables, claims")
+    parser.add_argument(
+        "paper", nargs="?", metavar="PAPER", help="by its name; default: What is L1 Adaptive Control, jafari_2013"
+    )
+    parser.add_argument("--list", action="store_true", help="the papers that can be reproduced, instead")
     parser.add_argument("--out", default="barbalat-report", metavar="DIR", help="default: %(default)s")
     extent = parser.add_mutually_exclusive_group()
     extent.add_argument("--quick", action="store_true", help="the figures and the claims that take seconds")
@@ -35,7 +40,7 @@ def add(commands: Commands) -> None:
 
 ORDINARY_SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
 """In all, until the ledger is there to say it."""
-START_SECONDS, RUNS_SECONDS, PICTURES_SECONDS, MAPS_SECONDS, PAGE_SECONDS = 1.0, 6.0, 9.0, 4.0, 2.0
+START_SECONDS, PICTURES_SECONDS, MAPS_SECONDS, PAGE_SECONDS = 1.0, 9.0, 4.0, 2.0
 """Seconds of a core: until the first row is begun, and what is done beside the rows."""
 EXPLORER_SECONDS = 3.0
 """Likewise of each page with sliders."""
@@ -44,11 +49,16 @@ EXPLORER_SECONDS = 3.0
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     started = time.perf_counter()
+    from barbalat.papers.paper import DEFAULT, paper_of
+
+    if options.list:
+        return _list_papers(as_json=options.json)
+    paper = paper_of(options.paper or DEFAULT)
     expected = {"reproducing": QUICK_SECONDS if options.quick else FULL_SECONDS if options.full else ORDINARY_SECONDS}
     with folder_of(options.out, None) as folder, work(expected) as running, running.part("reproducing", here=False) as progress:
         assert folder is not None  # --out has a default
         figures, claims, document, seconds = _reproduced(
-            folder, started, None if options.json else running.console, progress, quick=options.quick, full=options.full
+            paper, folder, started, None if options.json else running.console, progress, quick=options.quick, full=options.full
         )
         folder.commit()
     if options.json:
@@ -58,27 +68,39 @@ def execute(options: argparse.Namespace) -> int:
     return 0 if all(figure.reproduced for figure in figures) else 1
 
 
+def _list_papers(*, as_json: bool) -> int:
+    from barbalat.papers.paper import papers
+    from barbalat.report.documents import as_json as text_of
+    from barbalat.report.terminal.layout import Screen
+
+    if as_json:
+        print_json(text_of({"papers": [{"name": paper.name, "title": paper.title} for paper in papers().values()]}))
+        return 0
+    screen = Screen()
+    for paper in papers().values():
+        screen.fact(paper.name, paper.title, 26)
+    return 0
+
+
 def _reproduced(
-    folder: Folder, started: float, console: Console | None, progress: Progress, *, quick: bool, full: bool
+    paper: Paper, folder: Folder, started: float, console: Console | None, progress: Progress, *, quick: bool, full: bool
 ) -> tuple[list[PaperFigure], list[Claim], str, float]:
     """Figures, claims, the JSON document, and how long it took [s] from ``started`` on; the page is written."""
-    from barbalat.claims import figures as paper
-    from barbalat.claims import ledger, section_v
-    from barbalat.claims.rows import LEDGER
     from barbalat.explorer import section_v as explorers
+    from barbalat.papers import ledger
     from barbalat.report import documents, page, write
     from barbalat.run.processes import answer_of
 
     processes = 1 if quick else os.cpu_count() or 1
-    rows = sum(part.duration(full=full) for part in LEDGER if part.quick or not quick)
-    pace = Pace(rows + (0.0 if quick else MAPS_SECONDS), progress, console)
+    rows = sum(part.duration(full=full) for part in paper.ledger if part.quick or not quick)
+    pace = Pace(paper.run_seconds, rows + (0.0 if quick else MAPS_SECONDS), progress, console)
     seconds, maps = {"start": time.perf_counter() - started}, {}
-    explored = () if quick else explorers.PAGES
+    explored = explorers.PAGES if paper.name == explorers.PAPER and not quick else ()
     exploring = {file: ledger.Other(partial(explorers.contents, file), EXPLORER_SECONDS) for file in explored}
-    with ledger.under_way(processes, quick=quick, full=full, told=pace.told, others=exploring) as ahead:
-        runs = section_v.run(pace.running_section_v)
+    with ledger.under_way(paper, processes, quick=quick, full=full, told=pace.told, others=exploring) as ahead:
+        runs = paper.run(pace.running)
         seconds["simulations"] = time.perf_counter() - started - sum(seconds.values())
-        figures = paper.paper_figures(runs)
+        figures = list(paper.figures(runs))
         narrow = write.NarrowPictures(figures, ahead.pool)
         certified = ahead.certified.result()
         drawing_loops = ahead.pool.submit(write.loop_pictures, certified.certificates)
@@ -87,7 +109,7 @@ def _reproduced(
         loops = answer_of(drawing_loops, write.loop_pictures, certified.certificates)
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
         claims = ledger.measure(
-            runs, quick=quick, full=full, ahead=ahead, told=pace.told,
+            paper, runs, quick=quick, full=full, ahead=ahead, told=pace.told,
             taken=lambda rows: maps.update(write.draw_maps(folder, rows)),
         )  # fmt: skip
         write.keep(folder, [*pictures.values(), *loops])
@@ -97,7 +119,7 @@ def _reproduced(
     seconds["total"] = time.perf_counter() - started
     document = documents.as_json(documents.reproduction_document(figures, claims, certified, seconds))
     tried = explorers.addresses(claims) if exploring else {}
-    for file, text in page.reproduction(figures, claims, pictures, maps, certified, loops, seconds, tried).items():
+    for file, text in page.reproduction(paper, figures, claims, pictures, maps, certified, loops, seconds, tried).items():
         folder.write(file, text)
     folder.write("report.json", document)
     return figures, claims, document, seconds["total"]
@@ -106,11 +128,11 @@ def _reproduced(
 class Pace:
     """Tells of rows as they are measured, and of how much of all work, in seconds of a core, is done."""
 
-    def __init__(self, rows: float, progress: Progress, console: Console | None) -> None:
-        """rows: seconds of what is measured and drawn for the ledger."""
+    def __init__(self, runs: float, rows: float, progress: Progress, console: Console | None) -> None:
+        """Seconds that the paper's runs take, and what is measured and drawn for the ledger."""
         from barbalat.report.terminal.layout import Screen
 
-        self.whole = START_SECONDS + RUNS_SECONDS + PICTURES_SECONDS + PAGE_SECONDS + rows
+        self.runs, self.whole = runs, START_SECONDS + runs + PICTURES_SECONDS + PAGE_SECONDS + rows
         self.done, self.runs_done = 0.0, 0.0
         self.progress = progress
         self.screen = Screen(console) if console is not None and console.is_terminal else None
@@ -124,9 +146,9 @@ class Pace:
             for claim in measured.claims:
                 ledger.streamed(self.screen, claim)
 
-    def running_section_v(self, fraction: float) -> None:
-        """So much of the runs is done."""
-        self.drawn(RUNS_SECONDS * (fraction - self.runs_done) + START_SECONDS * (self.runs_done == 0))
+    def running(self, fraction: float) -> None:
+        """So much of the paper's runs is done."""
+        self.drawn(self.runs * (fraction - self.runs_done) + START_SECONDS * (self.runs_done == 0))
         self.runs_done = fraction
 
     def drawn(self, seconds: float) -> None:

@@ -11,13 +11,13 @@ from typing import Any
 
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.claims.claim import Claim
 from barbalat.explorer.certified import section
 from barbalat.explorer.describe import Described
 from barbalat.explorer.lessons import Lesson
 from barbalat.explorer.page import html
 from barbalat.explorer.source import ObjectSource, Source
 from barbalat.loop.binding import numbered
+from barbalat.papers.claim import Claim
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers import SOLVERS

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
-from barbalat.claims.claim import Claim
+from barbalat.papers.claim import Claim
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from barbalat.cases.load import CaseText, text_to_start_from
-from barbalat.claims.claim import Claim
 from barbalat.explorer.explorer import Explorer, PageContents
 from barbalat.explorer.lessons import BoundedGoal, FigureGoal, Lesson, SettingGoal, UnprojectedGoal
 from barbalat.explorer.source import TextSource
+from barbalat.papers.claim import Claim
 
 TAU_PATH, KAPPA_PATH, GAMMA_PATH, MRAC_GAMMA_PATH = (
     "controller[0].tau",
@@ -17,10 +17,12 @@ TAU_PATH, KAPPA_PATH, GAMMA_PATH, MRAC_GAMMA_PATH = (
     "controller[2].gamma",
 )
 STEP_PATH, DELAY_PATH = "simulation.dt", "plant.input.delay"
+PAPER = "jafari_2013"
+"""The paper beside whose reproduction these pages stand."""
 PAPER_CASE = "paper"
 """The bundled case that these lessons are about."""
 OSCILLATING_RATE, QUIET_RATE = 20.0, 1.0
-"""Variation of an estimate [1/s]: one sweep of the box per second, there and back, as ``claims.onset``; and the command's own."""
+"""Variation of an estimate [1/s]: one sweep of the box per second, there and back; and the command's own."""
 QUIET_GAIN = 300.0
 """Of L1-AC, far below the onset at the paper's step: what is seen is not the solver's."""
 

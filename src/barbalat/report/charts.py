@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from barbalat.claims.claim import Chart
+from barbalat.papers.claim import Chart
 from barbalat.pictures.theme import COLOURS, NARROW, dash_of
 from barbalat.report.maps import MARKS
 

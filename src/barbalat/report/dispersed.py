@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from importlib import metadata
 from typing import Any
 
 import barbalat
-from barbalat.flight.dispersed import DispersedComparison
-from barbalat.flight.drawing import KEPT
-from barbalat.flight.evidence import Flown, Median, Pairing
 from barbalat.sweeps.evidence import CONFIDENCE_LEVEL, Share
 from barbalat.sweeps.spread import Uniform
+from barbalat.vehicles.dispersed import KEPT, DispersedComparison
+from barbalat.vehicles.evidence import Flown, Median, Pairing
+from barbalat.vehicles.vehicle import Vehicle
 
 LARGE = 9.995
 NOTES = (
@@ -25,9 +25,9 @@ NOTES = (
 
 def headings(found: DispersedComparison) -> tuple[str, ...]:
     """The headings of the table of ``rows``."""
-    drawing = found.campaign.drawing
-    (moved, unit), (_, short) = drawing.moved, drawing.beside
-    error = f"RMS e\n[{drawing.error_unit}]"
+    vehicle = found.campaign.vehicle
+    (travel, moved), (_, short) = vehicle.drawing.travel, vehicle.drawing.beside
+    unit, error = vehicle.units[travel], f"RMS e\n[{vehicle.units['rms_e']}]"
     return ("controller", "lost", "of 100\nat 95 %", error, "at 95 %", f"less\nthan {short}", f"{moved}\n[{unit}]")
 
 
@@ -38,12 +38,12 @@ def notes(found: DispersedComparison) -> tuple[str, ...]:
         f"each failure by error and by losses; of all {found.evidence.comparisons} such comparisons that some draw decides, none "
         f"is called so by chance with a probability of {100 * CONFIDENCE_LEVEL:.0f} %, by Holm's correction"
     )
-    name, short = found.campaign.drawing.beside
+    name, short = found.campaign.vehicle.drawing.beside
     less = (
         f"less than {short}: on how many of 100 draws the error is smaller than that of {name}, of those that not both lost; + "
         "and - stand where that is beyond chance"
     )
-    travel = f"RMS e, and under {found.campaign.drawing.moved[0]} what moves in a second, are medians of all draws"
+    travel = f"RMS e, and under {found.campaign.vehicle.drawing.travel[1]} what moves in a second, are medians of all draws"
     told = (*NOTES, travel, less)
     return (*told, chance) if found.evidence.comparisons else told
 
@@ -57,7 +57,7 @@ def rows(found: DispersedComparison, failure: str) -> list[list[str]]:
             _interval(100 * end for end in one.lost.interval),
             _number(one.error.value),
             _bounds(one.error),
-            _paired(one, found.campaign.drawing.beside[0]),
+            _paired(one, found.campaign.vehicle.drawing.beside[0]),
             _number(one.travel.value),
         ]
         for one in found.evidence.by_failure[failure]
@@ -106,7 +106,7 @@ def loss_headings(found: DispersedComparison) -> tuple[str, ...]:
 
 def verdicts(found: DispersedComparison) -> list[str]:
     """For each failure who loses least, and who is better and worse than the PI beyond chance, by losses and by error."""
-    said, beside = [], found.campaign.drawing.beside[0]
+    said, beside = [], found.campaign.vehicle.drawing.beside[0]
     for failure, several in found.evidence.by_failure.items():
         least = several[0].lost.count
         if least == found.members:
@@ -142,7 +142,7 @@ def _least(several: tuple[Flown, ...]) -> str:
 
 def facts(found: DispersedComparison) -> list[tuple[str, str]]:
     """What was drawn, where it flies, how it was set."""
-    drawing, conditions = found.campaign.drawing, found.campaign.fleet.conditions
+    drawing, conditions = found.campaign.vehicle.drawing, found.campaign.conditions
     draws = ", ".join(_range(name, one, drawing.units.get(name, "")) for name, one in drawing.drawn.items())
     where = f"taking turns at {'; '.join(conditions)}" if len(conditions) > 1 else conditions[0]
     timing = f"{drawing.timing.duration:g} s each, the failure at {drawing.timing.fails_at:g} s"
@@ -159,19 +159,20 @@ def _range(name: str, one: Uniform, unit: str) -> str:
 
 def as_document(found: DispersedComparison) -> dict[str, Any]:
     """The document of ``fly --dispersions --json``: all that the tables say, and what it follows from."""
-    identity, drawing = found.campaign.identity(), found.campaign.drawing
-    packages = (drawing.simulator, "numpy", "scipy")
+    identity, vehicle = found.campaign.identity(), found.campaign.vehicle
+    travel, _ = vehicle.drawing.travel
+    packages = (vehicle.simulator, "numpy", "scipy")
     return {
         "flight": found.campaign.name,
         "members": found.members,
         "resumed": found.resumed,
         "plan": identity["plan"],
         "equations": identity["equations"],
-        "conditions": list(found.campaign.fleet.conditions),
-        "timing": asdict(drawing.timing),
-        "numbers": drawing.numbers,
+        "conditions": list(found.campaign.conditions),
+        "timing": asdict(vehicle.drawing.timing),
+        "numbers": _numbers(vehicle),
         "versions": {"barbalat": barbalat.__version__} | {name: metadata.version(name) for name in packages},
-        "units": {"rms_e": drawing.error_unit, "max_abs_e": drawing.error_unit, "travel": drawing.moved[1]},
+        "units": {name: vehicle.units[of] for name, of in (("rms_e", "rms_e"), ("max_abs_e", "max_abs_e"), ("travel", travel))},
         "figures": list(KEPT),
         "first_draw": {name: value if math.isfinite(value) else None for name, value in found.rows.row(0).items()},
         "lost": {name: {"count": count, "flights": flights} for name, (count, flights) in found.evidence.lost.items()},
@@ -179,6 +180,11 @@ def as_document(found: DispersedComparison) -> dict[str, Any]:
             failure: {one.controller: _as_json(one) for one in several} for failure, several in found.evidence.by_failure.items()
         },
     }
+
+
+def _numbers(vehicle: Vehicle[Any, Any, Any]) -> Mapping[str, object]:
+    """The schemes' numbers; by the loops on which they were found, where these are several."""
+    return next(iter(vehicle.numbers.values())) if len(vehicle.numbers) == 1 else vehicle.numbers
 
 
 def _as_json(one: Flown) -> dict[str, Any]:

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from barbalat.certificates.overview import Certified
-from barbalat.claims.claim import Claim
-from barbalat.claims.paper_figure import PaperFigure
+from barbalat.papers.claim import Claim
+from barbalat.papers.paper_figure import PaperFigure
 from barbalat.run.result import Result
 
 

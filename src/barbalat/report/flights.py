@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.flight.compared import Compared, Failing, Flown
 from barbalat.run.stepwise import Agreement
+from barbalat.vehicles.comparison import FlightComparison
+from barbalat.vehicles.flight import Failing, Flight
 
 CSV_EVERY = 10
 """Samples from one row of a CSV to the next: ten rows a second, so that a failure's flights are some 100 kB."""
@@ -19,7 +20,7 @@ NAMED_FAILURES = 3
 """That a title names: all of a flight's are two lines of it."""
 
 
-def title(found: Compared) -> str:
+def title(found: FlightComparison) -> str:
     """What flew through what: few failures by their names, more by their number."""
     names = [one.name for one in found.failures]
     if len(names) <= NAMED_FAILURES:
@@ -28,20 +29,20 @@ def title(found: Compared) -> str:
     return f"{found.name} through {failing} failures{', and without one' if failing < len(names) else ''}"
 
 
-def rows(found: Compared, failure: Failing) -> list[list[str]]:
+def rows(found: FlightComparison, failure: Failing) -> list[list[str]]:
     """The controllers through one failure, the best first: name, then figures, or why control was lost."""
     return [[flight.controller, *_cells(found, flight)] for flight in found.through(failure)]
 
 
-def _cells(found: Compared, flight: Flown) -> list[str]:
+def _cells(found: FlightComparison, flight: Flight) -> list[str]:
     if not flight.lost:
-        return found.cells(flight.figures)
-    empty = ["-"] * len(found.headings)
+        return found.vehicle.cells(flight.figures)
+    empty = ["-"] * len(found.vehicle.headings)
     empty[len(empty) // 2] = f"lost {flight.duration:.1f} s"
     return empty
 
 
-def reasons(found: Compared, failure: Failing) -> list[str]:
+def reasons(found: FlightComparison, failure: Failing) -> list[str]:
     """A sentence for each way in which control was lost, and who lost it when."""
     lost = [flight for flight in found.through(failure) if flight.lost]
     whys = dict.fromkeys(flight.lost for flight in lost)
@@ -49,7 +50,7 @@ def reasons(found: Compared, failure: Failing) -> list[str]:
     return [f"Control was lost as {why}: {', '.join(names)}" for why, names in who.items()]
 
 
-def losses(found: Compared) -> list[list[str]]:
+def losses(found: FlightComparison) -> list[list[str]]:
     """Controller, how many of its flights it lost, and where it was asked for the delay with which it loses none."""
     delays = found.delays
     return [
@@ -58,17 +59,17 @@ def losses(found: Compared) -> list[list[str]]:
     ]
 
 
-def loss_headings(found: Compared) -> tuple[str, ...]:
+def loss_headings(found: FlightComparison) -> tuple[str, ...]:
     """The headings of the table of ``losses``."""
     return ("controller", "flights lost", *([] if found.delays is None else ["added delay\nborne"]))
 
 
-def _delay(found: Compared, seconds: float) -> str:
+def _delay(found: FlightComparison, seconds: float) -> str:
     more = ", at least" if seconds >= found.longest_delay else ""
     return f"{round(1e3 * seconds, 1):g} ms{more}"
 
 
-def best_and_worst(found: Compared, failure: Failing) -> str:
+def best_and_worst(found: FlightComparison, failure: Failing) -> str:
     """Of those that kept control."""
     kept = [flight for flight in found.through(failure) if not flight.lost]
     if not kept:
@@ -80,12 +81,12 @@ def best_and_worst(found: Compared, failure: Failing) -> str:
     return f"{survived}; least error: {kept[0].controller}, largest: {kept[-1].controller}"
 
 
-def facts(found: Compared) -> list[tuple[str, str]]:
+def facts(found: FlightComparison) -> list[tuple[str, str]]:
     """What is said before the tables: what flew where, and how what flew agrees with what is simulated."""
     return [*found.facts(), *(("exported", sentence) for sentence in _in_the_loop(found))]
 
 
-def _in_the_loop(found: Compared) -> list[str]:
+def _in_the_loop(found: FlightComparison) -> list[str]:
     """Of the exported C: a sentence of all that equal their lists, one of each that does not."""
     agreements = found.agreements or {}
     equal = {name: one for name, one in agreements.items() if one.equal and not one.refused}
@@ -106,12 +107,12 @@ def _unequal(name: str, one: Agreement) -> str:
     return f"the C of {name} is not the simulated list{f': {one.difference}' if one.difference else ''}{held}"
 
 
-def as_document(found: Compared) -> dict[str, Any]:
+def as_document(found: FlightComparison) -> dict[str, Any]:
     """The document of ``fly --json``."""
     return {
         "flight": found.name,
         **found.details(),
-        "units": found.units,
+        "units": found.vehicle.units,
         "failures": {failure.name: _judged(found, failure) for failure in found.failures},
         "losses": found.losses,
         **({} if found.delays is None else {"delay_borne": found.delays}),
@@ -123,13 +124,13 @@ def as_document(found: Compared) -> dict[str, Any]:
     }
 
 
-def _as_c(found: Compared) -> dict[str, Any]:
+def _as_c(found: FlightComparison) -> dict[str, Any]:
     if found.agreements is None:
         return {}
     return {"software_in_the_loop": {name: {"equal": one.equal, **asdict(one)} for name, one in found.agreements.items()}}
 
 
-def _judged(found: Compared, failure: Failing) -> dict[str, Any]:
+def _judged(found: FlightComparison, failure: Failing) -> dict[str, Any]:
     ranked = found.through(failure)
     kept = [flight.controller for flight in ranked if not flight.lost]
     return {
@@ -140,11 +141,11 @@ def _judged(found: Compared, failure: Failing) -> dict[str, Any]:
     }
 
 
-def table_of(found: Compared, failure: Failing) -> str:
+def table_of(found: FlightComparison, failure: Failing) -> str:
     """A CSV of all flights through one failure."""
     buffer = io.StringIO()
     writer = csv.writer(buffer, lineterminator="\n")
-    writer.writerow(["controller", *(f"{name} [{unit}]" for name, unit in found.columns.items())])
+    writer.writerow(["controller", *(f"{name} [{unit}]" for name, unit in found.vehicle.columns.items())])
     for flight in found.through(failure):
         chosen = np.unique([*range(0, len(flight.record), CSV_EVERY), len(flight.record) - 1])
         writer.writerows([flight.controller, *(f"{value:.6g}" for value in row)] for row in flight.record[chosen])

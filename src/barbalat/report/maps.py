@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, withStroke
 
-from barbalat.claims.claim import ChartAxis, Curve, Map
+from barbalat.papers.claim import ChartAxis, Curve, Map
 from barbalat.pictures.theme import NARROW
 from barbalat.validate import Array
 

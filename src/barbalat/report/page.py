@@ -19,11 +19,10 @@ from markupsafe import Markup
 import barbalat
 from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.overview import Certified
-from barbalat.claims.claim import Claim
-from barbalat.claims.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.contests.result import Contest
-from barbalat.flight.compared import Compared
-from barbalat.flight.dispersed import DispersedComparison
+from barbalat.papers.claim import Claim
+from barbalat.papers.paper import Paper
+from barbalat.papers.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.pictures.numbers import number_text
 from barbalat.report import contest as contest_rows
 from barbalat.report import dispersed, flights, tradeoff
@@ -40,6 +39,8 @@ from barbalat.study.tradeoff_picture import TITLES, panels
 from barbalat.sweeps.evidence import DIVERGES, EXAMINED
 from barbalat.sweeps.result import SweepResult
 from barbalat.tuning.result import Tuning
+from barbalat.vehicles.comparison import FlightComparison
+from barbalat.vehicles.dispersed import DispersedComparison
 
 FIGURE_COLUMNS = {
     "max_abs_e": "max |e|",
@@ -73,6 +74,7 @@ EXPLORER = "explorer.html"
 
 
 def reproduction(
+    paper: Paper,
     figures: Sequence[PaperFigure],
     claims: Sequence[Claim],
     pictures: dict[str, ReportFigure],
@@ -82,14 +84,15 @@ def reproduction(
     seconds: dict[str, float],
     tried: Mapping[str, str],
 ) -> dict[str, str]:
-    """The pages of ``barbalat reproduce`` by their files; ``pictures`` and ``maps`` are by key, ``seconds`` by part.
+    """The pages of ``barbalat reproduce`` for a paper, by their files; ``pictures`` and ``maps`` are by key, ``seconds`` by part.
 
     tried  addresses of lessons by the names of claims and of figures, as "figure-2"; empty without explorers
     """
     tally = Counter(claim.verdict for claim in claims)
-    paper = [figure for figure in figures if figure.key != ADDED_FIGURE]
+    described = [figure for figure in figures if figure.key != ADDED_FIGURE]
     values: dict[str, object] = {"tally": dict(tally.most_common()), "tried": tried}
-    values |= {"reproduced": sum(figure.reproduced for figure in paper), "described": len(paper)}
+    values |= {"reproduced": sum(figure.reproduced for figure in described), "described": len(described)}
+    values["paper"] = paper
     values["siblings"] = REPRODUCTION | ({EXPLORER: "Explorer"} if tried else {})
     values |= {
         "figures": figures,
@@ -157,7 +160,9 @@ class Film:
         return f"data:image/gif;base64,{b64encode(self.gif).decode()}" if alone else self.file
 
 
-def flight(found: Compared, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None) -> str:
+def flight(
+    found: FlightComparison, pictures: Mapping[str, ReportFigure], paths: Mapping[str, ReportFigure], film: Film | None
+) -> str:
     """The page of ``barbalat fly``; pictures over time and in space by the failures' names."""
     told = {
         "title": flights.title,
@@ -167,7 +172,7 @@ def flight(found: Compared, pictures: Mapping[str, ReportFigure], paths: Mapping
         "losses": flights.losses,
         "best_and_worst": flights.best_and_worst,
     }
-    headings = ("controller", *(heading.replace("\n", " ") for heading in found.headings))
+    headings = ("controller", *(heading.replace("\n", " ") for heading in found.vehicle.headings))
     values = {
         "headings": headings,
         "loss_headings": tuple(one.replace("\n", " ") for one in flights.loss_headings(found)),

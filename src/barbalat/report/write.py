@@ -13,14 +13,10 @@ from matplotlib.figure import Figure
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.picture import distinct
-from barbalat.claims.claim import Chart, Claim, Map
-from barbalat.claims.paper_figure import PaperFigure
 from barbalat.contests.picture import draw as draw_contest
 from barbalat.contests.result import Contest
-from barbalat.flight import path_picture
-from barbalat.flight.compared import Compared
-from barbalat.flight.film import film
-from barbalat.flight.registry import FLIGHTS
+from barbalat.papers.claim import Chart, Claim, Map
+from barbalat.papers.paper_figure import PaperFigure
 from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
 from barbalat.report import charts, diagrams, flights, maps, page
@@ -37,6 +33,10 @@ from barbalat.sweeps import picture as of_sweep
 from barbalat.sweeps.result import SweepResult
 from barbalat.tuning.picture import draw as draw_tuning
 from barbalat.tuning.result import Tuning
+from barbalat.vehicles import path_picture
+from barbalat.vehicles.comparison import FlightComparison
+from barbalat.vehicles.film import film
+from barbalat.vehicles.registry import vehicles
 
 
 class Drawn(Protocol):
@@ -171,7 +171,7 @@ def write_sweep(folder: Folder, found: SweepResult, worst: Sequence[WorstMember]
     folder.write(PAGE, page.sweep(found, pictures, worst))
 
 
-def write_flights(folder: Folder, found: Compared) -> None:
+def write_flights(folder: Folder, found: FlightComparison) -> None:
     """For each failure pictures over time and in space and a CSV, a film of one of them, and the page, which holds them all."""
     pictures, paths = {}, {}
     for failure in found.failures:
@@ -201,7 +201,7 @@ def _within(folder: Folder, name: str, figure: Drawn) -> ReportFigure:
 
 def files_of_flights() -> set[str]:
     """What ``barbalat fly`` may have left in a folder, beside the files that it always writes."""
-    names = {name for entry in FLIGHTS.values() for name in entry.failures}
+    names = {failure.name for vehicle in vehicles().values() for failure in vehicle.failures}
     return {FILM, *(f"{what}-{name}.{kind}" for name in names for what in ("flight", "path") for kind in ("png", "csv"))}
 
 

@@ -12,7 +12,7 @@ from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.certificates.bounds import l1_reference, theorem_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
-from barbalat.claims import section_v
+from barbalat.papers.jafari_2013 import section_v
 from certificates.bounds import random_problems
 
 H, T_END = 2e-3, 10.0

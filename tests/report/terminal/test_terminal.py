@@ -18,9 +18,9 @@ from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.summary import five
 from barbalat.certificates.table_1 import table_1
-from barbalat.claims.claim import Claim, Listing, Reading
-from barbalat.claims.paper_figure import Check, PaperFigure
-from barbalat.claims.rows import LEDGER
+from barbalat.papers.claim import Claim, Listing, Reading
+from barbalat.papers.jafari_2013.paper import PAPER
+from barbalat.papers.paper_figure import Check, PaperFigure
 from barbalat.pictures.numbers import number_text
 from barbalat.pictures.symbols import HELD_BLANK
 from barbalat.report.terminal import certificates, ledger, runs
@@ -87,7 +87,7 @@ SCREENS = {
     **{f"run {name}": lambda screen, name=name: runs.show(screen, case(name).name, results(name)) for name in CASES},
     **{f"certify {name}": lambda s, name=name: certificates.show(s, name, *certified(name), 1e-3) for name in CASES},
     **{f"certify {name} --full": lambda s, name=name: certificates.show_full(s, name, *certified(name), 1e-3) for name in CASES},
-    "claims": lambda screen: ledger.names(screen, LEDGER),
+    "claims": lambda screen: ledger.names(screen, [PAPER]),
     "claims NAME": lambda screen: ledger.in_full(screen, CLAIM),
     "reproduce": lambda screen: ledger.overview(screen, [FIGURE], [CLAIM, NUMBERED, PLAIN]),
     "while it reproduces": lambda screen: [ledger.streamed(screen, claim) for claim in (CLAIM, NUMBERED)],

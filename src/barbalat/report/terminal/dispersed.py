@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from barbalat.flight.dispersed import DispersedComparison
 from barbalat.report import dispersed
 from barbalat.report.terminal.layout import Screen
+from barbalat.vehicles.dispersed import DispersedComparison
 
 
 def show(screen: Screen, found: DispersedComparison) -> None:

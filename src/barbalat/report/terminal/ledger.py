@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import get_args
 
-from barbalat.claims.claim import Claim, Listing, Verdict
-from barbalat.claims.paper_figure import ADDED_FIGURE, PaperFigure
-from barbalat.claims.rows import RUNS_OF_SECTION_V, Measurement
+from barbalat.papers.claim import Claim, Listing, Verdict
+from barbalat.papers.paper import Paper
+from barbalat.papers.paper_figure import ADDED_FIGURE, PaperFigure
 from barbalat.pictures.symbols import held
 from barbalat.report.terminal.layout import Screen, capitalized
 
@@ -76,11 +76,14 @@ def _listing(screen: Screen, listing: Listing) -> None:
     screen.table(listing.columns, listing.rows, left=range(1, len(listing.columns)))
 
 
-def names(screen: Screen, ledger: Sequence[Measurement]) -> None:
+def names(screen: Screen, papers: Sequence[Paper]) -> None:
     """Every row's name, what it is about, and how long it takes to measure."""
     screen.line("The ledger's rows. No verdict is stored: barbalat claims NAME measures one.", "bold")
-    for part in ledger:
-        seconds = part.seconds + RUNS_OF_SECTION_V * part.judges_runs
-        for name, about in part.names.items():
-            screen.fact(name, about if seconds < 1 else f"{about} ({held(f'{seconds:.0f} s')})", NAME_COLUMNS)
+    for paper in papers:
+        if len(papers) > 1:
+            screen.title(f"{paper.name}: {paper.title}")
+        for part in paper.ledger:
+            seconds = part.seconds + paper.run_seconds * part.judges_runs
+            for name, about in part.names.items():
+                screen.fact(name, about if seconds < 1 else f"{about} ({held(f'{seconds:.0f} s')})", NAME_COLUMNS)
     screen.line("In brackets how long it takes, about, where that is a second or more.", "dim")

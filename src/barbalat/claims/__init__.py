@@ -1,1 +1,0 @@
-"""What the paper shows and says, measured."""

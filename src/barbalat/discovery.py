@@ -1,0 +1,42 @@
+"""Slices of the program that are found by where they stand: the built-in ones by their folder, others by an entry point."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib import import_module, metadata
+from pkgutil import iter_modules
+from types import ModuleType
+
+from barbalat.validate import InputError
+
+
+def slices(home: str, group: str, module: str) -> Iterator[ModuleType]:
+    """The modules of one name in all packages inside ``home``, then in all packages that entry points of ``group`` name.
+
+    A distribution adds a slice by, in its pyproject.toml, ``[project.entry-points."GROUP"]`` and ``name = "package"``.
+    Raises InputError for an entry point that can't be imported, with the distribution that declares it.
+    """
+    for package in packages_in(import_module(home)):
+        yield import_module(f"{package}.{module}")
+    for entry in sorted(metadata.entry_points(group=group), key=lambda one: one.name):
+        try:
+            yield import_module(f"{entry.value}.{module}")
+        except ImportError as error:
+            by = "" if entry.dist is None else f" of {entry.dist.name} {entry.dist.version}"
+            raise InputError(
+                f"the entry point {entry.name!r}{by} in the group {group} names {entry.value!r}, from which {module!r} can't be "
+                f"imported: {error}"
+            ) from error
+
+
+def packages_in(package: ModuleType) -> list[str]:
+    """The full names of the packages inside a package, in alphabetical order."""
+    return sorted(f"{package.__name__}.{one.name}" for one in iter_modules(package.__path__) if one.ispkg)
+
+
+def modules_in(package: str) -> list[ModuleType]:
+    """All modules of a package's own folder, imported, in alphabetical order."""
+    found = import_module(package)
+    return [
+        import_module(name) for name in sorted(f"{package}.{one.name}" for one in iter_modules(found.__path__) if not one.ispkg)
+    ]

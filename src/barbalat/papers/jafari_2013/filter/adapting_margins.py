@@ -1,0 +1,237 @@
+"""What the filter does to the exact margins of the loop that adapts, around constant commands.
+
+At the command r the estimates act through theta_hat' = Gamma x (...) with x proportional to r, and theta_hat'x: the loop
+depends on Gamma r^2 alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.linear.interconnections import complementary_sensitivity
+from barbalat.linear.margins import Margins, margins
+from barbalat.linear.peaks import peak_gain
+from barbalat.linear.systems import StateSpace
+from barbalat.papers.claim import ChartAxis, Curve, Map, Reading, verdict
+from barbalat.papers.jafari_2013 import section_v
+from barbalat.validate import Array, InputError
+
+GAINS = np.geomspace(1e-6, 1e8, 43)
+"""Gamma r^2, three in a decade: from where the adaptation is too slow to matter, beyond Gamma = 1e4 at r = 50."""
+KAPPAS = np.geomspace(1e-3, 0.4, 12)
+"""The last is too slow for Section V's plant: the filtered loop is unstable."""
+COMMAND_CREST = 50.0
+"""Of Section V's command."""
+FIGURE_3_GAIN = 1e4 * COMMAND_CREST**2
+"""Gamma r^2 at Figure 3's gain and the crest of its command."""
+TOLD_GAINS = (0.01, 100.0, FIGURE_3_GAIN)
+"""Gamma r^2 at which the readings tell the margins: slow adaptation, where L1-AC's delay margin is near its least, Figure 3's."""
+MODERATE_KAPPA = 0.1
+"""The filters up to here, twice what Theorem 1's condition admits, are those of which the gain margin is claimed to fall."""
+METHOD = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends on Gamma r^2 alone"
+
+
+class BorneMargins(NamedTuple):
+    """What a stable loop bears.
+
+    small_gain  1/||T||_inf: a Delta_m of (11) that is smaller at every frequency cannot destabilise it
+    """
+
+    margins: Margins
+    small_gain: float
+
+
+UPWARDS, DOWNWARDS = "gain margin upwards", "gain margin downwards"
+MARGINS: dict[str, Callable[[BorneMargins], float]] = {
+    UPWARDS: lambda borne: borne.margins.gain_up - 1,
+    DOWNWARDS: lambda borne: 1 - borne.margins.gain_down,
+    "phase margin": lambda borne: borne.margins.phase,
+    "delay margin": lambda borne: borne.margins.delay,
+    "small-gain margin 1/||T||_inf": lambda borne: borne.small_gain,
+}
+"""By name, each zero for a loop that bears nothing: k - 1 and 1 - k of the gain margins k, [rad], [s], the least size of Delta_m."""
+
+
+@dataclass(frozen=True)
+class FilterEffect:
+    """What the filter does to the exact margins around constant commands: read as each of ``MARGINS``, and drawn.
+
+    fall_at_every_gain, rise_at_high_gain  names of ``MARGINS``: lower in every cell with a moderate filter; higher in all at the largest gain
+    """
+
+    readings: tuple[Reading, ...]
+    maps: tuple[Map, ...]
+    gain_margins: tuple[float, float]
+    fall_at_every_gain: tuple[str, ...]
+    rise_at_high_gain: tuple[str, ...]
+
+
+def filter_effect() -> FilterEffect:
+    """The ratio of the margins with and without the filter, over Gamma and kappa."""
+    without, scans = scan(None), [scan(float(kappa)) for kappa in KAPPAS]
+    ratios = {name: np.array([_ratios(each, without, of) for each in scans]) for name, of in MARGINS.items()}
+    delay = ratios["delay margin"]
+    rows = [i for i, row in enumerate(delay) if not np.isnan(row).any()]
+    line = Curve("ratio 1", np.array([_equal_at(float(KAPPAS[i]), delay[i]) for i in rows]), KAPPAS[rows])
+    moderate = {name: found[KAPPAS <= MODERATE_KAPPA] for name, found in ratios.items()}
+    plain, filtered = (margins(loop(kappa)(FIGURE_3_GAIN)).gain_up for kappa in (None, section_v.KAPPA))
+    return FilterEffect(
+        (_upwards(ratios[UPWARDS], plain, filtered), *(_reading(name, moderate[name]) for name in MARGINS if name != UPWARDS)),
+        (_delay_map(delay, line), _gain_map(ratios[UPWARDS])),
+        (plain, filtered),
+        fall_at_every_gain=tuple(name for name, found in moderate.items() if (found < 1).all()),
+        rise_at_high_gain=tuple(name for name, found in moderate.items() if (found[:, -1] > 1).all()),
+    )
+
+
+def _upwards(ratios: Array, plain: float, filtered: float) -> Reading:
+    """The margin that every moderate filter lowers: the slow ones that do not are told one by one."""
+    moderate, beyond = ratios[KAPPAS <= MODERATE_KAPPA], ratios[KAPPAS > MODERATE_KAPPA]
+    return Reading(
+        f"the {UPWARDS} of the loop that adapts: exact, around constant commands",
+        verdict(holds=bool(moderate.max() < 1), conditional=not (beyond < 1).all()),
+        f"k = {plain:.4g} to {filtered:.4g} at Figure 3's gain, kappa = {section_v.KAPPA:g} s and r = 50; true of all {moderate.size} cells with "
+        f"kappa <= {MODERATE_KAPPA:g} s, twice what Theorem 1's condition admits, where k - 1 falls to {moderate.min():.2g} to {moderate.max():.2g} of what it is without "
+        f"the filter. Slower filters: {_slower(ratios)}",
+    )
+
+
+def _reading(name: str, moderate: Array) -> Reading:
+    """Another margin: in how many cells with a moderate filter it falls, and at which gains Section V's filter raises it."""
+    of, (without, filtered) = MARGINS[name], (scan(None), scan(section_v.KAPPA))
+    raised = np.array([of(f) > of(m) for f, m in zip(filtered, without, strict=True) if f is not None and m is not None])
+    said = f"the filter raises it at {int(raised.sum())} of {len(raised)} gains"
+    if raised.any():
+        first, last = GAINS[raised][0], GAINS[raised][-1]
+        said += f", Gamma r^2 = {first:.2g} to {last:.2g}, that is Gamma = {first / COMMAND_CREST**2:.2g} to {last / COMMAND_CREST**2:.2g} at r = {COMMAND_CREST:g}"
+    at = "; ".join(f"{_changed(name, gain)} at Gamma r^2 = {gain:.3g}" for gain in TOLD_GAINS)
+    return Reading(
+        f"the {name} of the loop that adapts: exact, around constant commands",
+        verdict(holds=bool((moderate < 1).all())),
+        f"kappa = {section_v.KAPPA:g} s: {at}; {said}. It falls in {int((moderate < 1).sum())} of {moderate.size} cells with kappa <= {MODERATE_KAPPA:g} s",
+    )
+
+
+def _changed(name: str, gain: float) -> str:
+    """Without and with the filter; of the gain margin downwards the factor itself, which is better smaller."""
+    plain, filtered = (bears(loop(kappa)(gain)) for kappa in (None, section_v.KAPPA))
+    assert plain is not None and filtered is not None
+    of = MARGINS[name] if name != DOWNWARDS else (lambda borne: borne.margins.gain_down)
+    return f"{'k = ' if name == DOWNWARDS else ''}{of(plain):.3g} to {of(filtered):.3g}"
+
+
+def _slower(ratios: Array) -> str:
+    """What the filters beyond ``MODERATE_KAPPA`` do to the gain margin, in every cell of theirs."""
+    said = []
+    for kappa, row in zip(KAPPAS, ratios, strict=True):
+        if kappa <= MODERATE_KAPPA:
+            continue
+        raised, lost = row >= 1, np.isnan(row)
+        text = f"kappa = {kappa:.3g} s falls in {int((row < 1).sum())} of {len(row)} cells"
+        if raised.any():
+            at = ", ".join(f"{gain:.2g}" for gain in GAINS[raised])
+            text += f", rises in {int(raised.sum())} (Gamma r^2 = {at}, to {row[raised].max():.3g} of what it is)"
+        if lost.any():
+            text += f", is unstable with the filter in {int(lost.sum())}"
+        said.append(text)
+    return "; ".join(said)
+
+
+def _delay_map(ratios: Array, line: Curve) -> Map:
+    return Map(
+        key="filter-delay-margin",
+        title="The filter's effect on the delay margin of the loop that adapts",
+        caption=(
+            "The delay margin of L1-AC's loop over that of MRAC's at the same gain, each linearised around a constant command r with its law "
+            "inside. To the left of the line the filter costs margin, to the right it raises it: MRAC's margin falls as 1/Γ, and L1-AC's returns to that of the limit of fast "
+            "adaptation (the step in the colours)."
+        ),
+        x=ChartAxis("Γr²", GAINS, logarithmic=True),
+        y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
+        values=ratios,
+        quantity="delay margin with/without filter",
+        logarithmic=True,
+        lost="unstable with filter",
+        curves=(line, _section_v()),
+    )
+
+
+def _gain_map(ratios: Array) -> Map:
+    return Map(
+        key="filter-gain-margin",
+        title="The filter's effect on the gain margin of the loop that adapts",
+        caption=(
+            "As for the delay margin: k - 1 with the filter over k - 1 without it, k the gain margin. The filter makes the loop's relative "
+            "degree larger, and the resonance of the adaptation bears less gain, however fast it is."
+        ),
+        x=ChartAxis("Γr²", GAINS, logarithmic=True),
+        y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
+        values=ratios,
+        quantity="(k - 1) with/without filter",
+        logarithmic=True,
+        lost="unstable with filter",
+        curves=(_section_v(),),
+    )
+
+
+def _section_v() -> Curve:
+    """Figure 3's gain and filter, at the two commands."""
+    return Curve("Figure 3's Γ and κ at r = 1, r = 50", np.array([1e4, FIGURE_3_GAIN]), [section_v.KAPPA] * 2, marks=True)
+
+
+@cache
+def loop(kappa: float | None) -> Callable[[float], StateSpace]:
+    """From Gamma r^2 to the adapting loop around a constant command; without a filter for ``None``.
+
+    Gamma is a factor of the law alone, so the loop's matrix is affine in it: two exact linearisations give all.
+    """
+    one, two = (around_equilibrium(section_v.problem(), _controller(gamma, kappa), 1.0) for gamma in (1.0, 2.0))
+    return lambda gamma: StateSpace(one.A + (gamma - 1) * (two.A - one.A), one.B, one.C, one.D)
+
+
+def _controller(gamma: float, kappa: float | None) -> Mrac | L1Adaptive:
+    return Mrac(gamma=gamma) if kappa is None else section_v.l1("L1", gamma, kappa)
+
+
+@cache
+def scan(kappa: float | None) -> tuple[BorneMargins | None, ...]:
+    """Over ``GAINS``; ``None`` where the loop is unstable."""
+    at = loop(kappa)
+    return tuple(bears(at(float(gamma))) for gamma in GAINS)
+
+
+def bears(loop: StateSpace) -> BorneMargins | None:
+    """What the loop bears; ``None`` where it is unstable."""
+    try:
+        found = margins(loop)
+    except InputError:  # the loop is unstable, which is an answer here
+        return None
+    return BorneMargins(found, 1 / peak_gain(complementary_sensitivity(loop)).gain)
+
+
+def _ratios(
+    with_filter: Sequence[BorneMargins | None], without: Sequence[BorneMargins | None], of: Callable[[BorneMargins], float]
+) -> Array:
+    """NaN where one of the loops is unstable."""
+    pairs = zip(with_filter, without, strict=True)
+    return np.array([np.nan if f is None or m is None else of(f) / of(m) for f, m in pairs])
+
+
+def _equal_at(kappa: float, ratios: Array) -> float:
+    """The Gamma r^2 at which the filter leaves the delay margin as it was: the last crossing of the scan, refined."""
+    from scipy.optimize import brentq
+
+    k = int(np.flatnonzero((ratios[:-1] < 1) & (ratios[1:] >= 1))[-1])
+    filtered, plain = loop(kappa), loop(None)
+
+    def change(exponent: float) -> float:
+        return float(np.log(margins(filtered(10**exponent)).delay / margins(plain(10**exponent)).delay))
+
+    return float(10 ** brentq(change, np.log10(GAINS[k]), np.log10(GAINS[k + 1]), rtol=1e-6))

@@ -1,0 +1,111 @@
+"""The claim on where the condition of Section V holds: decided for every kappa by certified norms at a few of them."""
+
+from __future__ import annotations
+
+import math
+
+from barbalat.certificates.bounds import theorem_1
+from barbalat.certificates.rounding import down, up
+from barbalat.linear.enclosure import OUTWARD_FACTOR
+from barbalat.linear.systems import input_filter
+from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import table
+from barbalat.problem.state_feedback import Known
+
+THETA_MAX = 10.0
+"""Section V's, of |theta|_1 over the known set."""
+PRINTED_KAPPA = 0.05
+"""[s]: the paper's limit, with its two decimals."""
+BISECTION_WIDTH = 1e-6
+"""Relative width of the bisection."""
+TOLD_KAPPAS = (0.01, 0.02, 0.03, 0.04, PRINTED_KAPPA)
+"""[s]: beside the limit itself."""
+PROOF_GAP = 1e-6
+"""[s]: at most this between what is proved and what is refuted, so that both are told with six decimals."""
+
+
+def condition() -> Claim:
+    """Where the condition holds, and whether it fails between there and the printed limit."""
+    known = section_v.problem().known
+    largest = theorem_1.kappa_admissible(known, THETA_MAX, BISECTION_WIDTH)
+    least = fails_down_to(known, PRINTED_KAPPA)
+    up_to_it = largest >= PRINTED_KAPPA
+    rounded = round(largest, 2) >= PRINTED_KAPPA and least - largest < PROOF_GAP
+    proved = math.floor(1e6 * largest) / 1e6
+    held = holds_up_to(known, largest)
+    readings = (
+        Reading("0.05 with its two decimals", verdict(holds=held and (up_to_it or rounded)), f"holds up to {proved:.6f} s"),
+        Reading("0.05 exactly", verdict(holds=held and up_to_it), f"{_value(known, PRINTED_KAPPA)[0]:.4f} on the left at 0.05 s"),
+    )
+    return Claim(
+        "kappa-0.05", "Section V, settings of L1-AC", "For kappa < 0.05 the condition ||W_b (C - 1)||_1 theta_max < 1 is satisfied",
+        of_readings(readings),
+        f"holds for every kappa up to {proved:.6f} s" + ("" if up_to_it else _refuted(known, least)),
+        "certified enclosures of the norm, bisection to 1e-6; between the points N(k2)/k2 <= N(k1)/k1 and N(k1) <= (2 - k1/k2) N(k2) for "
+        "k1 < k2, N(k) = ||W_b (C - 1)||_1, and N(k) <= k ||s W_b||_1 near zero",
+        listings=(_over_kappa(known, proved),),
+        number=f"the condition flips at kappa = {proved:.6f} s",
+        readings=readings,
+        condition="0.05 is read with its two decimals, as a rounded limit",
+        would_change="nothing that is simulated: the range is proved on both sides",
+    )  # fmt: skip
+
+
+def _over_kappa(known: Known, proved: float) -> Listing:
+    kappas = sorted({*TOLD_KAPPAS, proved})
+    bounds = [_value(known, kappa) for kappa in kappas]
+    return table(
+        "||W_b (C - 1)||_1 theta_max over the filter's time constant, where less than 1 is asked for: guaranteed bounds",
+        {
+            "kappa [s]": [f"{kappa:.6g}" for kappa in kappas],
+            "at least": [down(lower, 6) for lower, _ in bounds],
+            "at most": [up(upper, 6) for _, upper in bounds],
+        },
+    )
+
+
+def _refuted(known: Known, least: float) -> str:
+    if not math.isfinite(least):
+        return f"; at {PRINTED_KAPPA:g} s it could not be decided"
+    return (
+        f"; from {math.ceil(1e6 * least) / 1e6:.6f} s to {PRINTED_KAPPA:g} s it provably fails, with {_value(known, PRINTED_KAPPA)[0]:.4f} "
+        "on the left at the end: a rounding in the paper"
+    )
+
+
+def _value(known: Known, kappa: float) -> tuple[float, float]:
+    """||W_b (C - 1)||_1 theta_max: guaranteed bounds from below and from above."""
+    found = theorem_1.filter_condition(known, input_filter(kappa).realise(), THETA_MAX)
+    return found.norm.lower * THETA_MAX / OUTWARD_FACTOR, found.value_upper
+
+
+def holds_up_to(known: Known, kappa: float) -> bool:
+    """Whether the condition is proved for every kappa' in (0, kappa].
+
+    For k1 < k2, 1 - C_k1 = (1 - C_k2) [1 - (1 - k1/k2)/(k1 s + 1)], and the bracket's L1 norm is 2 - k1/k2: a value v < 1 at k2
+    stays below one down to (2 - 1/v) k2. Below kappa_max Theorem 1's own inequality N <= k ||s W_b||_1 takes over.
+    """
+    small = theorem_1.kappa_max(theorem_1.derivative_norm(known), THETA_MAX) * (1 - 1e-9)
+    while kappa > small:
+        value = _value(known, kappa)[1]
+        if value >= 1 - 1e-9:  # the enclosures' own width
+            return False
+        kappa *= max(2 - 1 / value, 0.5) * OUTWARD_FACTOR
+    return True
+
+
+def fails_down_to(known: Known, kappa: float) -> float:
+    """The least kappa' found for which the condition is refuted on [kappa', kappa]; infinite where it is not at kappa.
+
+    For k1 < k2, 1 - C_k2 = (1 - C_k1) [1 + (k2/k1 - 1)/(k2 s + 1)], and the bracket's L1 norm is k2/k1: N(k)/k does not grow,
+    so that a value v > 1 at k2 stays above one down to k2/v.
+    """
+    least = math.inf
+    while (value := _value(known, kappa)[0]) > 1 + BISECTION_WIDTH / 2:
+        least = kappa = kappa / value * OUTWARD_FACTOR
+    return least
+
+
+ROWS = (Measurement(condition, 0.4, {"kappa-0.05": "for which kappa the condition holds"}, place=100, quick=True),)

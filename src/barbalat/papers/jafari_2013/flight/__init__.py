@@ -1,0 +1,1 @@
+"""Stored flights of drawn vehicles: adaptive schemes beside linear designs."""

@@ -1,0 +1,1 @@
+"""Adaptive schemes beside linear robust designs."""

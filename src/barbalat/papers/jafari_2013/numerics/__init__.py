@@ -1,0 +1,1 @@
+"""The oscillations of the estimates: whose they are, and which solver, step or gain removes them."""

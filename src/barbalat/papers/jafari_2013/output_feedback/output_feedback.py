@@ -1,0 +1,187 @@
+"""Claims on output feedback: what the L1 controller is, what the SISO scheme reaches, Rohrs' counterexample."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.cases.build import Case
+from barbalat.cases.load import load_case
+from barbalat.controllers.output.l1 import L1Output, linear_equivalent
+from barbalat.controllers.output.linear import LinearOutput
+from barbalat.controllers.output.mrac import MracOutput
+from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.jafari_2013.variants import at_instants
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.result import Result
+from barbalat.run.simulate import simulate
+from barbalat.signals import Step
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+
+def l1_is_linear() -> Claim:
+    """The controller beside its equivalent; a constant disturbance; saturation with and without the bound on sigma."""
+    case = load_case("l1-output")
+    assert isinstance(case.problem, OutputProblem)
+    controller = next(c for c in case.controllers if isinstance(c, L1Output))
+    same = linear_equivalent(controller)
+    linear = LinearOutput(loop=same.feedback, feedforward=same.feedforward, name="equivalent")
+    runs = simulate(case.problem, [controller, linear], replace(case.simulation, t_end=20.0))
+    difference = float(np.abs(runs[controller.name].u - runs["equivalent"].u).max() / np.abs(runs["equivalent"].u).max())
+    constant = replace(case.problem, reference=Step(amplitude=1.0), disturbance=Step(amplitude=1.0, start=5.0))
+    left = float(np.abs(simulate(constant, [controller], Simulation(t_end=30.0, dt=1e-3))[controller.name].e[-1, 0]))
+    late = _after_saturation(case.problem, controller)
+    readings = (
+        Reading(
+            "a fixed-gain LTI controller inside the bounds",
+            verdict(holds=difference < 1e-9),
+            f"its control differs from the equivalent's by {difference:.1g} of the largest |u|",
+        ),
+        Reading("integral action", verdict(holds=left < 1e-9), f"a constant disturbance leaves |e| = {left:.1g}"),
+        Reading(
+            "the projection is an anti-windup",
+            verdict(holds=late[0] < 0.5 * late[1]),
+            f"mean |e| after saturation {late[0]:.2g} with it, {late[1]:.2g} without",
+        ),
+    )
+    return Claim(
+        id="l1-output-is-lti",
+        where="Section IV, before (18) and after (21); Figure 1",
+        statement="The L1 output-feedback controller is an LTI controller with integral action and anti-windup",
+        verdict=of_readings(readings),
+        measured=f"its control differs from that of the linear equivalent by {difference:.1g} of the largest |u| while sigma is inside "
+        f"its bounds; a constant disturbance leaves |e| = {left:.1g}; after 5 s of saturation the mean |e| of the next 8 s is "
+        f"{late[0]:.2g} with the projection and {late[1]:.2g} without",
+        how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation), RK4; the equivalent is "
+        "multiplied out and integrated in a realisation of its own",
+        listings=(_beside_equivalent(runs[controller.name], runs["equivalent"]),),
+        number=f"difference from LTI equivalent: {difference:.1g} of max |u|",
+        readings=readings,
+        would_change="an input for which the two differ while sigma is inside its bounds; other L1 controllers are not meant",
+    )
+
+
+def _beside_equivalent(adaptive: Result, linear: Result) -> Listing:
+    at = at_instants(adaptive.t, TOLD_INSTANTS)
+    u, difference = adaptive.u[at], adaptive.u[at] - linear.u[at]
+    return table(
+        "The control beside that of the linear equivalent",
+        {"t [s]": TOLD_INSTANTS, "u": u, "u - u of the equivalent": difference},
+    )
+
+
+TOLD_INSTANTS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0)
+"""[s]: of the comparison of both, which ends at 20 s."""
+
+
+def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[float, float]:
+    """Mean |e| in the 8 s after a disturbance that saturated the input is gone, with sigma bounded and free."""
+    plant = replace(problem.plant, input=PlantInput(saturation=(-1.0, 1.0)), nonlinear=None)
+    hit = replace(problem, plant=plant, reference=Step(amplitude=1.0), disturbance=Step(amplitude=4.0, start=6.0, constant=-4.0))
+    pair = [replace(controller, gamma=50.0, sigma_bound=bound, name=name) for name, bound in (("bounded", 3.0), ("free", None))]
+    runs = simulate(hit, pair, Simulation(t_end=16.0, dt=1e-3))
+    bounded, free = (float(np.abs(run.e[(run.t > 7) & (run.t < 15), 0]).mean()) for run in runs.values())
+    return bounded, free
+
+
+DEAD_ZONES = (0.1, 0.2, 0.3, 0.34, 0.38, 0.42)
+"""Half widths of the dead zone that are tried beside the case's own."""
+LEAST_PATH = 0.1
+"""Of the estimates, all of the order of one: what moves less in 80 s does not adapt."""
+
+
+def rohrs() -> Claim:
+    """The classical law and its remedies on one plant, and what each of them still adapts."""
+    case = load_case("rohrs")
+    runs = simulate(case.problem, case.controllers, case.simulation)
+    classical, resting = runs.pop("Classical"), runs.pop("Not adapting")
+    bounded = {name: run for name, run in runs.items() if run.diverged_at is None}
+    ended = _dead_zones(case)
+    lost = [g_0 for g_0, at in zip(DEAD_ZONES, ended, strict=True) if np.isfinite(at)]
+    heights = _heights(bounded)
+    adapting = [name for name, run in bounded.items() if _moved(run) > LEAST_PATH]
+    falls = f"diverges at t = {classical.diverged_at:.4g} s" if classical.diverged_at else "stays"
+    readings = _of_rohrs(
+        falls, classical.diverged_at is not None, len(bounded), len(runs), len(lost), adapting, case.simulation.t_end
+    )
+    return Claim(
+        id="rohrs",
+        where="not in the paper: Rohrs, Valavani, Athans and Stein (1982, 1985). The paper's own sentence, in III.A, is on the projected "
+        "(3)-(4) and (5)-(8)",
+        statement="Unmodelled dynamics destabilise an adaptive law without modifications; the robust laws bear them",
+        verdict=of_readings(readings),
+        measured=f"the classical law {falls}, {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the others over {case.simulation.t_end:g} s is {span(heights)}, without "
+        "adapting at all "
+        f"{resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: of {len(DEAD_ZONES)} more, g_0 = {span(DEAD_ZONES)}, "
+        f"{len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
+        how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s",
+        listings=(
+            _motions(bounded, case.simulation.t_end),
+            table(
+                "Narrower and wider dead zones: when the run diverges; -: it does not",
+                {"g_0": DEAD_ZONES, "diverges at [s]": ended},
+            ),
+        ),
+        number=f"the classical law {falls}",
+        readings=readings,
+        condition="the dead zone is wider than the error that the initial estimates leave",
+        would_change="a run of the classical law that stays bounded, or of sigma-modification, normalisation or the robust law that does not",
+    )
+
+
+def _of_rohrs(
+    falls: str, diverged: bool, bounded: int, modified: int, lost: int, adapting: list[str], t_end: float
+) -> tuple[Reading, ...]:
+    return (
+        Reading("the classical law is destabilised", verdict(holds=diverged), f"it {falls}"),
+        Reading(
+            "the modified laws stay bounded, with any width of the dead zone",
+            verdict(holds=bounded == modified, conditional=lost > 0),
+            f"{bounded} of {modified} do over {t_end:g} s; of {len(DEAD_ZONES)} more dead zones {lost} diverge",
+        ),
+        Reading(
+            "and they go on adapting",
+            verdict(holds=bool(adapting), conditional=len(adapting) < bounded),
+            f"{', '.join(adapting) or 'none'}: estimates that move by more than {LEAST_PATH:g} in all",
+        ),
+    )
+
+
+def _heights(runs: dict[str, Result]) -> Array:
+    """The largest |y| of each."""
+    return np.array([run.figures["max_abs_y"] for run in runs.values()], dtype=float)
+
+
+def _motions(runs: dict[str, Result], t_end: float) -> Listing:
+    return table(
+        f"What the modified laws do over {t_end:g} s: the largest |y|, and how far their estimates moved in all",
+        {"law": list(runs), "max |y|": _heights(runs), "path": [_moved(run) for run in runs.values()]},
+    )
+
+
+def _moved(run: Result) -> float:
+    """The path of all estimates."""
+    return float(np.linalg.norm(run.envelope.theta_hat_path.sum(axis=0)))
+
+
+def _dead_zones(case: Case) -> Array:
+    """For each of ``DEAD_ZONES`` when the classical law diverges with it [s]; NaN where it does not."""
+    classical = next(c for c in case.controllers if isinstance(c, MracOutput) and c.name == "Classical")
+    assert isinstance(classical.law, LyapunovLaw)
+    tried = [replace(classical, law=replace(classical.law, dead_zone=DeadZone(g_0=g_0))) for g_0 in DEAD_ZONES]
+    simulation = replace(case.simulation, dt=1e-3)
+    return np.asarray(simulate_ensemble([(case.problem, controller) for controller in tried], simulation).metrics.diverged_at)
+
+
+ROWS = (
+    Measurement(l1_is_linear, 0.6, {"l1-output-is-lti": "the L1 output-feedback controller is linear"}, place=350),
+    Measurement(rohrs, 1.0, {"rohrs": "Rohrs' example"}, place=380),
+)

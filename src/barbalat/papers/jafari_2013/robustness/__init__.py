@@ -1,0 +1,1 @@
+"""Modelling errors: Lemma 1, Theorem 2, the error at a fixed tau, unmodelled dynamics."""

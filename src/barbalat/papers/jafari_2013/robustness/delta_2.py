@@ -1,0 +1,214 @@
+"""(17)'s second term: what a modelling error adds to the robust MRAC's error at a fixed tau.
+
+Two frequencies in the command: with one, two estimates can match the plant with its modelling error exactly at that frequency,
+and nothing of the term stays. Delta_2 is the L1 norm of Delta(s) = W_m Delta_m for Delta_m = -mu s, which bounds that of an input
+delay mu and of -mu s/(T s + 1) too: (1 - e^(-mu s))/(mu s) and 1/(T s + 1) have the L1 norm 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from barbalat.adaptation.normalization import Normalization
+from barbalat.controllers import RobustMrac
+from barbalat.linear.l1_norms import l1_norm
+from barbalat.linear.systems import TransferFunction
+from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.variants import figures, local_exponents, variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
+from barbalat.protocols import Signal
+from barbalat.signals import Sine, Sines
+from barbalat.validate import Array
+
+TAUS = np.array([0.5, 0.25, 0.125, 0.0625])
+"""[s]: Section V's, and halved three times."""
+SIZES = np.array([0.002, 0.004, 0.008, 0.016, 0.032])
+"""mu, or the delay [s]: up to half of the smallest tau, of which every pair is borne."""
+STEP = 1e-3
+"""[s]: a sixtieth of the smallest tau."""
+T_END, LONGER_T_END = 200.0, 800.0
+"""[s], by the plain command and by ``--full``: the last quarter of the shorter one has four periods of the slower sine."""
+COMMAND, ONE_SINE = Sines((30.0, 20.0), (0.5, 1.7)), Sine(50.0, 0.5)
+DERIVATIVE_POLE = 2e-3
+"""Time constant of the realisation of -mu s [s], as in the rows on Theorem 2's boundary."""
+DELTA_0, ALPHA_0 = 0.5, 0.05
+"""Of (16): 1/delta_0 = 2 s is above every tau, Delta(s) is analytic right of -0.25; n_d is a third of phi'phi or less."""
+EXPONENT_TOLERANCE = 0.03
+"""How far an exponent may be from 1: the part that learning has not removed by the end still adds to the smallest errors."""
+
+
+def families() -> dict[str, ModellingError]:
+    """Both that the paper names."""
+    derivative = ScaledError(TransferFunction([-1.0, 0.0], [DERIVATIVE_POLE, 1.0]))
+    return {"Delta_m = -mu s/(0.002 s + 1)": derivative, "input delay": DelayError()}
+
+
+@dataclass(frozen=True, eq=False)
+class Errors:
+    """Over TAUS and SIZES: the largest |e| of the run and of its last quarter, (4, 5) each, and without Delta, (4,) each."""
+
+    peak: Array
+    tail: Array
+    peak_without: Array
+    tail_without: Array
+
+    @property
+    def exponents(self) -> Array:
+        """(4, 4) local exponents of the tail's error in the size, at fixed tau."""
+        return np.array([local_exponents(row, SIZES) for row in self.tail])
+
+    @property
+    def slopes(self) -> Array:
+        """(4,) the tail's error per second of mu, at the largest size."""
+        return np.asarray(self.tail[:, -1] / SIZES[-1])
+
+
+def controller(tau: float, alpha_0: float) -> RobustMrac:
+    """Figure 2's with (16)'s dynamic normalising signal; alpha_0 = 0 is Section V's own."""
+    return replace(section_v.robust_mrac("r", tau), normalization=Normalization(alpha_0=alpha_0, delta_0=DELTA_0))
+
+
+def measure(error: ModellingError, alpha_0: float, t_end: float, command: Signal = COMMAND) -> Errors:
+    """All pairs of tau and size, and every tau without modelling error."""
+    paths = [error.added(PlantInput(), float(size)) for size in SIZES]
+    pairs = [(variant(input=path, reference=command), controller(float(tau), alpha_0)) for tau in TAUS for path in paths]
+    given = figures(pairs, t_end, STEP)
+    without = figures([(variant(reference=command), controller(float(tau), alpha_0)) for tau in TAUS], t_end, STEP)
+    shape = (len(TAUS), len(SIZES))
+    return Errors(
+        peak=given.max_abs_e.max(axis=1).reshape(shape),
+        tail=given.tail_max_abs_e.max(axis=1).reshape(shape),
+        peak_without=without.max_abs_e.max(axis=1),
+        tail_without=without.tail_max_abs_e.max(axis=1),
+    )
+
+
+def norm_per_size() -> float:
+    """||s W_m||_1, rounded up: Delta_2 per second of mu; s W_m = c_0'A_m (sI - A_m)^-1 b + c_0'b."""
+    known, c_0 = section_v.problem().known, np.array(section_v.C_0)
+    return l1_norm(known.A_m, known.b[:, None], (c_0 @ known.A_m)[None], np.array([[c_0 @ known.b]])).upper
+
+
+def constants(errors: Errors) -> Array:
+    """(4,) the least nu of |e| <= (tau + Delta_2) nu for each tau, over all sizes and none."""
+    delta_2 = norm_per_size() * np.append(0.0, SIZES)
+    return np.asarray((np.column_stack([errors.peak_without, errors.peak]) / (TAUS[:, None] + delta_2)).max(axis=1))
+
+
+def claim(*, full: bool = False) -> Claim:
+    """The exponent of what stays in the size of Delta, and whether one nu serves all tau and sizes."""
+    t_end = LONGER_T_END if full else T_END
+    found = {
+        f"{name}, alpha_0 = {alpha_0:g}": measure(error, alpha_0, t_end)
+        for name, error in families().items()
+        for alpha_0 in (0.0, ALPHA_0)
+    }
+    exponents = np.concatenate([errors.exponents.ravel() for errors in found.values()])
+    nu = np.array([constants(errors) for errors in found.values()])
+    with_tau = np.array([np.polyfit(np.log(TAUS), np.log(errors.slopes), 1)[0] for errors in found.values()])
+    readings = _one_constant(nu), _proportional(exponents), _peak(found)
+    return Claim(
+        "delta-2-term", "Theorem 2, eq. (17), the term Delta_2 nu", "At fixed tau the modelling error adds to the tracking error at most in proportion to its size Delta_2",
+        of_readings(readings),
+        f"what stays of |e| at fixed tau goes as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one nu = {nu.max():.3g} serves every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
+        f"With Section V's own command, one sine, {_one_frequency()}",
+        f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {STEP:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
+        f"{span(SIZES)} s, as Delta_m = -mu s and as "
+        f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: the last quarter",
+        listings=_listings(found, nu),
+        number=f"exponent of |e| in mu at fixed tau: {exponents.min():.3f} to {exponents.max():.3f}",
+        readings=readings,
+        condition="for the peak of the transient, Delta is well below the size that the loop bears; the error that stays needs no such condition",
+        would_change="confirmed: a peak that grows in proportion up to the largest Delta; not confirmed: a steady error that does not, or a nu that grows as tau falls",
+        sharpened=f"runs of {LONGER_T_END:g} s, in which learning has removed more of the rest",
+    )  # fmt: skip
+
+
+def _one_constant(nu: Array) -> Reading:
+    return Reading(
+        "|e| <= (tau + Delta_2) nu with one nu, which does not grow as tau falls",
+        verdict(holds=bool(np.isfinite(nu).all() and (nu[:, -1] <= nu[:, :-1].max(axis=1)).all())),
+        f"the least nu is {nu[:, 0].max():.3g} for tau = {TAUS[0]:g} s and {nu[:, -1].max():.3g} for {TAUS[-1]:g} s",
+    )
+
+
+def _proportional(exponents: Array) -> Reading:
+    return Reading(
+        "the error that stays at fixed tau is proportional to Delta_2",
+        verdict(holds=bool((np.abs(exponents - 1) < EXPONENT_TOLERANCE).all())),
+        f"{exponents.size} local exponents {exponents.min():.3f} to {exponents.max():.3f}",
+    )
+
+
+def _of_tau(found: dict[str, Errors], with_tau: Array) -> str:
+    """(17) is a bound: its term need not shrink with tau, but it does."""
+    slopes = next(iter(found.values())).slopes
+    return (
+        f"What stays per mu is {slopes[0]:.3g} 1/s for tau = {TAUS[0]:g} s and {slopes[-1]:.3g} 1/s for {TAUS[-1]:g} s: "
+        f"it goes with tau too, as tau^{with_tau.min():.2f} to tau^{with_tau.max():.2f}"
+    )
+
+
+def _one_frequency() -> str:
+    """Two estimates fit a delayed plant at one frequency."""
+    tails = [_one_sine(t_end) for t_end in (T_END, LONGER_T_END)]
+    return f"|e| in the tail, tau = {TAUS[0]:g} s, delay {SIZES[-1]:g} s, is {tails[0]:.3g} after {T_END:g} s and {tails[1]:.3g} after {LONGER_T_END:g} s"
+
+
+def _one_sine(t_end: float) -> float:
+    given = variant(input=PlantInput(delay=float(SIZES[-1])), reference=ONE_SINE)
+    return float(figures([(given, controller(float(TAUS[0]), 0.0))], t_end, STEP).tail_max_abs_e.max())
+
+
+def _peak(found: dict[str, Errors]) -> Reading:
+    """Delta near its limit makes the transient longer and larger."""
+    errors = next(iter(found.values()))
+    exponents = np.array([local_exponents(row, SIZES) for row in errors.peak - errors.peak_without[:, None]])
+    return Reading(
+        "the peak of the transient grows in proportion to Delta_2 too, up to the largest Delta that is borne",
+        verdict(holds=bool((np.abs(exponents - 1) < 0.1).all())),
+        f"what mu adds to the largest |e| goes as mu to the power {span(exponents[0])} at tau = {TAUS[0]:g} s and "
+        f"{span(exponents[-1])} at {TAUS[-1]:g} s",
+    )  # fmt: skip
+
+
+def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
+    """A row for each size, a column for each tau; and what the first two readings sum up."""
+    by_size = [
+        table(
+            f"{name}: the largest |e| of {part}, by tau [s] and by mu or the delay [s]",
+            {"mu [s]": np.append(0.0, SIZES)}
+            | {f"tau = {tau:g}": np.append(*of_tau) for tau, *of_tau in zip(TAUS, without, errors, strict=True)},
+        )
+        for name, each in found.items()
+        for part, without, errors in (
+            ("the run", each.peak_without, each.peak),
+            ("the last quarter", each.tail_without, each.tail),
+        )
+    ]
+    slopes = np.array([errors.slopes for errors in found.values()])
+    by_tau = table(
+        "The least nu of |e| <= (tau + Delta_2) nu, and what stays of |e| per second of mu [1/s], the largest of the modelling "
+        "errors",
+        {"tau [s]": TAUS, "nu": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
+    )
+    return *by_size, by_tau
+
+
+ROWS = (
+    Measurement(
+        claim,
+        2.0,
+        {"delta-2-term": "what a modelling error adds to the robust MRAC's error at a fixed tau"},
+        place=290,
+        sharper=partial(claim, full=True),
+        sharper_seconds=3.5,
+    ),
+)

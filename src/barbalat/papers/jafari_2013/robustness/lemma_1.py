@@ -1,0 +1,198 @@
+"""Lemma 1 along runs: the adaptive law (15) with and without a modelling error eta.
+
+With V = theta_tilde'P^-1 theta_tilde, (13) and (15) give V' = -(epsilon m_s)^2 + eta^2/m_s^2 between the projection's bounds, and
+no more than that at them. So the integral of (epsilon m_s)^2 from 0 is at most V(0) plus that of eta^2/m_s^2: the constant of
+S(eta^2/m_s^2) is at most max(1, V(0)) for intervals that begin at 0, and max(1, V(t)) for those that begin at t. Pure least squares
+sets no bound on V(t) under an error that lasts: there the constants are measured, and ``scalar_lemma`` shows that none serves
+all signals.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.adaptation.laws import LeastSquares
+from barbalat.adaptation.normalization import Normalization
+from barbalat.controllers import RobustMrac
+from barbalat.linear.systems import TransferFunction
+from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.robustness import scalar_lemma
+from barbalat.papers.jafari_2013.robustness.lemma_1_runs import Along, along
+from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
+from barbalat.problem.actuation import PlantInput
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+MUS = (0.0, 0.005, 0.02, 0.1)
+"""Of Delta_m = -mu s/(0.001 s + 1): none, and three that tau = 0.5 s bears."""
+METHOD = "robust MRAC of Figure 2 with {}, RK4, h = 1e-4 s, 60 s; {}"
+
+
+def claims() -> list[Claim]:
+    """All of this group."""
+    runs = {mu: _run(mu) for mu in MUS}
+    return [bounded(runs), without_error(runs[0.0]), with_error(runs)]
+
+
+def bounded(runs: dict[float, Along]) -> Claim:
+    """(i): a finite run shows no more than that the suprema were reached early."""
+    names = ("epsilon", "error", "theta_hat", "rate")
+    halves = {name: np.array([_half_suprema(getattr(run, name)) for run in runs.values()]) for name in names}
+    growth = {name: float((v[:, 1] / v[:, 0]).max()) for name, v in halves.items()}
+    return Claim(
+        "lemma-1-bounded", "Lemma 1 (i)", "epsilon, epsilon m_s, theta_hat and theta_hat' are bounded",
+        verdict(holds=all(bool((np.isfinite(v).all(axis=1) & (v[:, 1] <= 1.05 * v[:, 0])).all()) for v in halves.values())),
+        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| "
+        f"{halves['error'].max():.3g}, "
+        f"|theta_hat_i| {halves['theta_hat'].max():.3g}, |theta_hat'| {halves['rate'].max():.3g}; in the second half of a run "
+        "the suprema are at most "
+        f"{growth['theta_hat']:.3g} (theta_hat) and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} "
+        "(the others) times those of the first",
+        METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
+        listings=(_suprema(tuple(runs), halves),),
+        tested="the suprema of the four signals in either half of the runs: none grows by more than a twentieth",
+        number=f"max |epsilon m_s|, second half over first: {growth['error']:.2g}",
+        would_change="a supremum that keeps growing along a run; a finite run can show no more",
+    )  # fmt: skip
+
+
+def without_error(run: Along) -> Claim:
+    """eta = 0: V falls, and by exactly the integral."""
+    V, spent = run.V, run.integrals["error"]
+    gap = np.abs(V + spent - V[0]).max() / V[0]
+    late = {name: 1 - part[3 * len(part) // 4] / part[-1] for name, part in run.integrals.items() if name != "eta"}
+    return Claim(
+        "lemma-1-no-error", "Lemma 1 (ii) with eta = 0", "Without modelling error V = theta_tilde'P^-1 theta_tilde falls, and epsilon, epsilon m_s and theta_hat' are in L2",
+        verdict(holds=bool((np.diff(V) <= 1e-12 * V[0]).all() and spent[-1] <= V[0] and max(late.values()) < 0.01)),
+        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises; V + integral of (epsilon m_s)^2 is V(0) within {gap:.0e} of it; the integrals "
+        f"of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g}, {run.integrals['rate'][-1]:.3g}, "
+        f"the last quarter adding at most {max(late.values()):.0e} of each",
+        METHOD.format("Delta_m = 0", "the integrals are integrated with the loop; V at 3000 instants"),
+        listings=(
+            table(
+                "Integrals over the run, and what its last quarter adds to each",
+                {
+                    "of": ("epsilon^2", "(epsilon m_s)^2", "|theta_hat'|^2"),
+                    "at the end": [run.integrals[name][-1] for name in ("epsilon", "error", "rate")],
+                    "share of the last quarter": [late[name] for name in ("epsilon", "error", "rate")],
+                },
+            ),
+        ),
+        tested="V at 3000 instants of a run, which never rises, and the three integrals, to which its last quarter adds less than a hundredth",
+        number=f"V(0) = {V[0]:.3g} is what is spent, within {gap:.0e} of it",
+        would_change="a V that rises without modelling error, or integrals that keep growing",
+    )  # fmt: skip
+
+
+def with_error(runs: dict[float, Along]) -> Claim:
+    """eta not 0: the constants of S(eta^2/m_s^2)."""
+    mus = np.array([mu for mu in runs if mu])
+    some = [runs[mu] for mu in mus]
+    constants = {name: np.array([run.constant(name) for run in some]) for name in ("epsilon", "error", "rate")}
+    gap = max(float(np.abs(run.V + run.integrals["error"] - run.integrals["eta"] - run.V[0]).max() / run.V[0]) for run in some)
+    by_definition = {name: np.array([run.constant_of_largest(name) for run in some]) for name in constants}
+    eta = np.array([np.abs(run.eta).max() for run in some])
+    risen = np.array([run.V.max() / run.V[0] for run in some])
+    readings = (
+        _along_runs("with the paper's constant mu, the largest eta^2/m_s^2 of the run", by_definition),
+        _along_runs("with the integral of eta^2/m_s^2 over the same interval", constants),
+        *scalar_lemma.readings(),
+    )
+    return Claim(
+        "lemma-1-small", "Lemma 1 (ii)", "With a modelling error epsilon, epsilon m_s and theta_hat' are small in the mean, S(eta^2/m_s^2)",
+        of_readings(readings),
+        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the integral "
+        f"of eta^2/m_s^2 {_at_most(constants)}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
+        f"at most max(1, V) = 1, and |P(0)|^2 = {section_v.COVARIANCE0**2:g} for theta_hat'; it holds within {gap:.0e} "
+        f"of V(0), so V may rise: up to {risen.max():.3g} V(0). For any signals: see the readings",
+        METHOD.format(
+            "Delta_m = -mu s/(0.001 s + 1), alpha_0 = 1",
+            "nu: integral over [t, t + T] <= nu (mu T + 1), or nu (that of eta^2/m_s^2 + 1), over every pair of 3000 instants",
+        )
+        + "; any signals: one parameter, phi and eta constant in pieces, closed form",
+        listings=(
+            _constants("with the paper's constant mu, the largest eta^2/m_s^2 of the run", mus, by_definition),
+            _constants("with the integral of eta^2/m_s^2 over the same interval", mus, constants),
+            table(
+                "The modelling error along the runs, and how far V rises",
+                {"mu [s]": mus, "largest |eta|/m_s": eta, "largest V/V(0)": risen},
+            ),
+            *scalar_lemma.listings(),
+        ),
+        number=f"nu of epsilon m_s: {by_definition['error'].max():.2g} along runs, "
+        f"{scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.3g} at worst",
+        readings=readings,
+        condition="along the loop's own runs with these sizes of mu; not one nu for any signals of (13), with pure least squares",
+        would_change="a law whose gain is kept from zero: with the gradient law both readings hold for any signals",
+    )  # fmt: skip
+
+
+def _along_runs(what: str, constants: dict[str, Array]) -> Reading:
+    """Whether they are at most those that V' bounds."""
+    bounds = {"epsilon": 1.0, "error": 1.0, "rate": section_v.COVARIANCE0**2}
+    holds = all(bool((constants[name] <= bound).all()) for name, bound in bounds.items())
+    return Reading(f"{what}, along these runs", verdict(holds=holds), _at_most(constants))
+
+
+def _suprema(mus: tuple[float, ...], halves: dict[str, Array]) -> Listing:
+    """Of either half of each run."""
+    return table(
+        "The suprema along a run with Delta_m = -mu s/(0.001 s + 1), in its first and in its second half",
+        {
+            "mu [s]": np.repeat(mus, 2),
+            "half": ["first", "second"] * len(mus),
+            "|epsilon|": halves["epsilon"].ravel(),
+            "|epsilon m_s|": halves["error"].ravel(),
+            "|theta_hat_i|": halves["theta_hat"].ravel(),
+            "|theta_hat'|": halves["rate"].ravel(),
+        },
+    )
+
+
+def _constants(measure: str, mus: Array, found: dict[str, Array]) -> Listing:
+    columns = {"nu for epsilon": found["epsilon"], "nu for epsilon m_s": found["error"], "nu for theta_hat'": found["rate"]}
+    return table(f"The least nu along the runs, {measure}", {"mu [s]": mus, **columns})
+
+
+def _at_most(found: dict[str, Array]) -> str:
+    largest = {name: f"{values.max():.3g}" for name, values in found.items()}
+    return (
+        f"the least nu is at most {largest['epsilon']} for epsilon, {largest['error']} for epsilon m_s, "
+        f"{largest['rate']} for theta_hat'"
+    )
+
+
+def _half_suprema(values: Array) -> tuple[float, float]:
+    """The largest magnitude in the first and in the second half."""
+    half = len(values) // 2
+    return float(np.abs(values[:half]).max()), float(np.abs(values[half:]).max())
+
+
+def _run(mu: float) -> Along:
+    """Section V with the robust MRAC of Figure 2, the dynamic normalising signal on where there is a modelling error."""
+    dynamics = TransferFunction([-mu, 0.0], [1e-3, 1.0])
+    scheme = RobustMrac(
+        c_0=section_v.C_0,
+        tau=section_v.TAU,
+        law=LeastSquares(covariance0=section_v.COVARIANCE0),
+        normalization=Normalization(alpha_0=1.0 if mu else 0.0),
+    )
+    problem = variant(input=PlantInput(multiplicative=dynamics)) if mu else section_v.problem()
+    return along(problem, scheme, Simulation(t_end=section_v.T_END, dt=1e-4, record_points=3000))
+
+
+ROWS = (
+    Measurement(
+        claims,
+        2.5,
+        {
+            "lemma-1-bounded": "what Lemma 1 (i) bounds",
+            "lemma-1-no-error": "Lemma 1 (ii) without modelling error",
+            "lemma-1-small": "Lemma 1 (ii) with a modelling error",
+        },
+        place=250,
+    ),
+)

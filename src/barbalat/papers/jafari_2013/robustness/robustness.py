@@ -1,0 +1,53 @@
+"""Claims on tau: what it does to the error, and how small a modelling error lets it be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.papers.claim import Claim, Reading, of_readings, verdict
+from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.variants import figures, local_exponents
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import span, table
+
+EQUAL_NU_FACTOR = 1.05
+"""Up to which factor two values of max |e|/tau count as one."""
+
+
+def tau_and_error() -> Claim:
+    """Without modelling error, from Figure 2's tau downwards."""
+    taus = np.array([section_v.TAU, 0.1, 0.05, 0.02, 0.01, 0.005])
+    peaks = figures([(section_v.problem(), section_v.robust_mrac("r", float(t))) for t in taus], 60.0, 1e-4).max_abs_e.max(axis=1)
+    exponents, nu = local_exponents(peaks, taus), peaks / taus
+    below = exponents[1:]
+    readings = (
+        Reading(
+            f"as (17) has it, |e| <= tau nu with one nu, up to Figure 2's tau = {section_v.TAU:g} s",
+            verdict(holds=bool(nu.max() < nu[-1] * EQUAL_NU_FACTOR)),
+            f"the least nu is {nu[0]:.3g} at {taus[0]:g} s, {nu[1]:.3g} at {taus[1]:g} s, {nu[-1]:.3g} at {taus[-1]:g} s",
+        ),
+        Reading(
+            f"in proportion, not only at most so, for tau from {taus[1]:g} s down to {taus[-1]:g} s",
+            verdict(holds=bool((np.abs(below - 1) < 0.05).all())),
+            f"local exponents of {span(below)}; {exponents[0]:.3g} from there to Figure 2's",
+        ),
+    )
+    return Claim(
+        "tau-error", "Theorem 2, eq. (17); Section III.B, after it", "Without modelling error the transient error of the robust MRAC is at most proportional to tau",
+        of_readings(readings),
+        f"max |e| goes from {peaks[0]:.3g} at tau = {taus[0]:g} s to {peaks[-1]:.3g} at {taus[-1]:g} s, with local exponents of "
+        f"{span(below)} below {taus[1]:g} s, in proportion, and of {exponents[0]:.3g} up to {taus[0]:g} s, by less than that",
+        "Section V, sign of (14) corrected, RK4, h = 1e-4 s, 60 s",
+        listings=(
+            table(
+                "The largest error of the robust MRAC against tau, and the local exponent from the row above",
+                {"tau [s]": taus, "max |e|": peaks, "max |e|/tau": nu, "exponent": np.append(np.nan, exponents)},
+            ),
+        ),
+        number=f"exponent of tau: {below.min():.2f} to {below.max():.2f} below {taus[1]:g} s",
+        readings=readings,
+        would_change=f"a max |e|/tau that goes on growing as tau falls below {taus[1]:g} s, at a step that resolves tau",
+    )  # fmt: skip
+
+
+ROWS = (Measurement(tau_and_error, 0.3, {"tau-error": "the robust MRAC's error is proportional to tau"}, place=230),)

@@ -1,0 +1,162 @@
+"""Lemma 1 (ii) without a plant: one parameter, phi and eta constant in pieces, m^2 = 1 + phi^2, everything in closed form.
+
+Least squares: p = 1/P and q = p theta_tilde are integrals, p' = phi^2/m^2 and q' = phi eta/m^2, and V = q^2/p spends
+V' = -(epsilon m)^2 + eta^2/m^2. Gradient: theta_tilde goes to eta/phi as exp(-gamma phi^2/m^2 t). No bound of a known set is met.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from barbalat.papers.claim import Listing, Reading, verdict
+from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.wording import span, table
+from barbalat.validate import Array
+
+BIASED_TIMES = (10.0, 100.0, 1000.0)
+"""[s]: as long eta = 1 lasts beside phi = 1 before it is gone."""
+WEAK_REGRESSORS = (0.3, 0.1, 0.03)
+"""phi, beside which eta = phi LEARNT_BIAS teaches a wrong estimate before phi = 1 shows it to be wrong."""
+LEARNT_BIAS = 5.0
+"""Inside the width of Section V's set."""
+GRADIENT_GAIN = 10.0
+BOUNDED_GROWTH = 1.5
+"""Constants that grow by no more from one signal to the next have a bound; those of pure least squares grow tenfold."""
+
+
+class Piece(NamedTuple):
+    """Signals that are constant for a while [s]."""
+
+    duration: float
+    phi: float
+    eta: float
+
+    @property
+    def m_squared(self) -> float:
+        return 1 + self.phi**2
+
+
+class ScalarLaw(Protocol):
+    """One law: its state at the start, and what a piece does to it."""
+
+    def initial(self) -> tuple[float, float]: ...
+
+    def over(self, state: tuple[float, float], piece: Piece) -> tuple[tuple[float, float], float]:
+        """The state at the piece's end, and the integral of (epsilon m)^2 over it."""
+        ...
+
+
+class ScalarLeastSquares(NamedTuple):
+    """(15) with P(0); the state is p = 1/P and q = theta_tilde/P, from theta_tilde = 0."""
+
+    covariance0: float = section_v.COVARIANCE0
+
+    def initial(self) -> tuple[float, float]:
+        return 1 / self.covariance0, 0.0
+
+    def over(self, state: tuple[float, float], piece: Piece) -> tuple[tuple[float, float], float]:
+        p, q = state
+        then = p + piece.phi**2 / piece.m_squared * piece.duration, q + piece.phi * piece.eta / piece.m_squared * piece.duration
+        spent = q**2 / p - then[1] ** 2 / then[0] + piece.eta**2 / piece.m_squared * piece.duration
+        return then, spent
+
+
+class ScalarGradient(NamedTuple):
+    """theta_hat' = gamma epsilon phi; the state is theta_tilde, from 0, and nothing."""
+
+    gamma: float = GRADIENT_GAIN
+
+    def initial(self) -> tuple[float, float]:
+        return 0.0, 0.0
+
+    def over(self, state: tuple[float, float], piece: Piece) -> tuple[tuple[float, float], float]:
+        goal = piece.eta / piece.phi
+        apart = state[0] - goal
+        left = float(np.exp(-self.gamma * piece.phi**2 / piece.m_squared * piece.duration))
+        return (goal + left * apart, 0.0), apart**2 * (1 - left**2) / (2 * self.gamma)
+
+
+def spent_in_the_last(law: ScalarLaw, pieces: tuple[Piece, ...]) -> float:
+    """The integral of (epsilon m)^2 over the last piece."""
+    state, spent = law.initial(), 0.0
+    for piece in pieces:
+        state, spent = law.over(state, piece)
+    return spent
+
+
+def biased(duration: float) -> tuple[Piece, Piece]:
+    """A modelling error that lasts, then none, for so long that nothing is left to unlearn."""
+    return Piece(duration, 1.0, 1.0), Piece(1e6 * duration, 1.0, 0.0)
+
+
+def weakly_taught(phi: float) -> tuple[tuple[Piece, Piece], float]:
+    """A bias learnt from a weak regressor, then a strong one without error, and mu, the largest eta^2/m^2 of both.
+
+    The second piece lasts T = 1/mu, the first so long that phi^2/m^2 times it is T/2, as the second's: then least squares has T/2 of
+    evidence for the bias, and spends LEARNT_BIAS^2 T/4 on it, where mu T + 1 = 2.
+    """
+    first = Piece(1.0, phi, phi * LEARNT_BIAS)
+    mu = first.eta**2 / first.m_squared
+    T = 1 / mu
+    return (first._replace(duration=T / 2 * first.m_squared / phi**2), Piece(T, 1.0, 0.0)), mu
+
+
+def constants(law: ScalarLaw) -> Array:
+    """The least nu of the paper's definition, integral <= nu (mu T + 1), over the last piece, for each of WEAK_REGRESSORS."""
+    taught = [weakly_taught(phi) for phi in WEAK_REGRESSORS]
+    return np.array([spent_in_the_last(law, pieces) / (mu * pieces[1].duration + 1) for pieces, mu in taught])
+
+
+def readings() -> tuple[Reading, Reading]:
+    """For any signals of (13): with the paper's constant mu, and with the integral of eta^2/m_s^2 over the same interval."""
+    taught, left = _of_both(constants), _of_both(_left)
+    return (
+        Reading(
+            "with the paper's constant mu, the largest eta^2/m_s^2, for any signals of (13) and one nu",
+            verdict(holds=_bounded(taught[0])),
+            f"a bias of {LEARNT_BIAS:g} learnt beside phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, then phi = "
+            "1: pure least squares (15) "
+            f"needs nu = {taught[0][0]:.3g} to {taught[0][-1]:.3g} for epsilon m_s, the gradient law {span(taught[1])}",
+        ),
+        Reading(
+            "with the integral of eta^2/m_s^2 over the same interval, for any signals of (13)",
+            verdict(holds=_bounded(left[0])),
+            "phi = 1, m_s^2 = 2, eta = 1 on [0, T_1], then 0: the integral of (epsilon m_s)^2 after T_1 goes from "
+            f"{left[0][0]:.3g} at "
+            f"T_1 = {BIASED_TIMES[0]:g} s to {left[0][-1]:.3g} at {BIASED_TIMES[-1]:g} s, with pure least squares (15), and is "
+            f"{span(left[1])} with the gradient law",
+        ),
+    )
+
+
+def listings() -> tuple[Listing, Listing]:
+    """What the two readings sum up, signal by signal."""
+    taught, left = _of_both(constants), _of_both(_left)
+    mus = [weakly_taught(phi)[1] for phi in WEAK_REGRESSORS]
+    return (
+        table(
+            f"The least nu for epsilon m_s with the paper's constant mu, after a bias of {LEARNT_BIAS:g} was learnt beside a "
+            "weak regressor phi",
+            {"phi": WEAK_REGRESSORS, "mu": mus, "least squares (15)": taught[0], "gradient": taught[1]},
+        ),
+        table(
+            "What is left of the integral of (epsilon m_s)^2 after a modelling error eta = 1 that lasted until T_1",
+            {"T_1 [s]": BIASED_TIMES, "least squares (15)": left[0], "gradient": left[1]},
+        ),
+    )
+
+
+def _of_both(measure: Callable[[ScalarLaw], Array]) -> tuple[Array, Array]:
+    """By pure least squares, and by the gradient law."""
+    return measure(ScalarLeastSquares()), measure(ScalarGradient())
+
+
+def _left(law: ScalarLaw) -> Array:
+    return np.array([spent_in_the_last(law, biased(T)) for T in BIASED_TIMES])
+
+
+def _bounded(found: Array) -> bool:
+    return bool((found[1:] <= BOUNDED_GROWTH * found[:-1]).all())

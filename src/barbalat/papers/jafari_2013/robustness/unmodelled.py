@@ -1,0 +1,225 @@
+"""The projected MRAC (3)-(4) and L1-AC (5)-(8) beside unmodelled dynamics: where they cease to be bounded.
+
+Projection bounds the estimates, not the state: some estimates of the known set do not stabilise the plant, and it is the law that
+has to move on from them in time. Where a run grows without end, no proof of boundedness can exist. Exact for both schemes:
+(x, r, x(0)) times c and Gamma divided by c^2 is the same motion, scaled: no gain, however small, is reasonable for all commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from barbalat.certificates.bounds import theorem_1
+from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
+from barbalat.controllers import Mrac
+from barbalat.linear.enclosure import OUTWARD_FACTOR
+from barbalat.linear.l1_norms import l1_norm
+from barbalat.linear.margins import margins
+from barbalat.linear.systems import input_filter
+from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.robustness.rohrs_state import beside_rohrs
+from barbalat.papers.jafari_2013.variants import figures, variant
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.wording import numbers, span, table
+from barbalat.problem.actuation import PlantInput
+from barbalat.protocols import Controller
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.motion import ModelMotion
+from barbalat.validate import Array
+
+THETAS = ((4.0, -3.0), (0.0, 0.0), (5.0, 5.0), (-5.0, 5.0), (5.0, -5.0), (-5.0, -5.0))
+"""Section V's, the centre of its known set, and the four corners."""
+GAINS, MORE_GAINS = (1.0, 100.0), (1e-2, 1.0, 100.0, 1e4)
+DELAYS = np.round(np.geomspace(0.02, 1.0, 14), 3)
+"""[s]; Delta_m = e^(-s d) - 1, of which the paper's -mu s is the first term."""
+T_END, STEP = 120.0, 1e-3
+"""Ten periods of the command: a growth of 15 % in each second passes the bound below in that time."""
+UNBOUNDED_RATIO = 100.0
+"""Times the largest |x_m|, in the last quarter; what stays bounded stays below 20 times, as the listing shows."""
+PROVEN_DELAY = 0.1
+"""For which the small-gain theorem is asked [s]."""
+SCHEMES: dict[str, Callable[[float], Controller]] = {
+    "MRAC (3)-(4)": lambda gamma: Mrac(gamma=gamma),
+    "L1-AC (5)-(8)": lambda gamma: section_v.l1("L1", gamma),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Loss:
+    """For each theta and gain, (6, gains): the largest delay below the first that is lost, that one, and the largest tail there."""
+
+    bears: Array
+    loses: Array
+    tail: Array
+
+    def before(self, theta: int, delay: float) -> bool:
+        """Whether a delay below the given one is lost at every gain."""
+        return bool((self.loses[theta] < delay).all())
+
+
+def lost(members: Sequence[tuple[tuple[float, ...], float, float]], scheme: str, h: float = STEP) -> tuple[Array, Array]:
+    """Which (theta, gain, delay) end beyond every bound, and max |e| in their last quarter over the largest |x_m|."""
+    pairs = [(variant(theta=theta, input=PlantInput(delay=delay)), SCHEMES[scheme](gain)) for theta, gain, delay in members]
+    largest = ModelMotion.of(section_v.problem(), Simulation(t_end=T_END, dt=STEP)).largest
+    tail = figures(pairs, T_END, h).tail_max_abs_e.max(axis=1) / largest
+    return np.isnan(tail) | (tail > UNBOUNDED_RATIO), tail
+
+
+def search(scheme: str, gains: tuple[float, ...], h: float = STEP) -> Loss:
+    """The scan of DELAYS for every theta and gain."""
+    members = [(theta, gain, float(delay)) for theta in THETAS for gain in gains for delay in DELAYS]
+    gone, tail = (part.reshape(len(THETAS), len(gains), len(DELAYS)) for part in lost(members, scheme, h))
+    first = np.where(gone.any(axis=2), gone.argmax(axis=2), len(DELAYS))
+    kept = np.where(np.arange(len(DELAYS)) < first[..., None], tail, 0.0).max(axis=2)
+    return Loss(np.append(0.0, DELAYS)[first], np.append(DELAYS, np.inf)[first], kept)
+
+
+def ideal_margins(kappa: float | None) -> Array:
+    """(6,) the delay that the loop bears with theta known, exactly [s]: u = -C theta'x."""
+    C = None if kappa is None else input_filter(kappa).realise()
+    plants = [variant(theta=theta).plant for theta in THETAS]
+    return np.array([margins(known_parameters(plant, plant.theta, C)).delay for plant in plants])
+
+
+def certain_size(kappa: float | None, delay: float = PROVEN_DELAY) -> float:
+    """The largest s for which every |theta_i|, |theta_hat_i| <= s keeps x bounded whatever moves theta_hat, by the small-gain theorem.
+
+    x = W_b[(theta - theta_hat)'x] + W_b (1 - C e^(-s d))[theta_hat'x] + bounded, and ||W_b (1 - C e^(-s d))||_1 is at most
+    ||W_b (1 - C)||_1 + d ||s W_b||_1 ||C||_1; with |theta - theta_hat|_1 <= 4 s and |theta_hat|_1 <= 2 s. ||C||_1 = 1.
+    """
+    known = section_v.problem().known
+    plain = l1_norm(known.A_m, known.b[:, None], np.eye(2), np.zeros((2, 1))).upper
+    behind = delay * theorem_1.derivative_norm(known).upper
+    if kappa is not None:
+        behind += theorem_1.filter_condition(known, input_filter(kappa).realise(), 1.0).norm.upper
+    return 1 / ((4 * plain + 2 * behind) * OUTWARD_FACTOR**3)
+
+
+def claim(*, full: bool = False) -> Claim:
+    """Delays, and Rohrs' actuator."""
+    gains = MORE_GAINS if full else GAINS
+    found = {name: search(name, gains, STEP / 4 if full else STEP) for name in SCHEMES}
+    ideal = dict(zip(SCHEMES, (ideal_margins(None), ideal_margins(section_v.KAPPA)), strict=True))
+    below = {name: [i for i in range(len(THETAS)) if each.before(i, ideal[name][i])] for name, each in found.items()}
+    unbounded = {name: bool(np.isfinite(each.loses).any()) for name, each in found.items()}
+    on_rohrs_plant, at_rohrs_plant = beside_rohrs()
+    readings = (*_readings(found, ideal, below, unbounded), *on_rohrs_plant)
+    firsts = np.array([each.loses[i].max() for name, each in found.items() for i in below[name]] or [np.nan])
+    return Claim(
+        "unmodelled-unbounded", "Section III.A, paragraph after Table 1", "Beside unmodelled dynamics the projected MRAC (3)-(4) and L1-AC (5)-(8) cannot be proven to be bounded",
+        of_readings(readings),
+        f"first delay with growth without end, at any gain that was tried: {_of_section_v(found, ideal)}. At every gain, in {len(below['MRAC (3)-(4)'])} and {len(below['L1-AC (5)-(8)'])} of {len(THETAS)} values of theta in the known set the delay "
+        f"that does it, {firsts.min():g} s to {firsts.max():g} s, is one that the same loop bears with theta known; theta = 0: {_of_the_centre(found, ideal)}",
+        f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
+        f"{DELAYS[-1]:g} s, RK4, h = {STEP / 4 if full else STEP:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
+        f"quarter beyond {UNBOUNDED_RATIO:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times",
+        listings=(*_listings(found, ideal, gains), at_rohrs_plant),
+        number=f"least delay lost, borne with theta known: {firsts.min():g} s",
+        readings=readings,
+        condition="the known set holds estimates that do not stabilise the plant",
+        would_change="confirmed: unbounded runs with every filter; not confirmed: a bound on x beside Delta_m for Section V's known set, with (4) and (7) as they stand",
+        sharpened=f"{len(MORE_GAINS)} gains, Gamma = {span(MORE_GAINS)}, all of it at a quarter of the step",
+    )  # fmt: skip
+
+
+def _of_section_v(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
+    parts = [f"{name} {each.loses[0].min():g} s" for name, each in found.items()]
+    known = ", ".join(_borne(values[0]) for values in ideal.values())
+    return f"Section V's theta, {', '.join(parts)} (with theta known the loops bear {known})"
+
+
+def _lost_at(delay: float) -> str:
+    return f"lost at {delay:g} s" if np.isfinite(delay) else f"not lost up to {DELAYS[-1]:g} s"
+
+
+def _borne(delay: float) -> str:
+    return f"{delay:.3g} s" if np.isfinite(delay) else "any delay"
+
+
+def _of_the_centre(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
+    delays = " and ".join(f"{each.loses[1].max():g} s" for each in found.values())
+    known = "any delay" if all(np.isinf(values[1]) for values in ideal.values()) else "less"
+    return f"{delays}, where u = k_0 r alone bears {known}. For L1-AC: {_below_the_limit(found['L1-AC (5)-(8)'])}"
+
+
+def _readings(
+    found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, list[int]], unbounded: dict[str, bool]
+) -> tuple[Reading, ...]:
+    def shown(i: int) -> str:
+        return "; ".join(
+            f"{name} {_lost_at(each.loses[i].max())}, theta known: bears {_borne(ideal[name][i])}" for name, each in found.items()
+        )
+
+    same = all(bool((each.loses == each.loses[:, :1]).all()) for each in found.values())
+    sizes = {name: certain_size(kappa) for name, kappa in zip(found, (None, section_v.KAPPA), strict=True)}
+    return (
+        Reading(
+            "they can become unbounded",
+            verdict(holds=all(unbounded.values())),
+            f"theta = [4, -3]: {shown(0)}",
+        ),
+        Reading(
+            "... beside a Delta_m that the loop bears with theta known: it is the adapting that is not robust",
+            verdict(holds=all(below.values())),
+            f"theta = [5, 5]: {shown(2)}; theta = 0: {shown(1)}",
+        ),
+        Reading(
+            "... and a gain of reasonable size alone, without further modifications, does not prevent it",
+            verdict(holds=same),
+            f"the delay with which they are lost is {'the same' if same else 'not the same'} for every Gamma that was tried; exactly, Gamma/c^2 with c times the command is the same motion",
+        ),
+        Reading(
+            "no proof exists, however small the known set",
+            verdict(holds=not all(size > 0 for size in sizes.values())),
+            f"with |theta_i| <= {_down(min(sizes.values()))} the small-gain theorem bounds x for every Gamma and delays up to {PROVEN_DELAY:g} s; Section V's set is {5 / min(sizes.values()):.0f} times as large",
+        ),
+    )  # fmt: skip
+
+
+def _below_the_limit(found: Loss) -> str:
+    """What L1-AC's authors rest their robustness on: the margin of the linear loop that it tends to for fast adaptation."""
+    C = input_filter(section_v.KAPPA).realise()
+    limits = np.array([margins(fast_adaptation(variant(theta=theta).plant, C)).delay for theta in THETAS])
+    tried = sum(int((limit > DELAYS).sum()) for limit in limits) * found.loses.shape[1]
+    lost = sum(int((row < limit).sum()) for row, limit in zip(found.loses, limits, strict=True))
+    return f"its authors' measure, the delay margin of its limit for Gamma to infinity, is {limits.min():.3g} to {limits.max():.3g} s; of {tried} runs with a shorter delay {lost} are lost"
+
+
+def _down(value: float) -> str:
+    return f"{np.floor(1e4 * value) / 1e4:.4f}"
+
+
+def _listings(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[float, ...]) -> tuple[Listing, ...]:
+    return tuple(
+        table(
+            f"{name}: the largest delay [s] that stays bounded below the first that does not, that one (inf: none up to "
+            f"{DELAYS[-1]:g} s), what the loop bears with "
+            "theta known, and the largest |e| of the bounded runs' last quarter over the largest |x_m|",
+            {
+                "theta": [f"[{theta[0]:g}, {theta[1]:g}]" for theta in THETAS for _ in gains],
+                "Gamma": gains * len(THETAS),
+                "bounded": each.bears.ravel(),
+                "unbounded": each.loses.ravel(),
+                "theta known": [_borne(delay) for delay in ideal[name] for _ in gains],
+                "|e|/|x_m|": each.tail.ravel(),
+            },
+        )
+        for name, each in found.items()
+    )  # fmt: skip
+
+
+ROWS = (
+    Measurement(
+        claim,
+        2.0,
+        {"unmodelled-unbounded": "projected MRAC and L1-AC beside unmodelled dynamics"},
+        place=310,
+        sharper=partial(claim, full=True),
+        sharper_seconds=4.0,
+    ),
+)

@@ -1,0 +1,187 @@
+"""The claims of a paper, measured in as many processes as there are cores; and the rows of all papers by their names."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+from barbalat.certificates.overview import Certified
+from barbalat.papers.claim import Claim
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.paper import Paper, paper_of, papers
+from barbalat.run.processes import deaf_children
+from barbalat.run.processes import processes as own_processes
+from barbalat.run.progress import Progress
+from barbalat.validate import InputError, hint
+
+
+class Measured(NamedTuple):
+    """Rows, and how many seconds they took where ``expected`` were forecast."""
+
+    claims: list[Claim]
+    seconds: float
+    expected: float
+
+
+Told: TypeAlias = Callable[[Measured], None]
+
+
+@dataclass(frozen=True)
+class UnderWay:
+    """What other processes are at: rows by their places in the paper's ledger, its certificates, and others by their names.
+
+    pool  the processes: what is submitted to them comes after all that
+    """
+
+    rows: dict[tuple[int, ...], Future[list[Measured]]]
+    certified: Future[Certified]
+    others: dict[str, Future[Any]]
+    pool: ProcessPoolExecutor
+
+
+class Other(NamedTuple):
+    """What is to be made beside the rows, and how many seconds it takes, about."""
+
+    make: Callable[[], Any]
+    seconds: float
+
+
+@contextmanager
+def under_way(
+    paper: Paper,
+    processes: int,
+    *,
+    quick: bool = False,
+    full: bool = False,
+    told: Told | None = None,
+    others: Mapping[str, Other] | None = None,
+) -> Iterator[UnderWay]:
+    """Measure what stands alone in a paper's ledger in so many processes of its own; to be given to ``measure``.
+
+    The longest is begun first, of ``others`` too, so that in the end no process is long at work while the rest have nothing to do.
+    A quick row for each process comes before them all: somebody is looking. ``told`` is called of each as soon as it is measured,
+    from another thread. The program that calls this must be one that a new process may import: started by
+    ``if __name__ == "__main__"``.
+    """
+    others, rows = others or {}, paper.ledger
+    alone = [i for i in _chosen(paper, quick) if not rows[i].judges_runs]
+    first = [i for i in alone if rows[i].quick and rows[i].duration(full=full) < 1][:processes]
+    jobs = _together(paper, [i for i in alone if i not in first])
+    waiting: list[tuple[float, tuple[int, ...] | str]] = [(other.seconds, name) for name, other in others.items()]
+    waiting += [(sum(rows[i].duration(full=full) for i in job), job) for job in jobs]
+    with own_processes(processes) as pool:
+        with deaf_children():
+            quick_ones: list[tuple[int, ...]] = [(i,) for i in first]
+            ahead = {job: _submitted(pool, paper, job, full, told) for job in quick_ones}
+            certified, made = pool.submit(_certified, paper.name), {}
+            for _, job in sorted(waiting, key=lambda one: -one[0]):
+                if isinstance(job, str):
+                    made[job] = pool.submit(others[job].make)
+                else:
+                    ahead[job] = _submitted(pool, paper, job, full, told)
+        yield UnderWay(ahead, certified, made, pool)
+
+
+def _together(paper: Paper, places: list[int]) -> list[tuple[int, ...]]:
+    """What one process measures, one after the other: rows that share runs, which it keeps; the others alone."""
+    found: dict[str, tuple[int, ...]] = {}
+    for i in places:
+        shared = paper.ledger[i].shares or f"alone {i}"
+        found[shared] = (*found.get(shared, ()), i)
+    return list(found.values())
+
+
+def _submitted(
+    pool: ProcessPoolExecutor, paper: Paper, places: tuple[int, ...], full: bool, told: Told | None
+) -> Future[list[Measured]]:
+    future = pool.submit(_several, paper.name, places, full)
+
+    def done(finished: Future[list[Measured]]) -> None:
+        if told is not None and not finished.cancelled() and finished.exception() is None:
+            for measured in finished.result():
+                told(measured)
+
+    future.add_done_callback(done)
+    return future
+
+
+def _certified(paper: str) -> Certified:
+    return paper_of(paper).certified()
+
+
+def _several(paper: str, places: tuple[int, ...], full: bool) -> list[Measured]:
+    """In another process, which finds the paper by its name."""
+    return [_rows(paper_of(paper).ledger[place], full) for place in places]
+
+
+def _rows(measurement: Measurement, full: bool, *runs: Any) -> Measured:
+    started = time.perf_counter()
+    claims = measurement.rows(*runs, full=full)
+    return Measured(claims, time.perf_counter() - started, measurement.duration(full=full))
+
+
+def _chosen(paper: Paper, quick: bool) -> list[int]:
+    return [i for i, measurement in enumerate(paper.ledger) if measurement.quick or not quick]
+
+
+def measure(
+    paper: Paper,
+    runs: Any,
+    *,
+    quick: bool = False,
+    full: bool = False,
+    progress: Progress | None = None,
+    ahead: UnderWay | None = None,
+    told: Told | None = None,
+    taken: Callable[[list[Claim]], None] | None = None,
+) -> list[Claim]:
+    """A paper's ledger; ``quick`` leaves out what takes longer than the figures, ``full`` sharpens rows, ``ahead`` is under way.
+
+    runs   what ``paper.run`` returned
+    told   is called of the rows that are measured here
+    taken  is called with all rows, in the order in which they are done
+    """
+    chosen, rows = _chosen(paper, quick), {} if ahead is None else ahead.rows
+    seconds = {i: paper.ledger[i].duration(full=full) for i in chosen}
+    found: dict[int, list[Claim]] = {}
+
+    def take(place: int, measured: Measured) -> None:
+        found[place] = measured.claims
+        if taken is not None:
+            taken(measured.claims)
+        if progress is not None:
+            progress(sum(seconds[i] for i in found) / sum(seconds.values()))
+
+    elsewhere = {i for job in rows for i in job}
+    for i in chosen:
+        if i not in elsewhere:
+            here = _rows(paper.ledger[i], full, *([runs] if paper.ledger[i].judges_runs else []))
+            if told is not None:
+                told(here)
+            take(i, here)
+    jobs = {future: job for job, future in rows.items()}
+    for future in as_completed(jobs):
+        for i, measured in zip(jobs[future], future.result(), strict=True):
+            take(i, measured)
+    return [row for i in chosen for row in found[i]]
+
+
+def part_with(name: str) -> tuple[Paper, Measurement]:
+    """The paper and the measurement that a row belongs to. InputError for a name that is none, or that of several papers' rows."""
+    found = [(paper, part) for paper in papers().values() for part in paper.ledger if name in part.names]
+    if not found:
+        names = [own for paper in papers().values() for part in paper.ledger for own in part.names]
+        raise InputError(f"no row of the ledger is called {name!r}{hint(name, names)} (barbalat claims lists them)")
+    if len(found) > 1:
+        raise InputError(f"rows of several papers are called {name!r}: {', '.join(paper.name for paper, _ in found)}")
+    return found[0]
+
+
+def row(name: str) -> Claim:
+    """One row, measured with those of its subject, and with the paper's runs where it judges them."""
+    paper, part = part_with(name)
+    return next(claim for claim in part.rows(*([paper.run(None)] if part.judges_runs else [])) if claim.id == name)

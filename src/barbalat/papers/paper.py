@@ -1,0 +1,98 @@
+"""A paper as a slice: its claims in folders of its subjects, its figures, its certificates; and how papers are found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, cached_property
+from importlib import import_module
+from typing import Any
+
+from barbalat.certificates.overview import Certified
+from barbalat.certificates.table_1 import Table1
+from barbalat.discovery import modules_in, packages_in, slices
+from barbalat.papers.measurement import Measurement
+from barbalat.papers.paper_figure import PaperFigure
+from barbalat.run.progress import Progress
+from barbalat.validate import InputError, hint
+
+GROUP = "barbalat.papers"
+"""The entry points by which papers from outside this package are found."""
+DEFAULT = "jafari_2013"
+"""The paper that ``reproduce`` takes when none is named."""
+
+
+def _no_runs(progress: Progress | None = None) -> None:
+    if progress is not None:
+        progress(1.0)
+
+
+def _no_figures(_: Any) -> Sequence[PaperFigure]:
+    return ()
+
+
+def _no_certificates() -> Certified:
+    return Certified({}, Table1(()))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Paper:
+    """A paper whose claims are measured: the package ``package`` has a module ``paper`` with this as ``PAPER``.
+
+    Each folder in the package is a subject, and a file in it that has ``ROWS``, measurements, adds these to the ledger.
+
+    title         the paper's title
+    introduction  what its first page says before anything else: HTML, a full sentence or more
+    on_stored     which of its rows' numbers are stored instead of measured, and where they are from: HTML
+    on_claims     what the page of its claims adds to its introduction: HTML
+    on_table_1    what the page of its certificates says: HTML
+    run           simulates what its figures show and what the measurements that ``judges_runs`` are given
+    run_seconds   about how long that takes
+    figures       its figures, checked on these runs
+    certified     the certificates of its schemes, and Table 1
+    """
+
+    package: str
+    title: str
+    introduction: str
+    on_stored: str = ""
+    on_claims: str = ""
+    on_table_1: str = ""
+    run: Callable[[Progress | None], Any] = _no_runs
+    run_seconds: float = 0.0
+    figures: Callable[[Any], Sequence[PaperFigure]] = _no_figures
+    certified: Callable[[], Certified] = _no_certificates
+
+    @property
+    def name(self) -> str:
+        """The name of its folder, by which the command line knows it."""
+        return self.package.rpartition(".")[2]
+
+    @cached_property
+    def ledger(self) -> tuple[Measurement, ...]:
+        """What measures its rows, in the order in which these stand; ValueError where two rows have one name."""
+        modules = [one for subject in packages_in(import_module(self.package)) for one in modules_in(subject)]
+        found = sorted((row for one in modules for row in getattr(one, "ROWS", ())), key=lambda row: row.place)
+        names = [name for measurement in found for name in measurement.names]
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise ValueError(f"{self.title!r} has several rows of the name {min(twice)!r}")
+        return tuple(found)
+
+
+@cache
+def papers() -> dict[str, Paper]:
+    """All papers by their names; InputError where two have one name, or what an entry point names can't be imported."""
+    found: dict[str, Paper] = {}
+    for module in slices(__package__, GROUP, "paper"):
+        paper: Paper = module.PAPER
+        if paper.name in found:
+            raise InputError(f"two papers are called {paper.name!r}: {found[paper.name].package} and {paper.package}")
+        found[paper.name] = paper
+    return found
+
+
+def paper_of(name: str) -> Paper:
+    """The paper of a name; InputError for a name that is none."""
+    if name not in papers():
+        raise InputError(f"PAPER must be one of {', '.join(papers())}, got {name!r}{hint(name, papers())}")
+    return papers()[name]

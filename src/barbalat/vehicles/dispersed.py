@@ -1,0 +1,260 @@
+"""Many flights: every controller through every failure on vehicles that are drawn, kept in a store.
+
+What is drawn of a vehicle is its ``Drawing``'s to say. A store is that of a sweep: Parquet, a
+row for each draw, resumed by the same call after whatever ended the last one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from importlib import metadata
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from barbalat import budget, validate
+from barbalat.budget import Estimate
+from barbalat.run.progress import Progress
+from barbalat.sweeps.chunks import Chunk, chunks_of
+from barbalat.sweeps.kept import Kept, in_order
+from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.rows import Rows
+from barbalat.sweeps.store import Store, opened
+from barbalat.sweeps.stored import require_parquet
+from barbalat.sweeps.study import Columns
+from barbalat.validate import Array, counted
+from barbalat.vehicles.evidence import Evidence, evidence_of
+from barbalat.vehicles.flight import Failing
+from barbalat.vehicles.flying import AnyVehicle, aboard, chosen_failures, chosen_schemes
+from barbalat.vehicles.isolated import SECONDS_PER_FLIGHT, STARTING_SECONDS, isolated
+from barbalat.vehicles.registry import vehicle_of
+from barbalat.vehicles.vehicle import SEED, Aboard, Draw, draws_of
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+KEPT = ("lost_at", "rms_e", "max_abs_e", "travel")
+"""Figures of each flight."""
+MEMBERS, PROCESSES = 200, 2
+"""Draws by default, and processes."""
+MOST_DRAWS = 25
+"""Of one process at most, so that all have some."""
+CHUNK_SECONDS, FLIGHT_BYTES = 30.0, 1000.0
+"""Of the flights of a drawing's ``chunk``, and of the figures of one."""
+DIFFERENCES = {
+    "case": "another flight, or of other --schemes or --failures",
+    "plan": "more --dispersions, or another --seed",
+    "equations": "other equations",
+}
+"""What another store was made with, by the keys of ``Campaign.identity``."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Campaign:
+    """What is flown: schemes through failures on the draws of a plan. It is pickled into the processes that fly.
+
+    models  the vehicle at each of its conditions
+    aboard  what flies it there
+    """
+
+    vehicle: AnyVehicle
+    failures: tuple[Failing, ...]
+    models: tuple[Any, ...]
+    aboard: tuple[tuple[Aboard, ...], ...]
+    plan: Plan
+
+    @property
+    def name(self) -> str:
+        return self.vehicle.name
+
+    @property
+    def controllers(self) -> tuple[str, ...]:
+        return tuple(one.name for one in self.aboard[0])
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Where the draws fly, in turns."""
+        return tuple(self.vehicle.drawing.conditions)
+
+    @property
+    def chunk(self) -> int:
+        """Draws that one process flies."""
+        return min(max(self.vehicle.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
+
+    def cost(self, members: float, processes: int) -> Estimate:
+        """Of flying so many draws, with the processes side by side."""
+        flights = members * len(self.controllers) * len(self.failures)
+        return Estimate(memory=FLIGHT_BYTES * flights, seconds=CHUNK_SECONDS / self.vehicle.drawing.chunk * flights / processes)
+
+    def require(self, members: int, processes: int) -> None:
+        """InputError where so many draws are beyond the budget."""
+        drawn = counted(members, "draw")
+        budget.require(
+            "the campaign", members, lambda count: self.cost(count, processes), given=f"of {drawn}",
+            fits=lambda most: f"at most {most} draws", what=f"the flights of {drawn}",
+        )  # fmt: skip
+
+    def identity(self) -> dict[str, object]:
+        """What a store must have been made with to be gone on with."""
+        case = {
+            "flight": self.name,
+            "conditions": list(self.conditions),
+            "controllers": list(self.controllers),
+            "failures": [asdict(cast("DataclassInstance", one)) for one in self.failures],
+            "timing": asdict(self.vehicle.drawing.timing),
+        }
+        return {"case": json.dumps(case), "plan": self.plan.as_json(), "equations": self._equations()}
+
+    def _equations(self) -> str:
+        """SHA-256 of the controllers' operations, the linear models, and the simulator's version."""
+        digest = hashlib.sha256(metadata.version(self.vehicle.simulator).encode())
+        for model, several in zip(self.models, self.aboard, strict=True):
+            for part in self.vehicle.contents(model, several):
+                digest.update(part)
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class DispersedComparison:
+    """What all of them came to.
+
+    rows     a row for each draw: what was drawn, and ``KEPT`` for each controller and failure
+    resumed  draws that the store held already
+    """
+
+    campaign: Campaign
+    rows: Rows
+    resumed: int
+
+    @property
+    def members(self) -> int:
+        return len(self.campaign.plan)
+
+    def column(self, controller: str, failure: str, figure: str) -> Array:
+        """(members,) one figure of a controller's flights through a failure, one for each draw; KeyError where there is none."""
+        name = column_name(controller, failure, figure)
+        if name not in self.rows.names:
+            raise validate.unknown_name("column", name, self.rows.names)
+        return self.rows.column(name)
+
+    @cached_property
+    def evidence(self) -> Evidence:
+        """Losses, errors and who is better than whom, with intervals."""
+        failures = tuple(one.name for one in self.campaign.failures)
+        return evidence_of(self.column, self.campaign.controllers, failures)
+
+
+def column_name(controller: str, failure: str, figure: str) -> str:
+    """What the store calls the column of a controller, a failure and a figure."""
+    return f"{controller}, {failure}/{figure}"
+
+
+def fly_dispersed(
+    name: str = "f16-pitch",
+    *,
+    schemes: Sequence[str] | None = None,
+    failures: Sequence[str] | None = None,
+    members: int = MEMBERS,
+    seed: int = SEED,
+    store: str | Path | None = None,
+    processes: int = PROCESSES,
+    progress: Progress | None = None,
+) -> DispersedComparison:
+    """Fly schemes through failures on vehicles that are drawn; the extras ``flight`` and, for a store, ``study``.
+
+    name, schemes, failures  as of ``fly``
+    members    draws, each flown by every scheme through every failure; where there are several conditions they take turns
+    seed       of the draws, and each draw's number of its gusts
+    store      a folder that keeps every row and from which the same call goes on, or one for more draws
+    processes  that fly side by side
+
+    Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks; what was stored before stays.
+    """
+    validate.whole("processes", processes, least=1)
+    vehicle = vehicle_of(name)
+    plan = vehicle.drawing.plan(members, seed)
+    if store is not None:
+        require_parquet()
+    wanted, chosen = chosen_schemes(vehicle, schemes), chosen_failures(vehicle, failures)
+    models = tuple(vehicle.nominal(condition) for condition in vehicle.drawing.conditions.values())
+    flying = tuple(tuple(aboard(vehicle, model, wanted)) for model in models)
+    campaign = Campaign(vehicle=vehicle, failures=chosen, models=models, aboard=flying, plan=plan)
+    campaign.require(members, processes)
+    with _sink(campaign, store) as sink:
+        resumed = done = sink.stored
+        made = _made(campaign, sink.missing, processes)
+        for chunk, columns in in_order(made) if sink.in_order else made:
+            sink.add(chunk, columns)
+            done += chunk.size
+            if progress is not None:
+                progress(done / members)
+        return DispersedComparison(campaign=campaign, rows=sink.rows(), resumed=resumed)
+
+
+@contextlib.contextmanager
+def _sink(campaign: Campaign, store: str | Path | None) -> Iterator[Store | Kept]:
+    if store is None:
+        yield Kept(None, list(chunks_of(len(campaign.plan), campaign.chunk)))
+        return
+    plan = campaign.plan
+    with opened(Path(store), campaign.identity(), len(plan), campaign.chunk, DIFFERENCES, grows=plan.keeps_its_first) as found:
+        yield found
+
+
+def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterator[tuple[Chunk, Columns]]:
+    """Each chunk in a process of its own, so many at a time, as they are done."""
+    seconds = STARTING_SECONDS + campaign.chunk * SECONDS_PER_FLIGHT * len(campaign.failures) * len(campaign.controllers)
+    pool = ThreadPoolExecutor(processes)
+    try:
+        flying = {pool.submit(isolated, seconds, flown_members, campaign, chunk): chunk for chunk in chunks}
+        for future in as_completed(flying):
+            yield flying[future], future.result()
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _flying(campaign: Campaign) -> Callable[[Draw, int], Iterator[tuple[str, str, Mapping[str, float | None]]]]:
+    """How a draw and its number are flown, by every controller through every failure; made once in a process.
+
+    Yields controller, failure and at least the figures ``KEPT`` of each flight.
+    """
+    vehicle = campaign.vehicle
+    pilots = [
+        [vehicle.pilot(model, one) for one in several] for model, several in zip(campaign.models, campaign.aboard, strict=True)
+    ]
+    travel, _ = vehicle.drawing.travel
+
+    def fly(draw: Draw, number: int) -> Iterator[tuple[str, str, Mapping[str, float | None]]]:
+        dispersion, which = vehicle.dispersion(**draw, number=number), number % len(campaign.models)
+        for pilot in pilots[which]:
+            for flight in vehicle.fly(campaign.models[which], pilot, campaign.failures, dispersion, vehicle.drawing.timing):
+                figures = flight.figures
+                yield flight.controller, flight.failure.name, figures | {"travel": figures[travel]}
+
+    return fly
+
+
+def flown_members(campaign: Campaign, chunk: Chunk) -> Columns:
+    """All columns of these draws, in this process."""
+    fly, turns = _flying(campaign), len(campaign.models)
+    found: Columns = {"member": np.arange(chunk.first, chunk.first + chunk.size)}
+    values = campaign.plan.values(*chunk)
+    found |= {str(path): values[:, i] for i, path in enumerate(campaign.plan.paths)}
+    found["condition"] = found["member"] % turns
+    pairs = product(campaign.controllers, campaign.failures)
+    names = [column_name(one, failure.name, figure) for one, failure in pairs for figure in KEPT]
+    found |= {name: np.full(chunk.size, np.nan) for name in names}
+    for number, draw in draws_of(campaign.plan, *chunk):
+        for controller, failure, figures in fly(draw, number):
+            for figure in KEPT:
+                value = figures[figure]
+                found[column_name(controller, failure, figure)][number - chunk.first] = np.nan if value is None else value
+    return found

@@ -1,0 +1,65 @@
+"""Other aircraft than a controller was designed for, drawn by a seed: mass, balance, derivatives, start, air, delay."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from barbalat.sweeps.spread import Uniform
+from barbalat.vehicles.f16.model import SCALED
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dispersion:
+    """How an aircraft, its start and its air differ from the nominal ones, from the first instant on.
+
+    load             [lb] more than nominal, where the ballast is
+    ballast_aft      [in], how far aft ``f16.BALLAST_LB`` lie
+    effectiveness    of the axis's surface
+    lift, pitching_moment, pitch_damping, dihedral, roll_damping, weathercock  factors of the coefficients ``f16.SCALED``
+    speed            at the start, relative to the trimmed one
+    attitude         [deg], by which angle of attack and pitch are off at the start
+    gusts            [ft/s], the standard deviation: vertical ones where a pitch rate is followed, lateral ones for a roll rate
+    delay            [s], added to the commands' way to the actuator
+    number           of the draw; the gusts are drawn by it
+    """
+
+    load: float = 0.0
+    ballast_aft: float = 0.0
+    effectiveness: float = 1.0
+    lift: float = 1.0
+    pitching_moment: float = 1.0
+    pitch_damping: float = 1.0
+    dihedral: float = 1.0
+    roll_damping: float = 1.0
+    weathercock: float = 1.0
+    speed: float = 1.0
+    attitude: float = 0.0
+    gusts: float = 0.0
+    delay: float = 0.0
+    number: int = 0
+
+    @property
+    def scales(self) -> dict[str, float]:
+        """By the names of ``f16.SCALED``."""
+        return {name: value for name, value in vars(self).items() if name in SCALED}
+
+
+NOMINAL = Dispersion()
+DRAWN = {
+    "load": Uniform(-1500.0, 3000.0),  # fuel burnt to stores carried; the aircraft weighs 20,000 lb
+    "ballast_aft": Uniform(-28.0, 28.0),  # the centre of gravity by 2 % of the chord
+    "effectiveness": Uniform(0.8, 1.2),
+    "lift": Uniform(0.9, 1.1),
+    "pitching_moment": Uniform(0.8, 1.2),
+    "pitch_damping": Uniform(0.7, 1.3),
+    "dihedral": Uniform(0.7, 1.3),
+    "roll_damping": Uniform(0.7, 1.3),
+    "weathercock": Uniform(0.8, 1.2),
+    "speed": Uniform(0.95, 1.05),
+    "attitude": Uniform(-0.5, 0.5),
+    "gusts": Uniform(0.0, 5.0),  # calm to light turbulence, MIL-F-8785C
+    "delay": Uniform(0.0, 0.02),  # two samples of a busy bus
+}
+"""From what each is drawn: what wind-tunnel data are commonly uncertain by, a tenth to a third."""
+UNITS = {"load": "lb", "ballast_aft": "in", "attitude": "deg", "gusts": "ft/s", "delay": "s"}
+"""Of these; the others are factors of what is nominal."""

@@ -1,0 +1,215 @@
+"""How a controller flies: on the moving aircraft, sample by sample, with a failure on the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.linear.zero_order_hold import HeldSystem
+from barbalat.run.stepwise import Step
+from barbalat.validate import Array
+from barbalat.vehicles.f16 import model as f16
+from barbalat.vehicles.f16.airframe import DEGREES, STEP, Airframe
+from barbalat.vehicles.f16.axis import PITCH, SAMPLE_TIME, Axis
+from barbalat.vehicles.f16.dispersions import NOMINAL, Dispersion
+from barbalat.vehicles.f16.equipment import Actuator, Sensors
+from barbalat.vehicles.f16.failures import Failure
+from barbalat.vehicles.f16.flight import ALPHA, BANK, BETA, COMMAND, N_Z, TIMING, AxisFlight, columns_of
+from barbalat.vehicles.f16.gusts import SEED, gusts_met
+from barbalat.vehicles.f16.trim import Trim
+from barbalat.vehicles.flight import NO_NUMBER, Timing
+
+if TYPE_CHECKING:
+    from jsbsim import FGPropertyNode
+
+SUBSTEPS = range(round(SAMPLE_TIME / STEP))
+"""The simulator's steps in a sample."""
+
+
+def fly_once(
+    axis: Axis, controller: Step, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
+) -> AxisFlight:
+    """From trim, or from what a dispersion makes of it."""
+    aircraft = _Aircraft.at_start(axis, dispersion)
+    controller.reset()
+    samples, failing = round(timing.duration / SAMPLE_TIME), round(timing.fails_at / SAMPLE_TIME)
+    commands = axis.followed.command(SAMPLE_TIME * np.arange(samples))
+    air, model = _air(axis, failure, dispersion, samples, failing), _model(axis, commands)
+    record, lost = np.zeros((samples, len(columns_of(axis.followed)))), ""
+    for k in range(samples):
+        if k == failing:
+            aircraft.fail(failure)
+        aircraft.airframe.blow(*air[k])
+        command = axis.surface_trim + float(controller(aircraft.sensors.output, commands[k])[0])
+        record[k] = (k * SAMPLE_TIME, commands[k], model[k], *aircraft.seen(command))
+        lost = _lost(record[k])
+        if lost:
+            record = record[: k + 1]
+            break
+        aircraft.advance(command)
+    return AxisFlight(
+        controller=controller.name,
+        failure=failure,
+        followed=axis.followed,
+        record=record,
+        lost=lost,
+        timing=timing,
+        agreement=controller.agreement(),
+    )
+
+
+@dataclass(kw_only=True)
+class _Aircraft:
+    """What flies of one axis: the airframe and what lies between it and the controller.
+
+    effectiveness  of the axis's surface, what a dispersion and a failure leave of it
+    surface        its deflection as the airframe's tables read it [rad]
+    states         what sensors see, as deviations from trim
+    hold           keeps the pitch axis where it is trimmed while another one is flown; None where pitch itself is
+    place, ground  how far north and east it is of where it was at first, and how fast it goes there [ft, ft/s]
+    """
+
+    axis: Axis
+    airframe: Airframe
+    actuator: Actuator
+    sensors: Sensors
+    effectiveness: float
+    surface: FGPropertyNode
+    states: Callable[[], list[float]]
+    hold: _PitchHold | None
+    place: tuple[float, float]
+    ground: tuple[float, float]
+
+    @classmethod
+    def at_start(cls, axis: Axis, dispersion: Dispersion) -> _Aircraft:
+        """In trim, but for what a dispersion changes."""
+        trim, equipment, off = axis.trim, axis.equipment, np.deg2rad(dispersion.attitude)
+        airframe = Airframe(trim.condition)
+        airframe.load(dispersion.load)
+        airframe.shift_ballast(dispersion.ballast_aft)
+        for coefficient, factor in dispersion.scales.items():
+            airframe.scale(coefficient, factor)
+        start = trim.motion._replace(
+            speed=trim.speed * dispersion.speed, alpha=trim.motion.alpha + off, theta=trim.motion.theta + off
+        )
+        airframe.put(start, trim.surfaces, trim.throttle)
+        actuator = Actuator(equipment, STEP, axis.surface_trim)
+        actuator.delay_more(dispersion.delay)
+        trimmed = np.rad2deg(np.array(trim.motion)[list(axis.followed.places)]).tolist()
+        return cls(
+            axis=axis,
+            airframe=airframe,
+            actuator=actuator,
+            sensors=Sensors(equipment, STEP, len(axis.followed.states)),
+            effectiveness=dispersion.effectiveness,
+            surface=airframe.surface(axis.surface),
+            states=airframe.seeing(axis.followed.states, trimmed),
+            hold=None if axis.followed.surface == "elevator" else _PitchHold.of(airframe, trim),
+            place=(0.0, 0.0),
+            ground=airframe.ground_velocity,
+        )
+
+    def fail(self, failure: Failure) -> None:
+        """From now on; its gusts are in the air already."""
+        self.effectiveness *= failure.effectiveness
+        self.airframe.shift_ballast(failure.ballast_aft, failure.ballast_right)
+        self.actuator.delay_more(failure.delay)
+        self.actuator.run_away(failure.runs_away)
+
+    def seen(self, command: float) -> tuple[float, ...]:
+        """The columns from the followed rate on."""
+        motion = self.airframe.motion
+        rate, alpha, beta = np.rad2deg([motion[self.axis.followed.places[self.axis.rate]], motion.alpha, motion.beta])
+        return (
+            rate, alpha, beta, self.airframe.load_factor, command, self.actuator.deflection,
+            *np.rad2deg([motion.theta, motion.phi]), self.airframe.altitude, motion.speed, self.airframe.heading, *self.place,
+        )  # fmt: skip
+
+    def advance(self, command: float) -> None:
+        """Fly on for a sample under the surface's command."""
+        for _ in SUBSTEPS:
+            self.surface.set_double_value(self.effectiveness * self.actuator.advance(command) / DEGREES)
+            if self.hold is not None:
+                self.hold()
+            self.airframe.fdm.run()
+            self.sensors.advance(self.states())
+        before, self.ground = self.ground, self.airframe.ground_velocity
+        (north, east), half = self.place, SAMPLE_TIME / 2
+        self.place = north + half * (before[0] + self.ground[0]), east + half * (before[1] + self.ground[1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class _PitchHold:
+    """The linear-quadratic feedback of the pitch axis, at once and without lag: the airframe may be unstable there by itself,
+    and what is compared is how somebody flies another axis."""
+
+    elevator: FGPropertyNode
+    states: Callable[[], list[float]]
+    gain: tuple[float, ...]
+    trimmed: float
+
+    @classmethod
+    def of(cls, airframe: Airframe, trim: Trim) -> _PitchHold:
+        pitch = Axis(trim=trim, followed=PITCH)
+        at = np.rad2deg(np.array(trim.motion)[list(PITCH.places)]).tolist()
+        return cls(
+            elevator=airframe.surface(pitch.surface),
+            states=airframe.seeing(PITCH.states, at),
+            gain=tuple(pitch.gain.tolist()),
+            trimmed=pitch.surface_trim,
+        )
+
+    def __call__(self) -> None:
+        limit, asked = PITCH.equipment.limit, self.trimmed
+        for gain, off in zip(self.gain, self.states(), strict=True):
+            asked -= gain * off
+        self.elevator.set_double_value(min(max(asked, -limit), limit) / DEGREES)
+
+
+def _air(axis: Axis, failure: Failure, dispersion: Dispersion, samples: int, failing: int) -> list[tuple[float, float]]:
+    """Down and east at each sample: a dispersion's gusts all the way, those that a failure brings from then on."""
+    seeds = SEED + 2 * dispersion.number, SEED + 2 * dispersion.number + 1
+    failed, drawn = (
+        gusts_met(deviation, axis.trim.speed, SAMPLE_TIME, samples, seed)
+        for deviation, seed in zip((failure.gusts, dispersion.gusts), seeds, strict=True)
+    )
+    met = drawn + np.where(np.arange(samples) < failing, 0.0, failed)
+    still = np.zeros(samples)
+    down, east = (still, met) if axis.followed.attitude == "phi" else (met, still)
+    return list(zip(down.tolist(), east.tolist(), strict=True))
+
+
+MOST_BANK, MOST_BETA = 90.0, 30.0
+"""[deg]; commands ask for 30 deg of bank at most, and beyond 90 the lift pulls down. The tables end at 30 deg of sideslip."""
+
+
+def _lost(row: Array) -> str:
+    """Where the aircraft leaves what its tables cover, what its structure bears, or the attitude that it was to keep."""
+    if not np.isfinite(row[COMMAND]):
+        return NO_NUMBER
+    if not np.isfinite(row).all():
+        return "the simulation's numbers are no longer finite"
+    (low, high), (least, most) = f16.REACHED_ALPHA, f16.LIMIT_LOADS
+    if not low <= row[ALPHA] <= high:
+        return f"the angle of attack left {low:g} to {high:g} deg, where the tables end"
+    if not least <= row[N_Z] <= most:
+        return f"the load factor left {least:g} to {most:g} g, which the structure bears"
+    if not abs(row[BETA]) <= MOST_BETA:
+        return f"the angle of sideslip passed {MOST_BETA:g} deg, where the tables end"
+    if not abs(row[BANK]) <= MOST_BANK:
+        return f"the bank angle passed {MOST_BANK:g} deg"
+    return ""
+
+
+def _model(axis: Axis, commands: Array) -> Array:
+    """The followed rate of the model to follow, at the samples."""
+    _, b = axis.model
+    held = HeldSystem.of(axis.A_m, b * axis.k_0, SAMPLE_TIME)
+    x, found = np.zeros(len(b)), []
+    for r in commands:
+        found.append(x[axis.rate])
+        x = held.following(x, r)
+    return np.array(found)

@@ -1,0 +1,96 @@
+"""The schemes that fly an axis of the F-16, and the numbers that one rule found for each on the linearised aircraft."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from barbalat.controllers import KnownParameters, LinearFeedback, Mrac, Sampled
+from barbalat.controllers.windup import ModifiedError
+from barbalat.design import hinf_feedback, pi_feedback
+from barbalat.linear.systems import StateSpace
+from barbalat.vehicles.f16.axis import SAMPLE_TIME, Axis
+from barbalat.vehicles.schemes import (
+    ROBUST,
+    Numbers,
+    OnLoop,
+    Scheme,
+    adaptive_gain,
+    adrc,
+    l1,
+    l1_piecewise,
+    l1_piecewise_flown,
+    robust_mrac,
+)
+
+
+def _lqr(axis: Axis, _: Numbers) -> OnLoop:
+    problem = axis.linear_problem
+    return OnLoop(problem, Sampled(KnownParameters(theta=axis.gain, name="LQR"), SAMPLE_TIME, discretization="euler"))
+
+
+def _sampled(axis: Axis, linear: LinearFeedback) -> OnLoop:
+    """With its integral protected against windup: what a missing control weighs is K's own gain at the crossover."""
+    K = StateSpace.accept("controller", linear.controller)
+    gain = float(abs(K.response(np.array([axis.followed.crossover]))[0]))
+    return OnLoop(axis.linear_problem, Sampled(replace(linear, anti_windup=gain), SAMPLE_TIME))
+
+
+def _linear(axis: Axis, numbers: Numbers) -> OnLoop:
+    """SIMC's PI on the model-following error, with a crossover of ``bandwidth``."""
+    delay = 1 / (2 * numbers["bandwidth"])
+    return _sampled(axis, pi_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="LQR with PI"))
+
+
+def _hinf(axis: Axis, numbers: Numbers) -> OnLoop:
+    delay = 1 / (2 * numbers["bandwidth"])
+    return _sampled(axis, hinf_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="H-infinity"))
+
+
+def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
+    mrac = Mrac(gamma=adaptive_gain(axis, numbers), theta_hat0=axis.nominal, modified_error=ModifiedError())
+    return OnLoop(axis.adaptive_problem, Sampled(mrac, SAMPLE_TIME))
+
+
+BANDWIDTH_RANGE = {"bandwidth": (0.5, 50.0)}
+"""[rad/s], from what a flight of 15 s hardly shows to half a radian in a sample."""
+ADAPTATION_RANGE = {"adaptation": (0.3, 100.0)}
+"""[rad/s] at which estimates swing, up to a radian in a sample."""
+SCHEMES: dict[str, Scheme] = {
+    "lqr": Scheme(_lqr, {}, counterpart="geometric"),
+    "linear": Scheme(_linear, BANDWIDTH_RANGE, counterpart="geometric-integral"),
+    ROBUST: Scheme(_hinf, BANDWIDTH_RANGE),
+    "adrc": Scheme(adrc, BANDWIDTH_RANGE),
+    "mrac": Scheme(_mrac, ADAPTATION_RANGE),
+    "robust-mrac": Scheme(robust_mrac, {**BANDWIDTH_RANGE, "covariance": (1e-3, 1e2)}),
+    "l1": Scheme(l1, {**BANDWIDTH_RANGE, **ADAPTATION_RANGE}),
+    "l1-piecewise": Scheme(l1_piecewise, BANDWIDTH_RANGE),
+    "l1-piecewise-flown": Scheme(l1_piecewise_flown, BANDWIDTH_RANGE),
+}
+"""The registry, by the names of the command line."""
+TUNED: dict[str, dict[str, Numbers]] = {
+    "f16-pitch": {
+        "lqr": {},
+        "linear": {"bandwidth": 6.11},
+        "hinf": {"bandwidth": 2.04},
+        "adrc": {"bandwidth": 4.9},
+        "mrac": {"adaptation": 2.96},
+        "robust-mrac": {"bandwidth": 4.76, "covariance": 0.31},
+        "l1": {"bandwidth": 7.02, "adaptation": 75.3},
+        "l1-piecewise": {"bandwidth": 7.3},
+        "l1-piecewise-flown": {"bandwidth": 5.37},
+    },
+    "f16-roll": {
+        "lqr": {},
+        "linear": {"bandwidth": 6.19},
+        "hinf": {"bandwidth": 2.18},
+        "adrc": {"bandwidth": 6.74},
+        "mrac": {"adaptation": 2.8},
+        "robust-mrac": {"bandwidth": 6.75, "covariance": 0.001},
+        "l1": {"bandwidth": 50.0, "adaptation": 2.83},
+        "l1-piecewise": {"bandwidth": 8.42},
+        "l1-piecewise-flown": {"bandwidth": 7.46},
+    },
+}
+"""By flights and schemes, to three digits: what ``benchmarks/flight_tuning.py`` finds at 10,013 ft and Mach 0.525."""

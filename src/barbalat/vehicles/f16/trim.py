@@ -1,0 +1,127 @@
+"""Level flight at a condition, by Newton's method on the flight model's own rates, and its linearisation there by differences."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.validate import Array, InputError
+from barbalat.vehicles.f16 import model as f16
+from barbalat.vehicles.f16.airframe import Airframe, FlightCondition, Motion, Surfaces
+
+ELEVATOR_LIMIT = np.deg2rad(25.0)
+"""Of the surface, and of the tables [rad]."""
+LARGEST_RESIDUAL = 1e-7
+"""[ft/s^2, rad/s^2]; what is left after Newton's steps is a thousand times less, and a jump of the tables far more."""
+CRUISE_GUESS = (np.deg2rad(3.0), np.deg2rad(-2.0), 0.3)
+"""alpha, elevator [rad] and throttle of an aircraft at cruise."""
+DIFFERENCE_STEP = 1e-4
+"""Of angles and rates [rad, rad/s], and of the speed relative to it: the tables are linear between points that are degrees apart,
+so that a smaller one says the same, and rounding leaves nine digits of it."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Trim:
+    """Level, unaccelerated flight, and its linear model.
+
+    speed               [ft/s]
+    alpha, elevator     [rad], the tables' positive elevator pitches down
+    throttle            0 to 1
+    A                   (8, 8) of d/dt of the deviations of ``Motion``, in its order and units
+    B                   (8, 3) of elevator, aileron, rudder [rad]
+    """
+
+    condition: FlightCondition
+    speed: float
+    alpha: float
+    elevator: float
+    throttle: float
+    A: Array
+    B: Array
+
+    @property
+    def motion(self) -> Motion:
+        return Motion(speed=self.speed, alpha=self.alpha, theta=self.alpha, q=0.0)
+
+    @property
+    def surfaces(self) -> Surfaces:
+        return Surfaces(self.elevator)
+
+    @property
+    def short_period(self) -> tuple[Array, Array]:
+        """A (2, 2) and b (2,) of alpha and q, for the elevator: in degrees as in radians."""
+        rows = np.array([1, 3])
+        return self.A[np.ix_(rows, rows)], self.B[rows, 0]
+
+    def modes(self) -> dict[str, list[complex]]:
+        """The eigenvalues of the two 4 x 4 parts by their names, the faster pair first [1/s]."""
+        pitching = _by_size(np.linalg.eigvals(self.A[:4, :4]))
+        rolling = np.linalg.eigvals(self.A[4:, 4:])
+        swinging = _by_size(rolling[rolling.imag != 0])
+        others = _by_size(rolling[rolling.imag == 0])
+        return {
+            "short period": pitching[:2],
+            "phugoid": pitching[2:],
+            "Dutch roll": swinging,
+            "roll": others[:1],
+            "spiral": others[1:],
+        }
+
+
+def trimmed(condition: FlightCondition) -> Trim:
+    """InputError where the condition has no level flight within the surfaces', the engine's and the tables' ranges."""
+    from scipy.optimize import root
+
+    airframe = Airframe(condition)
+
+    def rates(unknown: Array) -> Array:
+        alpha, elevator, throttle = map(float, unknown)
+        airframe.put(Motion(airframe.speed, alpha, alpha, 0.0), Surfaces(elevator), throttle)
+        return np.asarray(airframe.rates[[0, 1, 3]] * (1.0, airframe.speed, 1.0))
+
+    found = root(rates, CRUISE_GUESS, tol=1e-12)
+    alpha, elevator, throttle = map(float, found.x)
+    residual = float(np.abs(rates(found.x)).max())
+    _require_flyable(condition, residual, alpha, elevator, throttle)
+    motion = Motion(airframe.speed, alpha, alpha, 0.0)
+    A, B = _linearised(airframe, motion, Surfaces(elevator), throttle)
+    return Trim(condition=condition, speed=airframe.speed, alpha=alpha, elevator=elevator, throttle=throttle, A=A, B=B)
+
+
+def _require_flyable(condition: FlightCondition, residual: float, alpha: float, elevator: float, throttle: float) -> None:
+    low, high = np.deg2rad(f16.REACHED_ALPHA)
+    ranges = {
+        f"an angle of attack of {np.rad2deg(alpha):.3g} deg, and the tables end at {f16.REACHED_ALPHA[1]:g} deg": low
+        < alpha
+        < high,
+        f"an elevator of {np.rad2deg(elevator):.3g} deg, and it moves by 25 deg": abs(elevator) < ELEVATOR_LIMIT,
+        f"a throttle of {throttle:.3g}, and it goes from 0 to 1": 0 < throttle < 1,
+    }
+    asked = [text for text, holds in ranges.items() if not holds]
+    why = f"it would take {asked[0]}" if asked else f"Newton's method ends with {residual:.2g} ft/s^2 or rad/s^2 left"
+    if asked or not residual < LARGEST_RESIDUAL:
+        raise InputError(f"the F-16 can't be trimmed in level flight at {condition}: {why}; 10000 ft, Mach 0.5 can")
+
+
+def _linearised(airframe: Airframe, motion: Motion, surfaces: Surfaces, throttle: float) -> tuple[Array, Array]:
+    """Central differences of the rates."""
+
+    def column(change: Array, turned: Array, size: float) -> Array:
+        ends = []
+        for sign in (1, -1):
+            airframe.put(Motion(*(motion + sign * change)), Surfaces(*(surfaces + sign * turned)), throttle)
+            ends.append(airframe.rates)
+        return np.asarray((ends[0] - ends[1]) / (2 * size))
+
+    def moved(count: int, i: int, size: float) -> Array:
+        return size * np.eye(count)[i]
+
+    sizes = [DIFFERENCE_STEP * airframe.speed] + [DIFFERENCE_STEP] * 7
+    A = [column(moved(8, i, size), np.zeros(3), size) for i, size in enumerate(sizes)]
+    B = [column(np.zeros(8), moved(3, i, DIFFERENCE_STEP), DIFFERENCE_STEP) for i in range(3)]
+    return np.column_stack(A), np.column_stack(B)
+
+
+def _by_size(values: Array) -> list[complex]:
+    return sorted((complex(value) for value in values), key=lambda value: (-abs(value), -value.imag))

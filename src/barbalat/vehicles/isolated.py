@@ -1,0 +1,100 @@
+"""A function called in a process of its own, with a time limit: what a simulator breaks there is one sentence here.
+
+JSBSim ends the whole process on some errors of its files, and prints as it likes; both stay there. The function and what it is
+given and returns are pickled, between a process and its own child.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import ParamSpec, TypeVar
+
+from barbalat.validate import InputError
+
+Given = ParamSpec("Given")
+Answer = TypeVar("Answer")
+ASKED, ANSWERED = "asked.pickle", "answered.pickle"
+LONGEST_REASON = 200
+"""Characters of what a simulator said last."""
+STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0
+"""Time limits: a simulator and compiled controllers start in two seconds and fly in one and a half; a shared machine takes many
+times that."""
+
+
+class SimulatorFailed(RuntimeError):
+    """The simulator's process ended without an answer, or did not end in time."""
+
+
+def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
+    """``function(*given, **named)`` elsewhere; the function stands at the top of a module.
+
+    Raises InputError as the function does, SimulatorFailed where the process crashes or takes longer than so many seconds.
+    """
+    with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
+        folder = Path(made)
+        (folder / ASKED).write_bytes(pickle.dumps((function, given, named)))
+        command = [sys.executable, "-m", "barbalat.vehicles.isolated", str(folder)]
+        try:
+            with _held_open() as alive:
+                done = subprocess.run(command, capture_output=True, timeout=seconds, check=False, env=_environment(), stdin=alive)
+        except subprocess.TimeoutExpired:
+            raise SimulatorFailed(f"the simulator was not done after {seconds:g} s, and was stopped") from None
+        if done.returncode:
+            raise SimulatorFailed(_crash(done.returncode, done.stderr.decode(errors="replace")))
+        answer = pickle.loads((folder / ANSWERED).read_bytes())
+    if isinstance(answer, InputError):
+        raise answer
+    found: Answer = answer
+    return found
+
+
+@contextmanager
+def _held_open() -> Iterator[int]:
+    """A pipe's end to read from, which ends when this process does, however it ends."""
+    reading, writing = os.pipe()
+    try:
+        yield reading
+    finally:
+        os.close(reading)
+        os.close(writing)
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(part for part in sys.path if part)}
+
+
+def _crash(code: int, said: str) -> str:
+    how = f"by signal {-code}" if code < 0 else f"with exit code {code}"
+    last = [line.strip() for line in said.splitlines() if line.strip()][-1:]
+    return f"the simulator's process ended {how}{f', saying: {last[0][:LONGEST_REASON]}' if last else ''}"
+
+
+def _end_with_parent(folder: Path) -> None:
+    """In the child, beside what it does: wait for the parent's end, where it was killed, clear up in its stead and go too."""
+    os.read(sys.stdin.fileno(), 1)
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(1)
+
+
+def _answer(folder: Path) -> None:
+    """In the child: call what was asked for, keep what it returns or refuses."""
+    threading.Thread(target=_end_with_parent, args=(folder,), daemon=True).start()
+    function, given, named = pickle.loads((folder / ASKED).read_bytes())
+    try:
+        found = function(*given, **named)
+    except InputError as error:
+        found = error
+    (folder / ANSWERED).write_bytes(pickle.dumps(found))
+
+
+if __name__ == "__main__":
+    _answer(Path(sys.argv[1]))

@@ -1,0 +1,208 @@
+"""The six axes on which schemes act, as they read them: three of the attitude, three of the position.
+
+x = (e, e') of an axis: e_R [rad] and e_Omega [rad/s], or the error of position [m] and velocity [m/s]. u is an acceleration,
+[rad/s^2] or [m/s^2]. The geometric controller's own feedback, -K x, is always there; what a scheme adds to it is u, so that its
+plant is x' = A_m x + b (theta'phi(x) + u) with A_m = A - b K and a theta that is zero where nothing fails. No command but e = 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.plant import Plant
+from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.regressors import Polynomial
+from barbalat.problem.state_feedback import Problem
+from barbalat.signals import Constant
+from barbalat.validate import Array
+from barbalat.vehicles.quadrotor.body import GRAVITY
+from barbalat.vehicles.quadrotor.hover import Hover
+
+PHASE = np.pi / 6
+"""[rad] that the lag takes at the crossover of each loop: a half of the 65 deg that linear-quadratic feedback of a double
+integrator has is then left with what it was not designed for."""
+CROSSOVER = 1.55
+"""Of that feedback, over its natural frequency: |sqrt(2) s + 1| = |s|^2 there."""
+YAW_SHARE = 0.4
+"""Of the natural frequency of roll and pitch: rotors yaw by their drag alone, a tenth of the moment of their lift."""
+ATTITUDE_SAMPLE, POSITION_SAMPLE = 1 / 400, 1 / 100
+"""[s]."""
+MOMENT_SHARE = 1 / 3
+"""Of the hover thrust, for each of roll, pitch, yaw: with all of them at their limits no rotor is below zero at hover."""
+ADDED_SHARE = 0.5
+"""Of an axis' authority, for what a scheme adds; the feedback has the rest. So neither is cut off by the other, and a predictor
+knows what is left of u. Half of position's lifts another 35 % of the mass."""
+MET_SHARE = 0.5
+"""Of what a scheme may add, as what acts on an axis where its problem is simulated by itself, or exported: else nothing moves."""
+TILT = np.deg2rad(35.0)
+"""The most that position's control leans away from what the path asks for: g tan of it, and as much up and down."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Axis:
+    """One of them.
+
+    A, b         of x = (e, e') for u
+    frequency    [rad/s], natural, of the feedback
+    lag          [s] between u and what it does, at low frequencies
+    limit        of u, on both sides, and of the feedback
+    size         of the errors that are met
+    like         the axis whose linear model this one has, on which settings are found: "roll", "yaw" or "forward"
+    """
+
+    name: str
+    like: str
+    A: Array
+    b: Array
+    frequency: float
+    lag: float
+    sample_time: float
+    limit: float
+    size: float
+
+    @cached_property
+    def gain(self) -> Array:
+        """K, (2,): least integral of e^2 + u^2/frequency^4, which has a damping of 0.71."""
+        from scipy.linalg import solve_continuous_are
+
+        rho = self.frequency**-4
+        P = solve_continuous_are(self.A, self.b[:, None], np.diag([1.0, 0.0]), np.array([[rho]]))
+        return np.asarray(self.b @ P / rho)
+
+    @cached_property
+    def A_m(self) -> Array:
+        return np.asarray(self.A - np.outer(self.b, self.gain))
+
+    @property
+    def range(self) -> Array:
+        """(3,), how large theta of phi(x) = (1, x) may be, as the schemes know it: all of the limit, half of each gain."""
+        return np.array([self.limit, *(0.5 * self.gain)])
+
+    @property
+    def time_unit(self) -> float:
+        """Bandwidths are so many over the lag [s]."""
+        return self.lag
+
+    @property
+    def frequency_unit(self) -> float:
+        """Adaptation frequencies are so many times the feedback's natural one [rad/s]."""
+        return self.frequency
+
+    @property
+    def met(self) -> Array:
+        """(3,), how large 1 and x are in flight."""
+        return np.array([1.0, self.size, self.size * self.frequency])
+
+    @property
+    def known_gain(self) -> None:
+        """A_m has the geometric controller's feedback already."""
+
+    @property
+    def theta_hat0(self) -> None:
+        """Adaptive schemes begin at zero."""
+
+    def feedback(self, errors: Array) -> float:
+        """-K x within its limit."""
+        return self.limited(-float(self.gain @ errors))
+
+    def limited(self, u: float) -> float:
+        return min(max(u, -self.limit), self.limit)
+
+    @cached_property
+    def linear_problem(self) -> Problem:
+        """The axis as a tracking problem with phi(x) = x."""
+        return self._problem(Plant(A_m=self.A_m, b=self.b, theta=np.zeros(2), input=self._input))
+
+    @cached_property
+    def adaptive_problem(self) -> Problem:
+        """phi(x) = (1, x)."""
+        regressor = Polynomial(degree=1, constant=True)
+        plant = Plant(A_m=self.A_m, b=self.b, theta=np.zeros(3), input=self._input, regressor=regressor)
+        return self._problem(plant, ParameterBox(lower=-self.range, upper=self.range))
+
+    @property
+    def _input(self) -> PlantInput:
+        return PlantInput(saturation=(-self.limit, self.limit))
+
+    def _problem(self, plant: Plant, known: ParameterBox | None = None) -> Problem:
+        return Problem(
+            plant=plant,
+            reference_model=ReferenceModel(k_0=float(self.frequency**2)),
+            reference=Constant(0.0),
+            disturbance=Constant(MET_SHARE * self.limit),
+            uncertainty=known,
+            name=f"Quadrotor, {self.name}",
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Electronics:
+    """Between the vehicle and its controllers.
+
+    delay           [s] from a sample to the motors' command
+    rate_lag        [s] of the rate sensors, first order
+    attitude_noise  [rad], and the others' [rad/s, m, m/s]: standard deviations of white noise at the samples
+    """
+
+    delay: float = 0.005
+    rate_lag: float = 0.0
+    attitude_noise: float = 0.003
+    rate_noise: float = 0.02
+    position_noise: float = 0.005
+    velocity_noise: float = 0.02
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Axes:
+    """All six, designed one inside the other: what position's loop takes for its lag is the attitude's loop."""
+
+    hover: Hover
+    electronics: Electronics = field(default_factory=Electronics)
+
+    @cached_property
+    def attitude(self) -> tuple[Axis, ...]:
+        """The axes of roll, pitch and yaw, in this order."""
+        lag = self.hover.vehicle.motor_lag + self.electronics.delay + ATTITUDE_SAMPLE / 2
+        fast = PHASE / (CROSSOVER * lag)
+        return tuple(
+            Axis(
+                name=name, like=like, A=self._block(3 + i, 9 + i), b=(self.hover.B @ self.hover.mixer[:, 1 + i])[[3 + i, 9 + i]],
+                frequency=frequency, lag=lag, sample_time=ATTITUDE_SAMPLE, size=0.1,
+                limit=ADDED_SHARE * MOMENT_SHARE * self._moment(1 + i),
+            )
+            for i, (name, like, frequency) in enumerate(
+                (("roll", "roll", fast), ("pitch", "roll", fast), ("yaw", "yaw", YAW_SHARE * fast))
+            )
+        )  # fmt: skip
+
+    @cached_property
+    def position(self) -> tuple[Axis, ...]:
+        """The axes of forward, left and up, in this order."""
+        roll = self.attitude[0]
+        lag = float(roll.gain[1] / roll.gain[0])  # of the attitude's closed loop, whatever its own lag is
+        limit = ADDED_SHARE * GRAVITY * np.tan(TILT)
+        frequency = PHASE / (CROSSOVER * lag)
+        return tuple(
+            Axis(
+                name=name, like="forward", A=self._block(i, 6 + i), b=np.array([0.0, 1.0]), frequency=frequency, lag=lag,
+                sample_time=POSITION_SAMPLE, size=0.3, limit=limit,
+            )
+            for i, name in enumerate(("forward", "left", "up"))
+        )  # fmt: skip
+
+    @property
+    def all(self) -> tuple[Axis, ...]:
+        """The attitude's, then the position's."""
+        return self.attitude + self.position
+
+    def _block(self, *rows: int) -> Array:
+        return np.asarray(self.hover.A[np.ix_(rows, rows)])
+
+    def _moment(self, column: int) -> float:
+        """The acceleration that takes a rotor from hover to nothing [rad/s^2]."""
+        return float(self.hover.thrusts.min() / np.abs(self.hover.mixer[:, column]).max())

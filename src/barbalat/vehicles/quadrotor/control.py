@@ -1,0 +1,121 @@
+"""The whole controller of a flight: position's loop around the attitude's, geometry around what a scheme adds to each axis."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat.run.stepwise import Agreement, Resumable, Step
+from barbalat.validate import Array
+from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, POSITION_SAMPLE, Axes, Axis
+from barbalat.vehicles.quadrotor.geometry import (
+    UP,
+    AttitudeCommand,
+    allocated,
+    attitude_errors,
+    carried,
+    commanded_attitude,
+    cross,
+    turned,
+    wanted_thrust,
+)
+from barbalat.vehicles.quadrotor.simulator import Motion
+from barbalat.vehicles.quadrotor.trajectory import Path
+from barbalat.vehicles.vehicle import Aboard
+
+OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)
+"""Samples of the attitude from one of the position to the next."""
+
+
+class Memory(NamedTuple):
+    """Of a whole controller between two samples; nothing in it is changed in place."""
+
+    states: tuple[Array, ...]
+    wanted: Array
+    commanded: Array
+    model: AttitudeCommand
+
+
+class Control:
+    """From measurements to thrusts. Not for several threads.
+
+    What position's control asks for moves with the noise of its measurements. The attitude's axes follow a model of it: a body
+    that obeys the geometric controller at once. So their errors are what the vehicle adds, and its command is known to them.
+    """
+
+    def __init__(self, axes: Axes, aboard: Aboard) -> None:
+        self.axes, self.name, self.vehicle = axes, aboard.name, axes.hover.vehicle
+        self._mixer, self._hover, self._inertia = axes.hover.mixer, axes.hover.thrusts, np.asarray(self.vehicle.inertia)
+        steps = [(axis, one.step()) for axis, one in zip(axes.all, aboard.loops, strict=True)]
+        self._attitude, self._position = steps[: len(axes.attitude)], steps[len(axes.attitude) :]
+        self.reset(np.eye(3), np.zeros(3))
+
+    def reset(self, attitude: Array, rates: Array) -> None:
+        """As it must be whenever control is handed to it: the laws before their first sample, the model where the vehicle is."""
+        for _, step in (*self._attitude, *self._position):
+            step.reset()
+        self._wanted, self._commanded = wanted_thrust(np.zeros(3)), np.eye(3)
+        self._model = AttitudeCommand(attitude, rates, np.zeros(3))
+
+    @property
+    def resumable(self) -> bool:
+        """Whether it can be put where another flight was; an exported step keeps its state to itself."""
+        return len(self._states) == len(self._attitude) + len(self._position)
+
+    @property
+    def _states(self) -> list[Array]:
+        steps = [step for _, step in (*self._attitude, *self._position)]
+        return [step.state for step in steps if isinstance(step, Resumable)]
+
+    @property
+    def memory(self) -> Memory:
+        """All that the next sample follows from beside what is measured, of one that is resumable."""
+        return Memory(tuple(state.copy() for state in self._states), self._wanted, self._commanded, self._model)
+
+    @memory.setter
+    def memory(self, memory: Memory) -> None:
+        for state, kept in zip(self._states, memory.states, strict=True):
+            state[:] = kept
+        _, self._wanted, self._commanded, self._model = memory
+
+    def __call__(self, measured: Motion, planned: Path, k: int) -> Array:
+        """Thrusts (4,) [N] at sample k."""
+        if k % OUTER_EVERY == 0:
+            errors = np.column_stack([measured.position - planned.position[k], measured.velocity - planned.velocity[k]])
+            self._wanted = wanted_thrust(planned.acceleration[k] + _asked(self._position, errors))
+            self._commanded = commanded_attitude(self._wanted)
+        self._follow(AttitudeCommand(self._commanded, planned.rates[k], planned.rate_changes[k]))
+        R, Omega = measured.attitude, measured.rates
+        turning = _asked(self._attitude, attitude_errors(R, Omega, self._model)) + carried(R, Omega, self._model)
+        turning += cross(Omega, self._inertia * Omega) / self._inertia
+        return allocated(self._mixer, self._hover, self.vehicle.thrust, float(self._wanted @ (R @ UP)), turning)
+
+    def agreement(self) -> Agreement | None:
+        """Of all six axes since it was last asked for: those of one flight."""
+        told = [(axis.name, step.agreement()) for axis, step in (*self._attitude, *self._position)]
+        named = [
+            replace(one, difference=f"{name}: {one.difference}") if one.difference else one
+            for name, one in told
+            if one is not None
+        ]
+        return Agreement.together(named, flights=1) if named else None
+
+    def _follow(self, command: AttitudeCommand) -> None:
+        """The model one sample on, under an acceleration that is held."""
+        R, Omega, acceleration = self._model
+        R, Omega = (
+            turned(R, ATTITUDE_SAMPLE * (Omega + 0.5 * ATTITUDE_SAMPLE * acceleration)),
+            Omega + ATTITUDE_SAMPLE * acceleration,
+        )
+        errors = attitude_errors(R, Omega, command)
+        asked = np.array([axis.feedback(x) for (axis, _), x in zip(self._attitude, errors, strict=True)])
+        self._model = AttitudeCommand(R, Omega, asked + carried(R, Omega, command))
+
+
+def _asked(loops: list[tuple[Axis, Step]], errors: Array) -> Array:
+    """Feedback and what the scheme adds, each within its limit, (3,)."""
+    return np.array(
+        [axis.feedback(x) + axis.limited(float(step(x, 0.0)[0])) for (axis, step), x in zip(loops, errors, strict=True)]
+    )

@@ -1,0 +1,128 @@
+"""Other quadrotors than a controller was designed for, drawn by a seed: body, rotors, sensors, delay, start, air."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from barbalat.sweeps.spread import Uniform
+from barbalat.validate import Array
+from barbalat.vehicles.quadrotor.axes import Electronics
+from barbalat.vehicles.quadrotor.body import Quadrotor
+from barbalat.vehicles.quadrotor.simulator import ROTORS, Simulator
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dispersion:
+    """How a vehicle, its start and its air differ from the nominal ones, from the first instant on.
+
+    mass, roll_inertia, pitch_inertia  factors; the inertia about the axis up goes with the other two, as a flat body's does
+    centre_forward, centre_left        [m], where the centre of gravity is
+    reach, drag_torque, motor_lag      factors of the vehicle's
+    thrust, rotor_1, ..., rotor_4      factors: of all rotors, and of each of them
+    noise                              a factor of all sensors' noise
+    rate_lag                           [s] of the rate sensors, first order
+    delay                              [s], added to the commands' way to the motors, to a sample of the attitude's controllers
+    wind, wind_from                    [m/s], the mean of one that blows all the time, with gusts; [deg] from ahead, to the left
+    start_forward, start_left          [m], where it stands at the start
+    heading                            [deg], by which it is turned there
+    number                             of the draw; noise and gusts are drawn by it
+    """
+
+    mass: float = 1.0
+    roll_inertia: float = 1.0
+    pitch_inertia: float = 1.0
+    centre_forward: float = 0.0
+    centre_left: float = 0.0
+    reach: float = 1.0
+    drag_torque: float = 1.0
+    motor_lag: float = 1.0
+    thrust: float = 1.0
+    rotor_1: float = 1.0
+    rotor_2: float = 1.0
+    rotor_3: float = 1.0
+    rotor_4: float = 1.0
+    noise: float = 1.0
+    rate_lag: float = 0.0
+    delay: float = 0.0
+    wind: float = 0.0
+    wind_from: float = 0.0
+    start_forward: float = 0.0
+    start_left: float = 0.0
+    heading: float = 0.0
+    number: int = 0
+
+    def vehicle(self, nominal: Quadrotor) -> Quadrotor:
+        """The one that was drawn."""
+        x, y, z = nominal.inertia
+        roll, pitch = self.roll_inertia * x, self.pitch_inertia * y
+        return replace(
+            nominal,
+            mass=self.mass * nominal.mass,
+            inertia=(roll, pitch, z * ((roll + pitch) / (x + y))),
+            centre=(nominal.centre[0] + self.centre_forward, nominal.centre[1] + self.centre_left),
+            reach=self.reach * nominal.reach,
+            torque=self.drag_torque * nominal.torque,
+            motor_lag=self.motor_lag * nominal.motor_lag,
+        )
+
+    @property
+    def effectiveness(self) -> Array:
+        """(4,) of the rotors."""
+        return self.thrust * np.array([self.rotor_1, self.rotor_2, self.rotor_3, self.rotor_4])
+
+    def simulator(self, nominal: Quadrotor) -> Simulator:
+        """On the ground, as it starts."""
+        found = Simulator(self.vehicle(nominal))
+        for rotor, share in zip(range(ROTORS), self.effectiveness, strict=True):
+            found.weaken(rotor, share)
+        if (self.start_forward, self.start_left, self.heading) != (0.0, 0.0, 0.0):
+            found.stand(self.start_forward, self.start_left, self.heading)
+        return found
+
+    def electronics(self, nominal: Electronics) -> Electronics:
+        """Sensors and delay as they are drawn, around the nominal ones."""
+        return replace(
+            nominal,
+            delay=nominal.delay + self.delay,
+            rate_lag=nominal.rate_lag + self.rate_lag,
+            attitude_noise=self.noise * nominal.attitude_noise,
+            rate_noise=self.noise * nominal.rate_noise,
+            position_noise=self.noise * nominal.position_noise,
+            velocity_noise=self.noise * nominal.velocity_noise,
+        )
+
+
+NOMINAL = Dispersion()
+DRAWN = {
+    "mass": Uniform(0.9, 1.15),  # another battery, a camera
+    "roll_inertia": Uniform(0.8, 1.2),  # as they come out of a swing test or a drawing
+    "pitch_inertia": Uniform(0.8, 1.2),
+    "centre_forward": Uniform(-0.005, 0.005),  # a battery of a third of the mass that is strapped on by 1.5 cm elsewhere
+    "centre_left": Uniform(-0.005, 0.005),
+    "reach": Uniform(0.98, 1.02),  # arms that fold
+    "drag_torque": Uniform(0.7, 1.3),  # of all of a propeller the number that is known worst
+    "motor_lag": Uniform(0.7, 1.5),  # 25 to 52 ms, of identified ones between 20 and 70
+    "thrust": Uniform(0.85, 1.05),  # a battery from full to almost empty, air from sea level to 1000 m
+    "rotor_1": Uniform(0.95, 1.05),  # propellers of one make, chipped or not
+    "rotor_2": Uniform(0.95, 1.05),
+    "rotor_3": Uniform(0.95, 1.05),
+    "rotor_4": Uniform(0.95, 1.05),
+    "noise": Uniform(0.5, 2.0),  # frames shake differently
+    "rate_lag": Uniform(0.0, 0.004),  # a low-pass filter of 40 Hz at most
+    "delay": Uniform(0.0, 0.005),  # none to two samples of a busy computer
+    "wind": Uniform(0.0, 4.0),  # calm to a gentle breeze, Beaufort 3
+    "wind_from": Uniform(0.0, 360.0),
+    "start_forward": Uniform(-0.2, 0.2),  # put down by hand
+    "start_left": Uniform(-0.2, 0.2),
+    "heading": Uniform(-10.0, 10.0),
+}
+"""From what each is drawn, and why."""
+UNITS = {
+    **dict.fromkeys(("centre_forward", "centre_left", "start_forward", "start_left"), "m"),
+    **dict.fromkeys(("rate_lag", "delay"), "s"),
+    "wind": "m/s",
+    **dict.fromkeys(("wind_from", "heading"), "deg"),
+}
+"""Of these; the others are factors of what is nominal."""

@@ -1,0 +1,58 @@
+"""What fails of a quadrotor, at once and for good."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from barbalat.vehicles.flight import Timing
+from barbalat.vehicles.quadrotor.body import SLOPE, SlungMass
+from barbalat.vehicles.quadrotor.trajectory import TAKES_OFF
+
+
+@dataclass(frozen=True, kw_only=True)
+class Failure:
+    """From the instant on at which a flight's ``Timing`` has what fails; what is stale is so from the start.
+
+    slung          what is hooked on
+    effectiveness  of the front left rotor: it gives so many times its thrust, and its torque
+    wind           [m/s], the mean of one from the left
+    motor_lag      [s], in the place of the vehicle's own
+    delay          [s], added to the commands' way to the motors
+    stale          whether the laws, which also run on the sloping ground, are not reset as control is handed to them
+    """
+
+    name: str
+    meaning: str
+    slung: SlungMass | None = None
+    effectiveness: float = 1.0
+    wind: float = 0.0
+    motor_lag: float | None = None
+    delay: float = 0.0
+    stale: bool = False
+
+    def since(self, timing: Timing) -> float:
+        """When it begins [s]."""
+        return TAKES_OFF if self.stale else timing.fails_at
+
+
+FAILURES = {
+    one.name: one
+    for one in (
+        Failure(name="none", meaning="nothing fails"),
+        Failure(
+            name="slung-mass",
+            meaning="a mass of 250 g, a quarter of the vehicle's, hangs on 50 cm of cable, hooked on 4 cm off the centre",
+            slung=SlungMass(),
+        ),
+        Failure(name="half-propeller", meaning="one rotor gives half its thrust", effectiveness=0.5),
+        Failure(name="wind", meaning="wind of 8 m/s from the left, with gusts", wind=8.0),
+        Failure(name="motor-lag", meaning="all motors take 70 ms in the place of 35 ms", motor_lag=0.07),
+        Failure(name="delay-20", meaning="commands arrive 20 ms later", delay=0.02),
+        Failure(
+            name="no-reset",
+            meaning=f"the laws, which ran for {TAKES_OFF:g} s on ground that slopes by {SLOPE:g} deg, are not reset at the start",
+            stale=True,
+        ),
+    )
+}
+"""The registry, by the names of the command line."""

@@ -1,0 +1,97 @@
+"""One flight of a quadrotor as it was flown: what is recorded of it, and its figures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.validate import Array
+from barbalat.vehicles.flight import Flight, Timing
+from barbalat.vehicles.quadrotor.failures import Failure
+from barbalat.vehicles.quadrotor.simulator import ROTORS
+from barbalat.vehicles.scene import attitudes
+
+TIMING = Timing(duration=20.0, fails_at=10.0)
+COLUMNS = {
+    "t": "s",
+    **dict.fromkeys(("x_d", "y_d", "z_d", "x", "y", "z"), "m"),
+    **dict.fromkeys(("roll", "pitch", "yaw"), "deg"),
+    **dict.fromkeys(("p", "q", "r"), "deg/s"),
+    **{f"thrust_{i + 1}": "N" for i in range(ROTORS)},
+    "limited": "%",
+}
+"""What is recorded at each sample of position, in this order, with its unit; as it is, not as it is measured."""
+FIGURES = {
+    "rms_e": "m",
+    "max_abs_e": "m",
+    "sinks": "m",
+    "tilt_max": "deg",
+    "rotor_travel": "N/s",
+    "rotor_max": "N",
+    "limited": "%",
+}
+"""Of a flight, with units; e is the distance from where it should be, sinks how far it came below that, travel what the four
+thrusts change by in a second on average, limited the share of the time in which some rotor is at an end of its range."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class QuadrotorFlight(Flight):
+    """A quadrotor's flight; its record is (K, 18), a row for each sample of position, see ``COLUMNS``.
+
+    agreement  of the exported C of all axes with the simulated lists; None where those flew
+    """
+
+    failure: Failure
+    timing: Timing = TIMING
+
+    @property
+    def columns(self) -> dict[str, str]:
+        return COLUMNS
+
+    @property
+    def units(self) -> dict[str, str]:
+        return FIGURES
+
+    @property
+    def error(self) -> Array:
+        """Distance from where it should be, at the samples [m]."""
+        return np.asarray(np.linalg.norm(self.path - self.target, axis=1))
+
+    def measured(self, after: Array) -> tuple[float, ...]:
+        thrusts = self.record[after, 13 : 13 + ROTORS]
+        travel = np.abs(np.diff(thrusts, axis=0)).sum() / (ROTORS * np.ptp(self.column("t")[after]))
+        sinks = (self.column("z_d") - self.column("z"))[after].max()
+        return (
+            self.rms_error,
+            self.error[after].max(),
+            max(sinks, 0.0),
+            self.tilt[after].max(),
+            travel,
+            thrusts.max(),
+            self.column("limited")[after].mean(),
+        )
+
+    @property
+    def path(self) -> Array:
+        """Forward, left, up [m]."""
+        return self.record[:, 4:7]
+
+    @property
+    def target(self) -> Array:
+        """Where it should have been [m]."""
+        return self.record[:, 1:4]
+
+    @property
+    def attitude(self) -> Array:
+        return attitudes(self.column("roll"), self.column("pitch"), self.column("yaw"))
+
+    @property
+    def tilt(self) -> Array:
+        """Angle of its axis from the vertical, at the samples [deg]."""
+        roll, pitch = np.deg2rad(self.column("roll")), np.deg2rad(self.column("pitch"))
+        return np.rad2deg(np.arccos(np.clip(np.cos(roll) * np.cos(pitch), -1, 1)))
+
+    @property
+    def since(self) -> float:
+        return self.failure.since(self.timing)

@@ -1,0 +1,154 @@
+"""How a scheme flies: on the moving vehicle, sample by sample, with a failure on the way."""
+
+from __future__ import annotations
+
+import copy
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from barbalat.vehicles.flight import NO_NUMBER, Timing
+from barbalat.vehicles.quadrotor.air import Air
+from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, Axes
+from barbalat.vehicles.quadrotor.body import STANDING, STEP
+from barbalat.vehicles.quadrotor.control import OUTER_EVERY, Control, Memory
+from barbalat.vehicles.quadrotor.dispersions import NOMINAL, Dispersion
+from barbalat.vehicles.quadrotor.failures import Failure
+from barbalat.vehicles.quadrotor.flight import TIMING, QuadrotorFlight
+from barbalat.vehicles.quadrotor.sensing import Sensing
+from barbalat.vehicles.quadrotor.simulator import ROTORS, Motion
+from barbalat.vehicles.quadrotor.trajectory import CLIMBS, TAKES_OFF, path
+
+LARGEST_DISTANCE, LARGEST_TILT, LEAST_HEIGHT = 3.0, 85.0, STANDING + 0.02
+"""[m] from its path, [deg] of tilt and [m] above the ground: beyond these the vehicle is lost."""
+
+
+def fly_all(
+    axes: Axes, control: Control, failures: Sequence[Failure], dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
+) -> list[QuadrotorFlight]:
+    """Through each of them; what is the same in all flights, up to the failure, is flown once."""
+
+    def at_failure(*, stale: bool = False) -> _Vehicle:
+        found = _Vehicle(axes, control, dispersion, timing, stale=stale)
+        found.advance_to(timing.fails_at)
+        return found
+
+    flights: list[QuadrotorFlight] = []
+    common: _Vehicle | None = None
+    for failure in failures:
+        if failure.stale or not control.resumable:
+            vehicle = at_failure(stale=failure.stale)
+        else:
+            common = common or at_failure()
+            vehicle = common.copied()
+        vehicle.fail(failure)
+        vehicle.advance_to(timing.duration)
+        flights.append(vehicle.flight(failure))
+    return flights
+
+
+class _Vehicle:
+    """One on its way.
+
+    stale   whether the laws are not reset as control is handed to them
+    k       the next sample
+    record  rows of ``flight.COLUMNS``
+    lost    why, empty as long as it is not
+    """
+
+    def __init__(self, axes: Axes, control: Control, dispersion: Dispersion, timing: Timing, *, stale: bool = False) -> None:
+        self.control, self.dispersion, self.timing, self.stale = control, dispersion, timing, stale
+        nominal, T = axes.hover.vehicle, ATTITUDE_SAMPLE
+        electronics = dispersion.electronics(axes.electronics)
+        self.most, self.samples = nominal.thrust, round(timing.duration / T)
+        self.simulator = dispersion.simulator(nominal)
+        self.planned = path(T, self.samples)
+        self.sensing = Sensing(electronics, self.samples, dispersion.number)
+        self.air = Air.drawn(dispersion, self.samples)
+        self.waiting = deque([np.zeros(ROTORS)] * round(electronics.delay / T))
+        self.record: list[list[float]] = []
+        self.k, self.limited, self.lost = 0, 0, ""
+        control.reset(np.eye(3), np.zeros(3))
+        self.memory = self._memory()
+
+    def _memory(self) -> Memory | None:
+        return self.control.memory if self.control.resumable else None
+
+    def copied(self) -> _Vehicle:
+        """Another one in the same state, with the same controller, which goes its own way."""
+        found = copy.copy(self)
+        found.simulator, found.sensing = self.simulator.copied(), copy.copy(self.sensing)
+        found.waiting, found.record = self.waiting.copy(), self.record.copy()
+        return found
+
+    def fail(self, failure: Failure) -> None:
+        """Let the failure act from now on."""
+        if failure.slung is not None:
+            self.simulator.hook_on(failure.slung)
+        if failure.motor_lag is not None:
+            self.simulator.slow_down(failure.motor_lag)
+        self.simulator.weaken(0, failure.effectiveness * self.dispersion.effectiveness[0])
+        self.waiting.extendleft([self.waiting[0]] * round(failure.delay / ATTITUDE_SAMPLE))
+        self.air = self.air.failing(failure, self.dispersion, self.samples)
+
+    def advance_to(self, seconds: float) -> None:
+        """Up to this instant, or to where it is lost."""
+        if self.memory is not None:
+            self.control.memory = self.memory
+        while self.k < round(seconds / ATTITUDE_SAMPLE) and not self.lost:
+            self._sample(self.k)
+            self.k += 1
+        self.memory = self._memory()
+
+    def flight(self, failure: Failure) -> QuadrotorFlight:
+        """What it has flown."""
+        return QuadrotorFlight(
+            controller=self.control.name,
+            failure=failure,
+            record=np.array(self.record),
+            lost=self.lost,
+            timing=self.timing,
+            agreement=self.control.agreement(),
+        )
+
+    def _sample(self, k: int) -> None:
+        motion, starting = self.simulator.motion, round(TAKES_OFF / ATTITUDE_SAMPLE)
+        if k == starting and not self.stale:
+            self.control.reset(motion.attitude, motion.rates)
+        if self.air.moves:
+            self.simulator.blow(self.air.velocity[k])
+        commands = self.control(self.sensing(motion, k), self.planned, k)
+        self.limited += bool(((commands <= 0) | (commands >= self.most)).any())
+        self.waiting.append(commands if k >= starting else np.zeros(ROTORS))
+        if k % OUTER_EVERY == 0:
+            row = self._row(motion, 100 * self.limited / OUTER_EVERY)
+            self.record.append(row)
+            self.limited, self.lost = 0, _lost(row, motion)
+            if self.lost:
+                return
+        if k >= starting and not np.isfinite(commands).all():
+            self.lost = NO_NUMBER
+            return
+        self.simulator.advance(self.waiting.popleft(), round(ATTITUDE_SAMPLE / STEP))
+
+    def _row(self, motion: Motion, limited: float) -> list[float]:
+        R = motion.attitude
+        angles = np.rad2deg(
+            [np.arctan2(R[2, 1], R[2, 2]), -np.arcsin(min(max(R[2, 0], -1.0), 1.0)), np.arctan2(R[1, 0], R[0, 0])]
+        )
+        place = (*self.planned.position[self.k], *motion.position)
+        return [self.k * ATTITUDE_SAMPLE, *place, *angles, *np.rad2deg(motion.rates), *self.simulator.thrusts, limited]
+
+
+def _lost(row: list[float], motion: Motion) -> str:
+    """Where the vehicle strays, tips over, or comes down."""
+    if not np.isfinite(row).all():
+        return "the simulation's numbers are no longer finite"
+    if np.linalg.norm(np.subtract(row[4:7], row[1:4])) > LARGEST_DISTANCE:
+        return f"it was more than {LARGEST_DISTANCE:g} m from where it should be"
+    if motion.attitude[2, 2] < np.cos(np.deg2rad(LARGEST_TILT)):
+        return f"it tilted by more than {LARGEST_TILT:g} deg"
+    if row[0] > TAKES_OFF + CLIMBS and motion.position[2] < LEAST_HEIGHT:
+        return "it came down to the ground"
+    return ""

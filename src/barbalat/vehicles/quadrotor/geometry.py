@@ -1,0 +1,81 @@
+"""The geometric controller of Lee, Leok and McClamroch: what of it is geometry. Its gains, and what is adapted, are the schemes'.
+
+Source: T. Lee, M. Leok, N. H. McClamroch, Geometric tracking control of a quadrotor UAV on SE(3), CDC 2010. Here the axis up and
+the thrust have the same sense, and forces and moments are accelerations: divided by mass and inertia.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat.validate import Array
+from barbalat.vehicles.quadrotor.body import GRAVITY
+
+UP = np.array([0.0, 0.0, 1.0])
+LEAST_THRUST = 0.2 * GRAVITY
+"""[m/s^2]: what is wanted of the thrust upwards is at least this, as a thrust that vanishes points nowhere."""
+
+
+class AttitudeCommand(NamedTuple):
+    """R_d, Omega_d and its rate, both about the commanded axes."""
+
+    attitude: Array  # (3, 3)
+    rates: Array  # (3,) [rad/s]
+    accelerations: Array  # (3,) [rad/s^2]
+
+
+def cross(a: Array, b: Array) -> Array:
+    """a x b of two (3,): NumPy's own takes ten times as long."""
+    (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
+    return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+
+
+def attitude_errors(attitude: Array, rates: Array, command: AttitudeCommand) -> Array:
+    """(3, 2): e_R [rad, for small ones] and e_Omega [rad/s], a row for each of the body's axes."""
+    turn = command.attitude.T @ attitude  # R_d'R
+    e_R = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])  # (10)
+    e_Omega = rates - turn.T @ command.rates  # (11)
+    return np.column_stack([e_R, e_Omega])
+
+
+def carried(attitude: Array, rates: Array, command: AttitudeCommand) -> Array:
+    """(3,) [rad/s^2], of (16): with it, e_Omega' is what is asked for beside it, as the command moves and turns."""
+    turn = attitude.T @ command.attitude  # R'R_d
+    return turn @ command.accelerations - cross(rates, turn @ command.rates)
+
+
+def turned(attitude: Array, angles: Array) -> Array:
+    """R exp(angles^), by Rodrigues' formula to the fifth order: angles of one sample are some hundredths."""
+    x, y, z = angles.tolist()
+    square = x * x + y * y + z * z
+    sine, cosine = 1 - square / 6, 0.5 - square / 24
+    hat = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(attitude + attitude @ (sine * hat + cosine * (hat @ hat)))
+
+
+def commanded_attitude(wanted: Array) -> Array:
+    """R_d whose third axis is that of the wanted thrust (3,) [m/s^2], its first as far forward as that allows; (3, 3)."""
+    up = wanted / np.sqrt(wanted @ wanted)
+    left = np.array([0.0, up[2], -up[1]])  # up x forward
+    left /= np.sqrt(left @ left)
+    return np.column_stack([cross(left, up), left, up])
+
+
+def wanted_thrust(acceleration: Array) -> Array:
+    """(3,) [m/s^2] that gives this acceleration where gravity pulls."""
+    wanted = acceleration + GRAVITY * UP
+    wanted[2] = max(wanted[2], LEAST_THRUST)
+    return wanted
+
+
+def allocated(mixer: Array, hover: Array, most: float, up: float, turning: Array) -> Array:
+    """Thrusts (4,) [N] for a thrust along the axis up and three angular accelerations [m/s^2, rad/s^2].
+
+    The moments come first: where a rotor ends, the thrust gives way, so that they stay what was asked for.
+    """
+    thrusts = hover + mixer[:, 0] * (up - GRAVITY) + mixer[:, 1:] @ turning
+    low, high = float(thrusts.min()), float(thrusts.max())
+    shift = -low if low < 0 else min(most - high, 0.0)
+    return np.asarray(np.clip(thrusts + shift, 0.0, most))

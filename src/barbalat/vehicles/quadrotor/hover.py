@@ -1,0 +1,88 @@
+"""Hover, by Newton's method on the flight model's own accelerations, and its linearisation there by differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from barbalat.validate import Array, InputError
+from barbalat.vehicles.quadrotor.body import Quadrotor
+from barbalat.vehicles.quadrotor.simulator import ROTORS, Motion, Simulator
+
+HOVER_HEIGHT = 2.0
+"""[m]; clear of the ground, on which nothing else depends."""
+DIFFERENCE_STEP = 1e-4
+"""Of every number [m, rad, m/s, rad/s, N]: what is of second order in it is drag, 1e-8 of a Newton, and rounding leaves nine
+digits."""
+LARGEST_RESIDUAL = 1e-9
+"""[m/s^2, rad/s^2] left of the accelerations at hover."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Hover:
+    """Hover and its linear model.
+
+    thrusts  (4,) [N]
+    A        (12, 12) of d/dt of deviations of position, rotation vector, velocity and body rates [m, rad, s]
+    B        (12, 4) of the rotors' thrusts [N]
+    """
+
+    vehicle: Quadrotor
+    thrusts: Array
+    A: Array
+    B: Array
+
+    @property
+    def effect(self) -> Array:
+        """(4, 4): of the thrusts on the acceleration up [m/s^2] and on the three of the body's rates [rad/s^2]."""
+        return np.asarray(self.B[8:12])
+
+    @property
+    def mixer(self) -> Array:
+        """(4, 4): thrusts beyond those at hover [N] from these four accelerations."""
+        return np.linalg.inv(self.effect)
+
+
+def hovering(vehicle: Quadrotor) -> Hover:
+    """InputError where the rotors can't hold it."""
+    simulator = Simulator(vehicle)
+
+    def accelerations(change: Array, thrusts: Array) -> Array:
+        """For deviations (12,) from hover."""
+        simulator.put(_turned(change), thrusts)
+        return simulator.accelerations
+
+    thrusts = np.zeros(ROTORS)
+    for _ in range(2):  # the accelerations are linear in the thrusts: one step lands, the other shows that it did
+        B = _differences(partial(_of_thrusts, accelerations, thrusts), ROTORS)
+        thrusts = thrusts - np.linalg.pinv(B) @ accelerations(np.zeros(12), thrusts)
+    left = float(np.abs(accelerations(np.zeros(12), thrusts)).max())
+    if left > LARGEST_RESIDUAL or not ((thrusts > 0) & (thrusts < vehicle.thrust)).all():
+        raise InputError(
+            f"the quadrotor can't hover: it would take thrusts of {thrusts} N, and {left:.2g} m/s^2 or rad/s^2 are left"
+        )
+    A, whole_B = np.zeros((12, 12)), np.zeros((12, ROTORS))
+    A[:6, 6:] = np.eye(6)  # near no rotation the rotation vector's rate is the body's
+    A[6:] = _differences(lambda change: accelerations(change, thrusts), 12)
+    whole_B[6:] = B
+    return Hover(vehicle=vehicle, thrusts=thrusts, A=A, B=whole_B)
+
+
+def _turned(change: Array) -> Motion:
+    from scipy.spatial.transform import Rotation
+
+    position, turn, velocity, rates = np.split(change, 4)
+    return Motion(np.array([0, 0, HOVER_HEIGHT]) + position, Rotation.from_rotvec(turn).as_matrix(), velocity, rates)
+
+
+def _of_thrusts(accelerations: Callable[[Array, Array], Array], at: Array, change: Array) -> Array:
+    return accelerations(np.zeros(12), at + change)
+
+
+def _differences(function: Callable[[Array], Array], count: int) -> Array:
+    """Central ones, a column for each of the variables."""
+    moves = DIFFERENCE_STEP * np.eye(count)
+    return np.column_stack([(function(move) - function(-move)) / (2 * DIFFERENCE_STEP) for move in moves])

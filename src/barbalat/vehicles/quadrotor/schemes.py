@@ -1,0 +1,118 @@
+"""What the project's schemes add to a geometric controller, axis by axis, with numbers that one rule found for each.
+
+The numbers are in units of the axis, so that one range is that of all axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from barbalat.controllers import KnownParameters, LinearFeedback, Mrac, Sampled
+from barbalat.design import hinf_feedback
+from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.vehicles.quadrotor.axes import CROSSOVER, Axis
+from barbalat.vehicles.schemes import (
+    ROBUST,
+    Numbers,
+    OnLoop,
+    Scheme,
+    adaptive_gain,
+    adrc,
+    l1,
+    l1_piecewise,
+    l1_piecewise_flown,
+    robust_mrac,
+)
+
+
+def _geometric(axis: Axis, _: Numbers) -> OnLoop:
+    return OnLoop(
+        axis.linear_problem,
+        Sampled(KnownParameters(theta=np.zeros(2), name="Geometric"), axis.sample_time, discretization="euler"),
+    )
+
+
+def _integral(axis: Axis, numbers: Numbers) -> OnLoop:
+    """Goodarzi, Lee, Leok, Geometric nonlinear PID control of a quadrotor UAV on SE(3), ECC 2013."""
+    integral = TransferFunction([numbers["corner"] * axis.frequency * axis.gain[1]], [1.0, 0.0])
+    linear = LinearFeedback(integral, output=axis.gain / axis.gain[1], name="Geometric, integral")
+    return OnLoop(axis.linear_problem, Sampled(linear, axis.sample_time))
+
+
+def _hinf(axis: Axis, numbers: Numbers) -> OnLoop:
+    """On the integral's output, as the F-16's is on its PI's, and protected against windup alike."""
+    linear = hinf_feedback(
+        axis.linear_problem.known,
+        unmodelled_delay=axis.lag / (2 * numbers["bandwidth"]),
+        output=axis.gain / axis.gain[1],
+        nominal=np.zeros(2),
+        name="H-infinity",
+    )
+    K = StateSpace.accept("controller", linear.controller)
+    gain = float(abs(K.response(np.array([CROSSOVER * axis.frequency]))[0]))
+    return OnLoop(axis.linear_problem, Sampled(replace(linear, anti_windup=gain), axis.sample_time))
+
+
+def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
+    return OnLoop(axis.adaptive_problem, Sampled(Mrac(gamma=adaptive_gain(axis, numbers)), axis.sample_time))
+
+
+BANDWIDTH = {"bandwidth": (0.02, 4.0)}
+"""Times the axis' lag: from what a flight hardly shows to four times what a loop of one integrator with that lag can bear."""
+DESIGN_BANDWIDTH = {"bandwidth": (0.025, 4.0)}
+"""The same for H-infinity, from the slowest of which it finds a design for every axis: for a longer delay no controller meets the
+weights around the feedback's loop."""
+CORNER = {"corner": (0.01, 2.0)}
+"""Over the axis' natural frequency."""
+ADAPTATION = {"adaptation": (0.03, 30.0)}
+"""Frequency with which estimates swing over the axis' natural one: up to half a radian in a sample and more."""
+SCHEMES: dict[str, Scheme] = {
+    "geometric": Scheme(_geometric, {}, counterpart="lqr"),
+    "geometric-integral": Scheme(_integral, CORNER, counterpart="linear"),
+    ROBUST: Scheme(_hinf, DESIGN_BANDWIDTH),
+    "adrc": Scheme(adrc, BANDWIDTH),
+    "mrac": Scheme(_mrac, ADAPTATION),
+    "robust-mrac": Scheme(robust_mrac, {**BANDWIDTH, "covariance": (1e-3, 1e2)}),
+    "l1": Scheme(l1, {**BANDWIDTH, **ADAPTATION}),
+    "l1-piecewise": Scheme(l1_piecewise, BANDWIDTH),
+    "l1-piecewise-flown": Scheme(l1_piecewise_flown, BANDWIDTH),
+}
+"""The registry, by the names of the command line."""
+TUNED: dict[str, dict[str, Numbers]] = {
+    "roll": {
+        "geometric": {},
+        "geometric-integral": {"corner": 0.11},
+        ROBUST: {"bandwidth": 0.11},
+        "adrc": {"bandwidth": 0.316},
+        "mrac": {"adaptation": 0.806},
+        "robust-mrac": {"bandwidth": 0.316, "covariance": 0.00369},
+        "l1": {"bandwidth": 0.327, "adaptation": 30.0},
+        "l1-piecewise": {"bandwidth": 0.331},
+        "l1-piecewise-flown": {"bandwidth": 0.332},
+    },
+    "yaw": {
+        "geometric": {},
+        "geometric-integral": {"corner": 0.444},
+        ROBUST: {"bandwidth": 0.0913},
+        "adrc": {"bandwidth": 0.13},
+        "mrac": {"adaptation": 1.24},
+        "robust-mrac": {"bandwidth": 0.13, "covariance": 100.0},
+        "l1": {"bandwidth": 0.13, "adaptation": 30.0},
+        "l1-piecewise": {"bandwidth": 2.1},
+        "l1-piecewise-flown": {"bandwidth": 3.03},
+    },
+    "forward": {
+        "geometric": {},
+        "geometric-integral": {"corner": 0.164},
+        ROBUST: {"bandwidth": 0.0306},
+        "adrc": {"bandwidth": 0.0853},
+        "mrac": {"adaptation": 0.405},
+        "robust-mrac": {"bandwidth": 0.129, "covariance": 1.27},
+        "l1": {"bandwidth": 0.0752, "adaptation": 30.0},
+        "l1-piecewise": {"bandwidth": 0.0855},
+        "l1-piecewise-flown": {"bandwidth": 0.0861},
+    },
+}
+"""By ``Axis.like`` and schemes, to three digits: what ``benchmarks/flight_tuning.py`` finds on the vehicle at hover."""

@@ -1,0 +1,78 @@
+"""Where it is to fly: up from the ground, then a figure of eight; position to acceleration by differentiating the formulas."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from barbalat.validate import Array
+from barbalat.vehicles.quadrotor.body import GRAVITY, STANDING
+from barbalat.vehicles.quadrotor.geometry import commanded_attitude
+
+TAKES_OFF = 2.0
+"""[s], with the motors; until then it stands on the ground."""
+CLIMBS = 2.5
+"""[s] that the climb to ``HEIGHT`` takes."""
+HEIGHT = 2.0
+"""[m] above the ground."""
+TURNS_AT, SPEED_UP_SECONDS = 5.0, 3.0
+"""[s]: when the figure of eight begins, and how long it takes to reach its speed."""
+PERIOD = 8.0
+"""[s] of an eight."""
+HALF_LENGTH, HALF_WIDTH, RISE = 2.0, 1.0, 0.3
+"""[m]: half its length, half its width, and how far it rises and sinks: up to 2.2 m/s and 3 m/s^2."""
+
+
+class Path(NamedTuple):
+    """At the samples: (K, 3) each; and the commanded attitude's rates and their rates, which the path asks for by itself."""
+
+    position: Array  # [m]
+    velocity: Array  # [m/s]
+    acceleration: Array  # [m/s^2]
+    rates: Array  # [rad/s]
+    rate_changes: Array  # [rad/s^2]
+
+
+@cache
+def path(T: float, samples: int) -> Path:
+    """At t = 0, T, ... [s]; the same for all flights."""
+    import casadi as ca
+
+    t = ca.SX.sym("t")
+    position = _position(t, ca)
+    velocity = ca.jacobian(position, t)
+    acceleration = ca.jacobian(velocity, t)
+    function = ca.Function("path", [t], [position, velocity, acceleration])
+    p, v, a = (np.asarray(one.full()).T for one in function.map(samples + 2)(T * np.arange(samples + 2)))
+    rates = _turning(a, T)
+    changes = np.diff(rates, axis=0) / T
+    return Path(p[:samples], v[:samples], a[:samples], rates[:samples], changes[:samples])
+
+
+def _position(t: Any, ca: Any) -> Any:
+    turned = 2 * np.pi / PERIOD * _run_up(t - TURNS_AT, ca)
+    height = STANDING + (HEIGHT - STANDING) * _smooth((t - TAKES_OFF) / CLIMBS, ca)
+    return ca.vertcat(HALF_LENGTH * ca.sin(turned), HALF_WIDTH * ca.sin(2 * turned), height + RISE * (1 - ca.cos(turned)))
+
+
+def _smooth(s: Any, ca: Any) -> Any:
+    """From 0 to 1 as s does, without a jump of its first three derivatives."""
+    s = ca.fmin(ca.fmax(s, 0), 1)
+    return s**4 * (35 - 84 * s + 70 * s**2 - 20 * s**3)
+
+
+def _run_up(t: Any, ca: Any) -> Any:
+    """The integral of ``_smooth(t / SPEED_UP_SECONDS)``: a clock that comes up to speed."""
+    s = ca.fmin(ca.fmax(t / SPEED_UP_SECONDS, 0), 1)
+    return SPEED_UP_SECONDS * s**5 * (7 - 14 * s + 10 * s**2 - 2.5 * s**3) + ca.fmax(t - SPEED_UP_SECONDS, 0)
+
+
+def _turning(acceleration: Array, T: float) -> Array:
+    """Body rates (K - 1, 3) of the attitude that thrusts along the path, from sample to sample."""
+    from scipy.spatial.transform import Rotation
+
+    wanted = acceleration + np.array([0, 0, GRAVITY])
+    attitudes = Rotation.from_matrix(np.array([commanded_attitude(one) for one in wanted]))
+    return np.asarray((attitudes[:-1].inv() * attitudes[1:]).as_rotvec() / T)

@@ -1,0 +1,161 @@
+"""The project's schemes on the loops of vehicles: how each is made from a loop and its numbers, and which a vehicle offers.
+
+What is written here is the same on all vehicles; what a vehicle has of its own, above all linear designs, stands in its folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from importlib.util import find_spec
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from barbalat.adaptation.laws.least_squares import LeastSquares
+from barbalat.controllers import Adrc, L1Adaptive, L1PiecewiseConstant, RobustMrac, Sampled
+from barbalat.controllers.piecewise_predictor import AsFlown
+from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import Controller
+from barbalat.validate import Array, InputError, show
+
+ROBUST = "hinf"
+"""The scheme whose synthesis takes packages of the extra ``robust``, by its name on every vehicle."""
+Numbers = Mapping[str, float]
+"""Of a scheme, by the names of its knobs, in units of the loop."""
+
+
+class Loop(Protocol):
+    """One loop of a vehicle, as schemes read it: x' = A_m x + b (theta'phi(x) + u).
+
+    like              the loop on whose linear model the schemes' numbers were found
+    linear_problem    phi(x) = x
+    adaptive_problem  phi(x) = (1, x)
+    time_unit         [s]: bandwidths are so many over it
+    frequency_unit    [rad/s]: adaptation frequencies are so many times it
+    met               (1 + n,), how large (1, x) is in flight: an adaptive gain is scaled by it
+    known_gain        (n,) of the feedback that a predictor knows; None where A_m has it already
+    theta_hat0        (1 + n,), at which adaptive schemes begin; None for zero
+    """
+
+    @property
+    def like(self) -> str: ...
+
+    @property
+    def sample_time(self) -> float: ...
+
+    @property
+    def linear_problem(self) -> Problem: ...
+
+    @property
+    def adaptive_problem(self) -> Problem: ...
+
+    @property
+    def time_unit(self) -> float: ...
+
+    @property
+    def frequency_unit(self) -> float: ...
+
+    @property
+    def met(self) -> Array: ...
+
+    @property
+    def known_gain(self) -> Array | None: ...
+
+    @property
+    def theta_hat0(self) -> Array | None: ...
+
+
+class OnLoop(NamedTuple):
+    """A controller and what it reads."""
+
+    problem: Problem
+    controller: Controller
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """A scheme that a vehicle offers.
+
+    make         from a loop and the scheme's numbers to what flies
+    knobs        the numbers that are tuned, each with the range in which it is sought
+    counterpart  what other vehicles call the scheme that does the same there, where they do not call it alike
+    """
+
+    make: Callable[[Any, Numbers], OnLoop]
+    knobs: Mapping[str, tuple[float, float]]
+    counterpart: str = ""
+
+
+def adaptive_gain(loop: Loop, numbers: Numbers) -> Array:
+    """Gamma, (1 + n,): each estimate swings at ``adaptation`` against a regressor of the size met, Gamma_i phi_i^2 b'Pb."""
+    known, frequency = loop.adaptive_problem.known, numbers["adaptation"] * loop.frequency_unit
+    return np.asarray(frequency**2 / (known.b @ known.P @ known.b * loop.met**2))
+
+
+def _low_pass(loop: Loop, numbers: Numbers) -> TransferFunction:
+    return input_filter(kappa=loop.time_unit / numbers["bandwidth"])
+
+
+def adrc(loop: Loop, numbers: Numbers) -> OnLoop:
+    """Active disturbance rejection."""
+    controller = Adrc(bandwidth=numbers["bandwidth"] / loop.time_unit, nominal=loop.known_gain, saturated_predictor=True)
+    return OnLoop(loop.linear_problem, Sampled(controller, loop.sample_time))
+
+
+def robust_mrac(loop: Loop, numbers: Numbers) -> OnLoop:
+    """The robust MRAC with least squares."""
+    controller = RobustMrac(
+        tau=loop.time_unit / numbers["bandwidth"],
+        law=LeastSquares(covariance0=numbers["covariance"]),
+        theta_hat0=loop.theta_hat0,
+        saturated_predictor=True,
+    )
+    return OnLoop(loop.adaptive_problem, Sampled(controller, loop.sample_time))
+
+
+def l1(loop: Loop, numbers: Numbers) -> OnLoop:
+    """L1 adaptive control with the gradient law."""
+    controller = L1Adaptive(
+        gamma=adaptive_gain(loop, numbers),
+        filter=_low_pass(loop, numbers),
+        theta_hat0=loop.theta_hat0,
+        saturated_predictor=True,
+        name="L1",
+    )
+    return OnLoop(loop.adaptive_problem, Sampled(controller, loop.sample_time))
+
+
+def l1_piecewise(loop: Loop, numbers: Numbers) -> OnLoop:
+    """L1 adaptive control with the piecewise-constant law."""
+    return _piecewise(loop, numbers, "L1 piecewise", None)
+
+
+def l1_piecewise_flown(loop: Loop, numbers: Numbers) -> OnLoop:
+    """The same with the predictor as it was flown."""
+    return _piecewise(loop, numbers, "L1 piecewise, as flown", AsFlown(nominal=loop.known_gain))
+
+
+def _piecewise(loop: Loop, numbers: Numbers, name: str, as_flown: AsFlown | None) -> OnLoop:
+    controller = L1PiecewiseConstant(
+        sample_time=loop.sample_time, filter=_low_pass(loop, numbers), as_flown=as_flown, saturated_predictor=True, name=name
+    )
+    return OnLoop(loop.linear_problem, controller)
+
+
+def available(offered: Iterable[str]) -> list[str]:
+    """Of these schemes, those whose packages are installed."""
+    return [name for name in offered if name != ROBUST or find_spec("slycot") is not None]
+
+
+def require_offered(names: Sequence[str], offered: Mapping[str, Scheme]) -> None:
+    """InputError for a scheme that is none of these, with the one that may be meant."""
+    unknown = [name for name in names if name not in offered]
+    if unknown:
+        name = unknown[0]
+        here = [own for own, scheme in offered.items() if scheme.counterpart == name]
+        near = here or get_close_matches(name, offered, n=1)
+        meant = f"; here it is {near[0]}" if here else f"; did you mean {near[0]}?" if near else ""
+        raise InputError(f"--schemes must be of {', '.join(offered)}, got {show(name)}{meant}")

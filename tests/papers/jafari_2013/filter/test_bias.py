@@ -1,0 +1,47 @@
+"""The filter's error beside a sine is |W_b (1 - C) ...|, not a constant; beside a constant command nothing is left."""
+
+import numpy as np
+import pytest
+
+from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.filter import bias
+from barbalat.papers.jafari_2013.robustness import robustness
+
+
+@pytest.fixture(scope="module")
+def claim():
+    return bias.bias_is_proportional()
+
+
+def test_the_bias_has_its_conditions(claim):
+    assert claim.verdict == "confirmed with conditions"
+    assert [reading.verdict for reading in claim.readings] == ["confirmed", "not confirmed", "not confirmed"]
+    assert "varies" in claim.condition and "kappa is small" in claim.condition
+
+
+def test_the_exponents_are_those_of_the_loop_with_theta_known(claim):
+    """With theta_hat = theta the error is (G_C - W_m) r, in closed form at the command's frequency: no adaptation in it."""
+    plant = section_v.problem().plant
+    s, k_0 = 0.5j, section_v.problem().known.k_0
+
+    def error(kappa: float) -> float:
+        C = 1 / (kappa * s + 1)
+        loop = s * np.eye(2) - plant.A_m - np.outer(plant.b, plant.theta) * (1 - C)
+        filtered = np.linalg.solve(loop, plant.b * C * k_0 * 50)
+        ideal = np.linalg.solve(s * np.eye(2) - plant.A_m, plant.b * k_0 * 50)
+        return abs(filtered[0] - ideal[0])
+
+    (shown,) = claim.listings
+    for kappa, tail, exponent in shown.rows:
+        assert float(tail) == pytest.approx(error(float(kappa)), rel=0.02)
+        if exponent != "-":
+            assert float(exponent) == pytest.approx(np.log2(error(2 * float(kappa)) / error(float(kappa))), abs=0.02)
+
+
+def test_the_error_is_at_most_proportional_to_tau_up_to_figure_2s():
+    """In proportion below 0.1 s alone: the row says where."""
+    claim = robustness.tau_and_error()
+    assert [reading.verdict for reading in claim.readings] == ["confirmed", "confirmed"]
+    (shown,) = claim.listings
+    assert shown.rows[0][0] == "0.5" and float(shown.rows[1][3]) == pytest.approx(0.915, abs=0.01)
+    assert "below 0.1 s" in claim.number and "0.915 up to 0.5 s" in claim.measured

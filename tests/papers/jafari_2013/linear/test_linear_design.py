@@ -1,0 +1,16 @@
+"""The comparison with linear designs, where the packages of the H-infinity synthesis are not installed."""
+
+import sys
+
+import pytest
+
+from barbalat.papers.jafari_2013.linear import linear_design
+
+
+@pytest.mark.full
+def test_the_row_says_whom_it_compares_with_where_designs_are_left_out(monkeypatch):
+    monkeypatch.setitem(sys.modules, "slycot", None)
+    row, _ = linear_design.claims()
+    assert ", PI " in row.number and "linear" not in row.number
+    assert row.condition.endswith("without the H∞ designs")
+    assert "pip install 'barbalat[robust]'" in row.measured

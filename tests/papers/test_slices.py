@@ -1,0 +1,102 @@
+"""A claim is one file in a subject's folder, a paper one folder that an entry point names: nothing else is edited."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import barbalat
+from barbalat.papers import paper as found
+from barbalat.papers.jafari_2013.paper import PAPER
+
+ROOT = Path(barbalat.__file__).parent
+CLAIM = '''
+"""A claim that is nothing but a file."""
+
+from barbalat.papers.claim import Claim
+from barbalat.papers.measurement import Measurement
+
+
+def measured() -> Claim:
+    return Claim(
+        "two-is-even", "page 1", "Two is even", "confirmed", "2 mod 2 = 0", "by division",
+        number="remainder 0", would_change="another arithmetic", tested="the remainder of a division by two",
+    )
+
+
+ROWS = (Measurement(measured, 0.1, {"two-is-even": "a number's parity"}, place=35, quick=True),)
+'''
+PAPER_FILE = '''
+"""Somebody's paper."""
+
+from barbalat.papers.paper import Paper
+
+PAPER = Paper(package=__package__, title="On Parity", introduction="The claims of On Parity, decided.")
+'''
+
+
+def barbalat_says(*arguments: str, path: Path) -> str:
+    """What the program prints in a process of its own whose imports begin at this folder."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(path), *(part for part in sys.path if part)])}
+    command = [sys.executable, "-m", "barbalat", *arguments]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, cwd=path)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def with_entry_point(folder: Path, group: str, package: str) -> None:
+    """What an installer leaves of a distribution that declares it."""
+    made = folder / "others-1.0.dist-info"
+    made.mkdir()
+    (made / "METADATA").write_text("Metadata-Version: 2.1\nName: others\nVersion: 1.0\n")
+    (made / "entry_points.txt").write_text(f"[{group}]\nanything = {package}\n")
+
+
+def test_a_claim_is_one_file(tmp_path):
+    """In a copy of the package, in its place: after the claims that are before it, before the others."""
+    shutil.copytree(ROOT, tmp_path / "barbalat", ignore=shutil.ignore_patterns("__pycache__"))
+    (tmp_path / "barbalat" / "papers" / "jafari_2013" / "tracking" / "parity.py").write_text(CLAIM)
+    names = [row["id"] for row in json.loads(barbalat_says("claims", "--json", path=tmp_path))["claims"]]
+    expected = [name for part in PAPER.ledger for name in part.names]
+    expected.insert(3, "two-is-even")
+    assert names == expected
+    assert json.loads(barbalat_says("claims", "two-is-even", "--json", path=tmp_path))["verdict"] == "confirmed"
+
+
+def test_a_paper_is_one_folder_and_its_entry_point(tmp_path):
+    package = tmp_path / "on_parity"
+    (package / "arithmetic").mkdir(parents=True)
+    for file, text in {
+        "__init__.py": "",
+        "paper.py": PAPER_FILE,
+        "arithmetic/__init__.py": "",
+        "arithmetic/parity.py": CLAIM,
+    }.items():
+        (package / file).write_text(text)
+    with_entry_point(tmp_path, found.GROUP, "on_parity")
+    assert [one["name"] for one in json.loads(barbalat_says("reproduce", "--list", "--json", path=tmp_path))["papers"]] == [
+        "jafari_2013",
+        "on_parity",
+    ]
+    document = json.loads(barbalat_says("reproduce", "on_parity", "--json", "--out", "report", path=tmp_path))
+    assert [(row["id"], row["verdict"]) for row in document["claims"]] == [("two-is-even", "confirmed")]
+    assert document["figures"] == {} and document["certificates"] == {}
+    page = (tmp_path / "report" / "report.html").read_text()
+    assert "On Parity" in page and "Jafari" not in page
+    rows = json.loads(barbalat_says("claims", "--json", path=tmp_path))["claims"]
+    assert rows[-1]["id"] == "two-is-even" and len(rows) == 1 + sum(len(part.names) for part in PAPER.ledger)
+
+
+def test_an_entry_point_that_can_not_be_imported_is_refused_by_its_distribution(tmp_path, monkeypatch):
+    with_entry_point(tmp_path, found.GROUP, "not_there")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    found.papers.cache_clear()
+    try:
+        with pytest.raises(barbalat.InputError, match=r"'anything' of others 1\.0 .* 'not_there'"):
+            found.papers()
+    finally:
+        found.papers.cache_clear()
