@@ -169,9 +169,13 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
         return NotApplicable("the plant depends on time, so that nothing rests")
     try:
         budget.require(
-            "the closed loop", loop.size, budget.of_linearisation,
-            given=f"has {loop.size} states, and its place of rest and modes", fits=lambda most: f"at most {most} states", what=f"the linearised loop of {loop.size} states",
-        )  # fmt: skip
+            "the closed loop",
+            loop.size,
+            budget.of_linearisation,
+            given=f"has {loop.size} states, and its place of rest and modes",
+            fits=lambda most: f"at most {most} states",
+            what=f"the linearised loop of {loop.size} states",
+        )
     except InputError as beyond:  # what else is certified stands
         return NotApplicable(str(beyond))
     loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
