@@ -36,7 +36,7 @@ class Certificate:
 
     @classmethod
     def failed(cls, why: str) -> Certificate:
-        """Of what can't be certified: the reason is its finding."""
+        """Return the certificate of a controller that can't be certified, with the reason as its finding."""
         return cls(notes=(f"no certificate: {why}",), failure=why)
 
     def __post_init__(self) -> None:
@@ -123,7 +123,7 @@ class Certificate:
         return document
 
     def with_entries(self, entries: tuple[Entry, ...], *notes: str) -> Certificate:
-        """The same with other entries and further notes."""
+        """Return a copy with other entries and further notes."""
         return replace(self, entries=entries, notes=(*self.notes, *notes))
 
 

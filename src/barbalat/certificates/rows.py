@@ -27,7 +27,7 @@ class CertificateRow(NamedTuple):
 
 
 def rows_of(entry: Entry) -> list[CertificateRow]:
-    """Those of one entry; a guaranteed value is rounded so that the print is a bound too."""
+    """Return the rows of one entry; a guaranteed value is rounded so that what is printed is a bound too."""
     kind = KINDS.get(entry.kind, entry.kind)
     if not entry.applies:
         return [CertificateRow(entry.key, "", entry.why, kind)]

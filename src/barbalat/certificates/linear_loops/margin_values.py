@@ -53,7 +53,7 @@ def _add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which
 
 
 def add_margins_of_each(draft: Draft, problem: TrackingProblem, loops: Sequence[StateSpace], which: str) -> None:
-    """Of loops that are broken at one input each, with the dynamics of all inputs in them."""
+    """Add the margins of each input: each loop is broken at one input and has the dynamics of all inputs in it."""
     if is_left_out("delay_margin_each"):
         return
     if problem.delay > 0:

@@ -164,7 +164,7 @@ def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
 
 
 def _all_reachable(problem: Problem, gains: ControlGains) -> Assumption:
-    """Of theta/omega for every theta of the known set: a set made without an interval of omega takes omega as 1."""
+    """Return a set that holds theta/omega for every theta of the known set; without an interval of omega, omega is 1."""
     if gains.box is None or problem.known.gains is not None:
         return NUMBERS_ALONE
     apart = (_each_omega(problem) != 1).any()
