@@ -225,7 +225,7 @@ class Named(dict[str, V]):
 
     @classmethod
     def of(cls, kind: str, values: Mapping[str, V], absent: Mapping[str, str] | None = None) -> Self:
-        """Of these values."""
+        """Return a mapping of these values."""
         found = cls(values)
         found.kind, found.absent = kind, dict(absent or {})
         return found

@@ -130,5 +130,5 @@ def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
 
 
 def parse_case(text: str, folder: Path = Path(), source: str = "the case", own: OwnFile | None = None) -> Case:
-    """The same from TOML text; relative paths in it start at ``folder``, and ``own`` is a file with the user's controllers."""
+    """Read a case from TOML text; relative paths in it start at ``folder``, and ``own`` is a file with the user's controllers."""
     return CaseText(text, folder, source, own).case()

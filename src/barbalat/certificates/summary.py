@@ -132,7 +132,8 @@ def _text_of(span: list[float]) -> str:
 
 
 def _assumed(column: Column, certificate: Certificate) -> Line:
-    """Return the line on assumptions, of the values and of Table 1's cells: a scheme without a bound has its assumptions there."""
+    """Return the line on assumptions, of the values and of Table 1's cells: a scheme without a bound has its assumptions
+    there."""
     stated = [*certificate.entries, *column.cells.values()]
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
     broken = ", ".join(dict.fromkeys(entry.why for entry in stated if not entry.applies and entry.assumptions))

@@ -82,7 +82,8 @@ class Equations:
         return state._replace(theta_hat=limit(state.theta_hat, self.box))
 
     def sampled(self, T: float) -> Predictor:
-        """As L1-AC with C = 1: its predictor is then the model, with ``limits`` the model adapted to them."""
+        """Return the sampled form, L1-AC's with C = 1: its predictor is then the model, adapted to ``limits`` where there are
+        any."""
         with_predictor = l1.Equations(
             A_m=self.A_m,
             b=self.b,

@@ -60,7 +60,7 @@ class OnParametricModel(ABC):
         return estimation.phi / np.sqrt(estimation.m_s_squared)
 
     def auxiliary_rates(self, state: State, x: Value, theta_hat_dot: Value) -> tuple[Value, Value]:
-        """Of the swapping term and of Q(s)."""
+        """Return the rates of the states of the swapping term and of Q(s)."""
         if self.Q is None:
             return state.swapping, state.filter
         swapping_dot = self.A_m @ state.swapping + state.Xi @ theta_hat_dot

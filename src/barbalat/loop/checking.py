@@ -37,7 +37,7 @@ class Ports(NamedTuple):
 
     @classmethod
     def of(cls, plant: Dynamics, model: Dynamics, commands: int | None, inputs: int) -> Ports:
-        """Of a loop at t = 0, commands and inputs at zero; ``commands`` as of ``ClosedLoop``."""
+        """Return the values of a loop at t = 0 with commands and inputs at zero; ``commands`` is that of ``ClosedLoop``."""
         y, y_m = (np.asarray(part.output(part.x0), dtype=float) for part in (plant, model))
         return cls(y, y_m, np.zeros(() if commands is None else commands), np.zeros(() if inputs == 1 else inputs))
 
@@ -80,7 +80,7 @@ def _require_names(equations: Any, initial: Any, whose: Subject) -> None:
 
 
 def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Array]) -> None:
-    """The same for the equations of an ensemble, where symbols stand for settings: a column of them, and numbers (p,) for it."""
+    """Check an ensemble's equations, where symbols stand for settings: a column of them, and numbers (p,) for it."""
     whose = Subject(f"an ensemble: {type(numbers).__name__}")
     trial = TrialCall(whose, numbers, Arguments(numbers.initial(), ports, ports), *values)
     others = TrialCall(whose, varied, trial.arguments).equations

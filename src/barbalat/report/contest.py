@@ -64,7 +64,8 @@ def margins(found: Contest) -> list[list[str]]:
 
 
 def errors(found: Contest) -> list[list[str]]:
-    """u|.|Return rows of those that meet the rule, over all held-out runs: quantiles of the error, and the median of max |u|.|u|."""
+    """u|.|Return rows of those that meet the rule, over all held-out runs: quantiles of the error, and the median of max
+    |u|.|u|."""
     rows = []
     for name, held in found.held_out.items():
         of = held.quantiles
