@@ -10,7 +10,7 @@ from barbalat.claims.rows import LEDGER
 from barbalat.explorer.describe import Described
 from barbalat.explorer.lessons import BoundedGoal, FigureGoal, SettingGoal
 from barbalat.explorer.section_v import PAGES, addresses, explorer
-from barbalat.sweeps.paths import FieldPath
+from barbalat.open_numbers.path import FieldPath
 
 LESSONS = [(file, lesson) for file, lessons in PAGES.items() for lesson in lessons]
 

@@ -149,11 +149,12 @@ def _write(folder: Folder, text: CaseText, result: SweepResult) -> None:
 
 
 def _study(text: CaseText, options: argparse.Namespace) -> Study:
-    from barbalat.sweeps.paths import FieldPath
+    from barbalat.open_numbers.path import FieldPath
+    from barbalat.open_numbers.varied_case import VariedCase
+    from barbalat.sweeps.known_set_draws import sampled
     from barbalat.sweeps.plan import Design, Plan, members_of
     from barbalat.sweeps.spread import Axis
     from barbalat.sweeps.study import Study
-    from barbalat.sweeps.varied_case import VariedCase, sampled
     from barbalat.validate import InputError
 
     text.case()  # what is wrong with the file itself is said first

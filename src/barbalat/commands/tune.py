@@ -104,7 +104,7 @@ def _write(folder: Folder, found: Tuning, document: str, running: Work) -> None:
 
 def _space(given: list[str]) -> Space | None:
     """What ``--vary`` says; None without it."""
-    from barbalat.sweeps.paths import FieldPath
+    from barbalat.open_numbers.path import FieldPath
     from barbalat.tuning.space import Range, Space
     from barbalat.validate import InputError, show
 

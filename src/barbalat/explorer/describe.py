@@ -10,17 +10,17 @@ from typing import Any
 from barbalat.cases.build import Case
 from barbalat.explorer.commands import HORIZON_FACTORS, breaks_anywhere, grids_of, is_computed, points_of, smooth_module
 from barbalat.explorer.condition import condition_of
-from barbalat.explorer.effects import Target
 from barbalat.explorer.encoded import doubles
-from barbalat.explorer.numbers import DELAY_PATH, GRID_KEYS, Number
 from barbalat.explorer.outputs import delay_weights, numbers_handed, outputs
 from barbalat.explorer.sliders import Slider, Sliders, Variant
 from barbalat.explorer.source import Source
 from barbalat.explorer.spectrum import WATCHING, judged, spectrum_of
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.lowering.wasm.normal import normal_module
+from barbalat.open_numbers.effects import Target
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.slider_values import DELAY_PATH, GRID_KEYS, Number
 from barbalat.solvers import SOLVERS
-from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import InputError
 
 MOST_STEPS = 10_000_000

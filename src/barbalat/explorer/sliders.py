@@ -9,14 +9,14 @@ from functools import cached_property, partial
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.explorer.effects import Effect, Rows, Target, composed, effects_of
 from barbalat.explorer.in_signals import InSignals, SignalSearch
-from barbalat.explorer.numbers import DELAY_PATH, GRID_KEYS, Number, ranged
 from barbalat.explorer.source import Source
 from barbalat.explorer.together import Outcome, Together
 from barbalat.explorer.tried_values import TRIED_TURNS, Place, places_tried, without_indices
+from barbalat.open_numbers.effects import Effect, Rows, Target, composed, effects_of
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.slider_values import DELAY_PATH, GRID_KEYS, Number, ranged
 from barbalat.protocols import Controller
-from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import Array, InputError
 
 MOST_SHARED_BYTES = 150_000

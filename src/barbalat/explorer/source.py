@@ -14,10 +14,10 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.explorer.numbers import FIXED_KEYS, in_tables
+from barbalat.open_numbers.path import FieldPath, Key, copied
+from barbalat.open_numbers.slider_values import FIXED_KEYS, in_tables
+from barbalat.open_numbers.varied import VariedObjects
 from barbalat.protocols import Controller, InterpolatedSignal
-from barbalat.sweeps.paths import FieldPath, Key, copied
-from barbalat.sweeps.varied import VariedObjects
 from barbalat.validate import InputError
 
 Segment = str | dict[str, Any]

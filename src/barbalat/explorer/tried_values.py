@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.explorer.numbers import Number
-from barbalat.sweeps.paths import FieldPath, Key
+from barbalat.open_numbers.path import FieldPath, Key
+from barbalat.open_numbers.slider_values import Number
 
 Place = tuple[float, int]
 """A value of a slider, and where it stands among those that are tabulated, if it does."""

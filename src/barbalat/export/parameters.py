@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from barbalat.export.limits import estimate_limits
-from barbalat.export.settings import Rebuild, numbers, settable
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import comes_from_outside, parts_of
+from barbalat.open_numbers.settings import Rebuild, numbers, settable
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller

@@ -11,8 +11,8 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.certificates import Certificates
 from barbalat.export.compiler import require_compiler
 from barbalat.export.in_the_loop import simulate_export
-from barbalat.export.settings import gain_of
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.open_numbers.settings import gain_of
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from barbalat.flight.compared import Failing
 from barbalat.flight.timing import Timing
-from barbalat.sweeps.paths import FieldPath
+from barbalat.open_numbers.path import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.spread import Uniform
 

@@ -11,6 +11,9 @@ from pathlib import Path
 from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import VariedObjects
+from barbalat.open_numbers.varied_case import VariedCase
 from barbalat.run.progress import Progress
 from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
@@ -19,7 +22,7 @@ from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
 from barbalat.sweeps.costs import require_members
 from barbalat.sweeps.evidence import evidence
 from barbalat.sweeps.kept import Kept, Made, in_order
-from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Design, Plan, design_of, members_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
@@ -27,8 +30,6 @@ from barbalat.sweeps.spread import Axis, Distribution
 from barbalat.sweeps.store import Store, Waiting, opened
 from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns, Study
-from barbalat.sweeps.varied import VariedObjects
-from barbalat.sweeps.varied_case import VariedCase, sampled
 
 Told = Callable[[str], None]
 """Takes a sentence for the person who waits."""

@@ -17,6 +17,9 @@ from barbalat.certificates.certify import certify
 from barbalat.controllers import Sampled
 from barbalat.controllers.knobs import Knobs, OutputTunable, Tunable
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import Varied, VariedObjects
+from barbalat.open_numbers.varied_case import VariedCase
 from barbalat.problem.modelling_error import DelayError
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
@@ -29,9 +32,6 @@ from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE
 from barbalat.study.finer_step import FINER_BY
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import output_reach_of, reach_of
-from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.varied import Varied, VariedObjects
-from barbalat.sweeps.varied_case import VariedCase
 from barbalat.tuning.aim import DEFAULT_PLANTS, Aim
 from barbalat.tuning.chosen import choose
 from barbalat.tuning.quantity import LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin

@@ -11,7 +11,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.sweeps.paths import FieldPath, Key
+from barbalat.open_numbers.path import FieldPath, Key
 from barbalat.validate import Array, InputError
 
 

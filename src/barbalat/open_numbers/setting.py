@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import product
 
 import numpy as np
 
 from barbalat.cases.build import Case
+from barbalat.open_numbers.kernel_numbers import Copied, Family, Numbers
+from barbalat.open_numbers.kinds import Kind, Tried
+from barbalat.open_numbers.varied import Varied
 from barbalat.protocols import Signal
-from barbalat.run.kernel_numbers import Copied, Family, Numbers
 from barbalat.run.members import Members
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import ModelMotion
-from barbalat.sweeps.kinds import Kind, Tried
-from barbalat.sweeps.varied import Varied
 from barbalat.validate import Array, InputError
 
 MOST_CORNERS = 2**8
@@ -77,11 +75,6 @@ class Setting:
     @property
     def signals(self) -> tuple[Signal, ...]:
         return self.example.problem.signals
-
-    @cached_property
-    def motion(self) -> ModelMotion:
-        """Of the example's model."""
-        return ModelMotion.of(self.example.problem, self.simulation)
 
     def driven_by(self, base: Array) -> Setting:
         """The same kernels with the signals of another example."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.sweeps.paths import FieldPath, Key
+from barbalat.open_numbers.path import FieldPath, Key
 from barbalat.validate import Array, InputError
 
 MANTISSAS = (

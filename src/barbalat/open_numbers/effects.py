@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.explorer.numbers import At, Number
-from barbalat.run.kernel_numbers import Family, Numbers
+from barbalat.open_numbers.kernel_numbers import Family, Numbers
+from barbalat.open_numbers.slider_values import At, Number
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 

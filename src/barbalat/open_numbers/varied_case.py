@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
+from barbalat.open_numbers.path import FieldPath, Tables, copied
+from barbalat.open_numbers.varied import Varied
 from barbalat.problem.state_feedback import Problem
-from barbalat.sweeps.known_set_draws import KNOWN_SET, over_known_set
-from barbalat.sweeps.paths import FieldPath, Tables, copied
-from barbalat.sweeps.spread import Distribution, parse_distribution
-from barbalat.sweeps.varied import Varied, VariedObjects
 from barbalat.validate import Array, InputError
 
 
@@ -67,33 +65,3 @@ def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
 THETA = ("plant", "theta")
 MATCHED = (("plant", "A"), ("reference_model", "A_m"), ("reference_model", "poles"))
 """From which theta follows in a file that gives plant.A."""
-
-
-def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distribution]]) -> dict[FieldPath, Distribution]:
-    """Pairs of path and distribution; a vector over the case's known set becomes a distribution for each entry."""
-    found: dict[FieldPath, Distribution] = {}
-    for place, distribution in given:
-        path = FieldPath.parse(place)
-        if not isinstance(distribution, str):
-            drawn: Mapping[FieldPath, Distribution] = {path: distribution}
-        elif distribution == KNOWN_SET:
-            drawn = _over_known_set(source, path)
-        else:
-            drawn = {path: _named(path, distribution)}
-        if twice := [str(one) for one in drawn if one in found]:
-            raise InputError(f"{twice[0]} is sampled twice")
-        found |= drawn
-    return found
-
-
-def _over_known_set(source: CaseText | Case, path: FieldPath) -> Mapping[FieldPath, Distribution]:
-    if isinstance(source, Case):
-        return over_known_set(source, path, VariedObjects(source, (path,)).standing(path))
-    return over_known_set(source.case(), path, path.of(tables_with(source, [path])))
-
-
-def _named(path: FieldPath, distribution: str) -> Distribution:
-    try:
-        return parse_distribution(distribution)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None

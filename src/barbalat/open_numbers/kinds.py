@@ -10,16 +10,12 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.open_numbers.kernel_numbers import Family
+from barbalat.open_numbers.varied import Varied
 from barbalat.run.breaks import can_be_split
 from barbalat.run.columns import Columns
-from barbalat.run.kernel_numbers import Family
 from barbalat.run.members import Reader
-from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.varied import Varied
 from barbalat.validate import Array, InputError
-
-TRIED_SHARES = (0.03, 0.4, 0.97)
-"""Of a distribution, from one end to the other without its far tails, which may lie beyond what a constructor takes."""
 
 
 class Kind(Enum):
@@ -36,16 +32,6 @@ class Tried:
 
     middle: Array
     around: tuple[Array, ...]
-
-    @classmethod
-    def of(cls, plan: Plan) -> Tried:
-        found, drawn = [axis.values for axis in plan.axes.values()], list[Array]()
-        for one in plan.draws.values():
-            found.append(one.at(np.array(TRIED_SHARES), drawn))
-            drawn.append(np.full(len(TRIED_SHARES), found[-1][len(TRIED_SHARES) // 2]))
-        middle = np.array([values[len(values) // 2] for values in found])
-        ends = [values[[0, len(values) // 3, -1]] for values in found]
-        return cls(middle, tuple(np.unique(v[v != m]) for v, m in zip(ends, middle, strict=True)))
 
     def rows(self, column: int, base: Array) -> Array:
         """(K, d) the base with each of the other values of one column."""
