@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from barbalat.cases.load import CaseText
-from barbalat.open_numbers.varied_case import VariedCase
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps.chunks import chunks_of
 from barbalat.sweeps.cluster import Scheduler, Workers, connected
 from barbalat.sweeps.known_set_draws import sampled

@@ -23,7 +23,7 @@ import numpy as np
 
 from barbalat import InputError
 from barbalat.cases.load import CaseText
-from barbalat.open_numbers.varied_case import VariedCase
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.stored import INDEX_FILE, StoredRows, read_index

@@ -18,8 +18,8 @@ from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.outputs import outputs
 from barbalat.explorer.source import TextSource, toml
 from barbalat.lowering.shape import ENTRY
+from barbalat.open_numbers.numbers import in_tables
 from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.slider_values import in_tables
 from barbalat.run.grid import signal_table
 from barbalat.run.portable import run_times
 from barbalat.signals import Constant, Sine, Sines, Square

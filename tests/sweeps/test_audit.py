@@ -8,7 +8,7 @@ import pytest
 from barbalat import InputError, sweep
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.varied_case import VariedCase
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps.audit import FINER_BY, MOST_AUDITED
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Design, Plan

@@ -6,7 +6,7 @@ import pytest
 from barbalat import certify
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.varied_case import VariedCase
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps.bounds import Bounds
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.spread import Axis, Uniform

@@ -21,7 +21,7 @@ import pytest
 import barbalat
 from barbalat.cases.load import CaseText
 from barbalat.cli import main
-from barbalat.open_numbers.varied_case import VariedCase
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps import cluster
 from barbalat.sweeps.cluster import Scheduler
 from barbalat.sweeps.known_set_draws import sampled

@@ -7,7 +7,7 @@ import pytest
 from barbalat.budget import Budget
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.varied_case import VariedCase
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps.costs import Costs, require_members
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan

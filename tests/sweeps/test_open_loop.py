@@ -6,7 +6,7 @@ import pytest
 from barbalat import InputError
 from barbalat.cases.load import CaseText
 from barbalat.explorer.worst_members import explored
-from barbalat.open_numbers.varied_case import VariedCase
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps.bounds import Bounds
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan

@@ -12,7 +12,7 @@ import pytest
 from barbalat import InputError, sweep
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.varied_case import VariedCase
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps import chunks, store
 from barbalat.sweeps.chunks import FEWEST_MEMBERS, Chunk
 from barbalat.sweeps.plan import Design, Plan

@@ -18,9 +18,9 @@ from barbalat.loop.packing import column, symbols
 from barbalat.lowering.operations import read
 from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.wasm.loop import loop as module_of
-from barbalat.open_numbers.effects import Rows, effects_of
 from barbalat.open_numbers.kernel_numbers import Numbers
-from barbalat.open_numbers.slider_values import At
+from barbalat.open_numbers.numbers import At
+from barbalat.open_numbers.probe import Rows, effects_of
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Value

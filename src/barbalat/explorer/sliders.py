@@ -12,10 +12,10 @@ from barbalat.cases.build import Case
 from barbalat.explorer.in_signals import InSignals, SignalSearch
 from barbalat.explorer.source import Source
 from barbalat.explorer.together import Outcome, Together
-from barbalat.explorer.tried_values import TRIED_TURNS, Place, places_tried, without_indices
-from barbalat.open_numbers.effects import Effect, Rows, Target, composed, effects_of
+from barbalat.explorer.tried_values import TRIED_TURNS, Place, places_tried
+from barbalat.open_numbers.numbers import Number, ranged
 from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.slider_values import DELAY_PATH, GRID_KEYS, Number, ranged
+from barbalat.open_numbers.probe import Effect, Rows, Target, composed, effects_of
 from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError
 
@@ -23,6 +23,10 @@ MOST_SHARED_BYTES = 150_000
 """Of the tables of sliders that exclude others; in a page they take a third more."""
 MOST_NUMBERS = 80
 """Sliders of a page."""
+GRID_KEYS = ("t_end", "dt")
+"""Keys of the simulation; their sliders are the page's own."""
+DELAY_PATH = FieldPath(("plant", "input", "delay"))
+"""A slider of the page's own too: it moves how far a module looks back, in whole steps."""
 PRECEDENCE = ("controller", "reference", "simulation", "plant", "reference_model", "uncertainty", "")
 """The order in which numbers get sliders: by their part, and of a part's a number by itself before entries of vectors.
 Of two that move one row of a module the later one has fewer values."""
@@ -118,7 +122,7 @@ class Sliders:
         apart = np.array([[one is not other and one.excludes(other) for other in kept] for one in kept], dtype=bool)
         tried: list[list[Place]] = []
         search = Together(
-            [without_indices(slider.number.path) for slider in kept],
+            [slider.number.path.vector for slider in kept],
             apart.reshape(len(kept), len(kept)),
             lambda moves: self._outcome([(kept[k], tried[k][i]) for k, i in moves]),
         )

@@ -10,14 +10,12 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.open_numbers.path import FieldPath, Key, copied
-from barbalat.open_numbers.slider_values import FIXED_KEYS, in_tables
+from barbalat.open_numbers.numbers import in_case, in_tables
+from barbalat.open_numbers.path import FieldPath, copied
 from barbalat.open_numbers.varied import VariedObjects
-from barbalat.protocols import Controller, InterpolatedSignal
+from barbalat.protocols import Controller
 from barbalat.validate import InputError
 
 Segment = str | dict[str, Any]
@@ -166,10 +164,7 @@ class ObjectSource(Source):
     case: Case
 
     def numbers(self) -> Iterator[tuple[FieldPath, float]]:
-        yield from ((FieldPath(keys), value) for keys, value in _of_object(self.case.problem, ()))
-        for i, controller in enumerate(self.case.controllers):
-            yield from ((FieldPath(keys), value) for keys, value in _of_object(controller, ("controller", i)))
-        yield from ((FieldPath(keys), value) for keys, value in _of_object(self.case.simulation, ("simulation",)))
+        return in_case(self.case)
 
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
         case = replace(self.case, simulation=replace(self.case.simulation, fused=False))
@@ -199,22 +194,3 @@ def _switched(controller: Any, projection: bool) -> Any:
 def validate_name(controller: Any) -> str:
     """Of any object, for a message."""
     return type(controller).__name__
-
-
-def _of_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:
-    """Numbers among an object's fields, as ``VariedObjects`` finds them again."""
-    if isinstance(part, (bool, InterpolatedSignal)):  # a record is what was measured
-        return
-    if isinstance(part, (int, float)):
-        if np.isfinite(part):
-            yield keys, part
-    elif isinstance(part, np.ndarray) and part.dtype.kind == "f":
-        for index in np.ndindex(part.shape):
-            yield (*keys, *index), float(part[index])
-    elif isinstance(part, (tuple, list)):
-        for i, inner in enumerate(part):
-            yield from _of_object(inner, (*keys, i))
-    elif is_dataclass(part) and not isinstance(part, type):
-        for one in fields(part):
-            if one.init and one.name not in FIXED_KEYS:
-                yield from _of_object(vars(part).get(one.name), (*keys, one.name))

@@ -15,7 +15,7 @@ from barbalat.loop.packing import column, symbols
 from barbalat.lowering.operations import read
 from barbalat.lowering.shape import WATCH_EVERY, LoopShape
 from barbalat.lowering.wasm.loop import loop as module_of
-from barbalat.open_numbers.effects import Target
+from barbalat.open_numbers.probe import Target
 from barbalat.protocols import DiscretizedEquations
 from barbalat.run.diagnosis.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
 from barbalat.run.template import Template

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from barbalat.cases.load import CaseText
 from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.source import TextSource, toml
-from barbalat.open_numbers.varied_case import VariedCase
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.report.file_names import file_name
 from barbalat.report.sweep import WorstMember
 from barbalat.sweeps.result import SweepResult

@@ -1,17 +1,23 @@
-"""A case with other numbers at some of its places: what a sweep asks of it, and one made of Python's objects."""
+"""A case with other numbers at some of its paths: of a case file's tables, or of Python's objects."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.open_numbers.path import FieldPath, Key
+from barbalat.cases.load import CaseText
+from barbalat.open_numbers.path import WRAPPED, FieldPath, Key, Tables, copied, wrapped_in
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 
@@ -38,17 +44,26 @@ class VariedObjects(Varied):
     case: Case
     paths: tuple[FieldPath, ...]
 
+    @classmethod
+    def around(
+        cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, paths: tuple[FieldPath, ...] = ()
+    ) -> VariedObjects:
+        """One controller on a problem, whether or not a case file says so."""
+        return cls(Case(problem, (controller,), simulation), paths)
+
     @property
     def source(self) -> str:
         return f"{self.case!r}"
 
     def standing(self, path: FieldPath) -> object:
         """What a field is; None where there is none."""
-        first, *rest = path.keys
+        first, *rest = path.field
         apart = {"controller": self.case.controllers, "simulation": self.case.simulation}
         here: Any = apart.get(str(first), self.case.problem)
         try:
-            for key in rest if first in apart else path.keys:
+            for key in rest if first in apart else path.field:
+                if isinstance(key, str) and key not in vars(here):
+                    here = wrapped_in(here) or here
                 here = here[key] if isinstance(key, int) else vars(here)[key]
         except (LookupError, TypeError):
             return None
@@ -57,13 +72,13 @@ class VariedObjects(Varied):
     def at(self, values: Sequence[float] | Array) -> Case:
         problem, controllers, simulation = self.case.problem, self.case.controllers, self.case.simulation
         for path, value in zip(self.paths, values, strict=True):
-            first, *rest = path.keys
+            first, *rest = path.field
             if first == "controller":
                 controllers = _put(path, controllers, rest, float(value))
             elif first == "simulation":
                 simulation = _put(path, simulation, rest, float(value))
             else:
-                problem = _put(path, problem, list(path.keys), float(value))
+                problem = _put(path, problem, list(path.field), float(value))
         return Case(problem, controllers, simulation)
 
 
@@ -81,6 +96,8 @@ def _put(path: FieldPath, part: Any, keys: Sequence[Key], value: float) -> Any:
         entries[key] = _put(path, part[key], rest, value)
         return np.array(entries) if isinstance(part, np.ndarray) else type(part)(entries)
     names = [one.name for one in fields(part) if one.init] if is_dataclass(part) else []
+    if key not in names and not isinstance(part, type) and (inner := wrapped_in(part)) is not None:
+        return replace(part, **{WRAPPED: _put(path, inner, keys, value)})
     if isinstance(part, type) or key not in names:
         known = ", ".join(names) or "none"
         raise InputError(f"{path} names no field: {type(part).__name__} has no {key!r}; its fields are {known}")
@@ -91,3 +108,56 @@ def _number(path: FieldPath, old: Any, value: float) -> float:
     if isinstance(old, (bool, str)) or not isinstance(old, (int, float, np.integer, np.floating, type(None))):
         raise InputError(f"{path} is {validate.show(old)}, not one number, and can't be varied")
     return int(value) if isinstance(old, (int, np.integer)) and value.is_integer() else value
+
+
+@dataclass(frozen=True, eq=False)
+class VariedCase(Varied):
+    """What stands at ``paths`` is given for each member; everything else is the file's."""
+
+    text: CaseText
+    paths: tuple[FieldPath, ...]
+
+    @property
+    def source(self) -> str:
+        return self.text.text
+
+    @cached_property
+    def _tables(self) -> Tables:
+        return tables_with(self.text, self.paths)
+
+    def tables_at(self, values: Sequence[float] | Array) -> Tables:
+        """The file's tables with these numbers; InputError for a path that leads to none."""
+        tables = copied(self._tables)
+        for path, value in zip(self.paths, values, strict=True):
+            path.put(tables, float(value))
+        return tables
+
+    def at(self, values: Sequence[float] | Array) -> Case:
+        """The case with these numbers, checked as any other; InputError where it can't be used."""
+        return self.text.case(self.tables_at(values))
+
+
+def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
+    """A case file's tables, in which ``paths`` stand.
+
+    Where one of them is of theta and the plant is given by A, which theta follows from, A_m and that theta stand there instead.
+    InputError where A, or what the model makes of it, is to vary as well.
+    """
+    tables, paths = text.data(), tuple(paths)
+    plant, model = tables.get("plant"), tables.get("reference_model")
+    of_theta = [path for path in paths if path.keys[:2] == THETA]
+    if not of_theta or not isinstance(plant, dict) or not isinstance(model, dict) or "A" not in plant:
+        return tables
+    if both := [path for path in paths if path.keys[:2] in MATCHED]:
+        raise InputError(f"{both[0]} and {of_theta[0]} can't both vary: with plant.A given, theta is what follows from it")
+    problem = text.case().problem
+    if isinstance(problem, Problem):
+        plant |= {"A_m": problem.plant.A_m.tolist(), "theta": problem.plant.theta.tolist()}
+        del plant["A"]
+        tables["reference_model"] = {key: value for key, value in model.items() if key not in ("A_m", "poles")}
+    return tables
+
+
+THETA = ("plant", "theta")
+MATCHED = (("plant", "A"), ("reference_model", "A_m"), ("reference_model", "poles"))
+"""From which theta follows in a file that gives plant.A."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from barbalat import budget, validate
 from barbalat.budget import Estimate, of_kernel
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.open_numbers.kinds import Kind
+from barbalat.open_numbers.probe import Kind
 from barbalat.run.costs import MEMBER, of_members, of_steps
 from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size

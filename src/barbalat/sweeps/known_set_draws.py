@@ -9,9 +9,8 @@ import numpy as np
 from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.varied import VariedObjects
-from barbalat.open_numbers.varied_case import tables_with
+from barbalat.open_numbers.path import FieldPath, by_index
+from barbalat.open_numbers.varied import VariedObjects, tables_with
 from barbalat.problem.known_set import ParameterBall
 from barbalat.problem.state_feedback import Problem
 from barbalat.sweeps.spread import Distribution, InBall, Uniform, parse_distribution
@@ -64,9 +63,10 @@ def _of_gain(problem: object, path: FieldPath) -> Uniform:
 
 def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distribution]]) -> dict[FieldPath, Distribution]:
     """Pairs of path and distribution; a vector over the case's known set becomes a distribution for each entry."""
+    labels = (source if isinstance(source, Case) else source.case()).problem.labels if given else None
     found: dict[FieldPath, Distribution] = {}
     for place, distribution in given:
-        path = FieldPath.parse(place)
+        path = FieldPath.parse(by_index(place, labels))
         if not isinstance(distribution, str):
             drawn: Mapping[FieldPath, Distribution] = {path: distribution}
         elif distribution == KNOWN_SET:

@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.open_numbers.kinds import Kind, Tried, kinds_of, redesigned
-from barbalat.open_numbers.setting import RefusedError, Setting
+from barbalat.open_numbers.members import RefusedError, Setting
+from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.run import delay
 from barbalat.run.batch import Batch
@@ -24,6 +24,7 @@ from barbalat.study.criteria import Expected, Onset, tail_error
 from barbalat.study.ideal_benchmark import known_width
 from barbalat.study.motion import ModelMotion
 from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.redesigned import redesigned
 from barbalat.validate import Array, InputError
 
 Columns = dict[str, Array]
@@ -135,7 +136,7 @@ class Study:
 
     def _groups(self, rows: Array) -> Iterator[Array]:
         """The rows that run together: those of one structure with one set of signals."""
-        shared = [column for column, kind in enumerate(self.kinds) if kind is not Kind.NUMBER]
+        shared = [column for column, kind in enumerate(self.kinds) if not kind.is_number]
         if not shared:
             yield np.arange(len(rows))
             return
@@ -191,7 +192,7 @@ class Study:
 
     @cached_property
     def redesigned(self) -> dict[str, tuple[str, ...]]:
-        """Which controllers are made anew for each member, by the paths from which they follow; see ``kinds.redesigned``."""
+        """Which controllers are made anew for each member, by the paths from which they follow; see ``redesigned``."""
         return redesigned(self.varied, self.tried)
 
     @cached_property

@@ -11,9 +11,8 @@ from pathlib import Path
 from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.varied import VariedObjects
-from barbalat.open_numbers.varied_case import VariedCase
+from barbalat.open_numbers.path import FieldPath, by_index
+from barbalat.open_numbers.varied import VariedCase, VariedObjects
 from barbalat.run.progress import Progress
 from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
@@ -67,13 +66,16 @@ def sweep(
              sweep's solver steps affords
     Raises InputError.
     """
-    requirements = [Requirement.parse(text) for text in require]
     folder = None if store is None else validate.local_path("store", store)
-    axes = {FieldPath.parse(path): one if isinstance(one, Axis) else Axis.parse(one) for path, one in (vary or {}).items()}
-    draws = sampled(case if isinstance(case, Case) else CaseText.read(case), list((sample or {}).items()))
+    source = case if isinstance(case, Case) else CaseText.read(case)
+    labels = (source if isinstance(source, Case) else source.case()).problem.labels
+    requirements = [Requirement.parse(by_index(text, labels)) for text in require]
+    paths = {place: FieldPath.parse(by_index(place, labels)) for place in vary or {}}
+    axes = {paths[place]: one if isinstance(one, Axis) else Axis.parse(one) for place, one in (vary or {}).items()}
+    draws = sampled(source, list((sample or {}).items()))
     known = design_of(design)
     plan = Plan(axes, draws, members_of(members, known, drawn=bool(draws)), known, seed)
-    varied = VariedObjects(case, plan.paths) if isinstance(case, Case) else VariedCase(CaseText.read(case), plan.paths)
+    varied = VariedObjects(source, plan.paths) if isinstance(source, Case) else VariedCase(source, plan.paths)
     return run_study(
         Study(varied, plan),
         requirements=requirements,

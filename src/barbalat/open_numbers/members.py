@@ -9,8 +9,8 @@ from itertools import product
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.open_numbers.kernel_numbers import Copied, Family, Numbers
-from barbalat.open_numbers.kinds import Kind, Tried
+from barbalat.open_numbers.kernel_numbers import Family, Numbers
+from barbalat.open_numbers.probe import Effect, Kind, Tried
 from barbalat.open_numbers.varied import Varied
 from barbalat.protocols import Signal
 from barbalat.run.members import Members
@@ -25,9 +25,9 @@ MOST_KEPT = 20_000
 
 @dataclass(eq=False)
 class Setting:
-    """All members with the same numbers where these are of another kind than ``Kind.NUMBER``.
+    """All members with the same numbers where one kernel does not serve all values.
 
-    A number that is *copied* stands in every kernel as it is, see ``Copied``: then no case is made for a member. What its
+    A number that is *copied* stands in every kernel as it is, see ``Effect``: then no case is made for a member. What its
     constructors would have refused is still refused: the corners of the box in which the members lie are made into cases. That
     holds for the whole box, since what a constructor admits of such numbers is convex: limits, orders, known sets. And each
     corner's numbers must be those that copying gives, bit by bit. Where a corner is refused every member is made into a case.
@@ -41,31 +41,32 @@ class Setting:
     base: Array
     example: Case
     families: tuple[Family, ...]
-    copied: dict[int, tuple[Copied, ...]]
+    copied: dict[int, tuple[Effect, ...]]
     admitted: Array | None = None  # (2, copied) the box whose corners were made
     made: dict[bytes, tuple[Numbers, ...]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, varied: Varied, kinds: Sequence[Kind], tried: Tried, base: Array, *, windows: int = 0) -> Setting:
         """``base`` has the numbers that are the same for all, in their columns; ``windows`` as of ``Members``."""
-        numeric = [column for column, kind in enumerate(kinds) if kind is Kind.NUMBER]
+        numeric = [column for column, kind in enumerate(kinds) if kind.is_number]
         rows = {column: tried.rows(column, base) for column in numeric}
         cases = [varied.at(row) for row in (base, *(row for column in numeric for row in rows[column]))]
         example = cases[0]
-        copied: dict[int, tuple[Copied, ...]] = {}
+        copied: dict[int, tuple[Effect, ...]] = {}
         families = tuple(
             Family.of([(case.problem, case.controllers[i]) for case in cases], example.simulation, windows=windows)
             for i in range(len(example.controllers))
         )
-        numbers = _numbers(families, cases)
+        numbers = [family.numbers for family in families]
         begin = 1
         for column in numeric:
             which = np.array([0, *range(begin, begin + len(rows[column]))])
             begin += len(rows[column])
             values = np.array([base[column], *rows[column][:, column]])
-            found = [Copied.of(one.of(which), values) for one in numbers]
-            if all(one is not None for one in found) and 2 ** (len(copied) + 1) <= MOST_CORNERS:
-                copied[column] = tuple(one for one in found if one is not None)
+            found = [Effect.of(values, one.of(which)) for one in numbers]
+            effects = tuple(one for one in found if one is not None and one.copied)
+            if len(effects) == len(numbers) and 2 ** (len(copied) + 1) <= MOST_CORNERS:
+                copied[column] = effects
         return cls(varied, base, example, families, copied)
 
     @property

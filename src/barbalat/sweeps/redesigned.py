@@ -1,82 +1,17 @@
-"""What a number of the case file does to a run: found by trying it, so that no list of fields has to be kept."""
+"""What is designed anew for each member of a sweep: reference models and controllers that follow from a plant that varies."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.open_numbers.kernel_numbers import Family
+from barbalat.open_numbers.probe import Tried
 from barbalat.open_numbers.varied import Varied
-from barbalat.run.breaks import can_be_split
 from barbalat.run.columns import Columns
-from barbalat.run.members import Reader
-from barbalat.validate import Array, InputError
-
-
-class Kind(Enum):
-    """STRUCTURE: another kernel or other steps; SIGNAL: another command or disturbance; NUMBER: an argument of one kernel."""
-
-    STRUCTURE = "structure"
-    SIGNAL = "signal"
-    NUMBER = "number"
-
-
-@dataclass(frozen=True, eq=False)
-class Tried:
-    """Values of what varies: ``middle`` (d,) of all, and of each some others, ``around``."""
-
-    middle: Array
-    around: tuple[Array, ...]
-
-    def rows(self, column: int, base: Array) -> Array:
-        """(K, d) the base with each of the other values of one column."""
-        rows = np.repeat(base[None], len(self.around[column]), axis=0)
-        rows[:, column] = self.around[column]
-        return rows
-
-
-def kinds_of(varied: Varied, tried: Tried) -> tuple[Kind, ...]:
-    """Of each path; InputError where a value that was tried makes no case."""
-    base = varied.at(tried.middle)
-    found = []
-    for column in range(len(varied.paths)):
-        cases = [varied.at(row) for row in tried.rows(column, tried.middle)]
-        found.append(_kind(base, cases))
-    return tuple(found)
-
-
-def _kind(base: Case, cases: Sequence[Case]) -> Kind:
-    if any(case.simulation != base.simulation for case in cases):
-        return Kind.STRUCTURE
-    if any(len(case.controllers) != len(base.controllers) for case in cases):
-        raise InputError("a sweep can't vary which controllers a case has")
-    readers = [Reader.of((base.problem, one), base.simulation, adjustable=False) for one in base.controllers]
-    alike = all(reader.like(case.problem, one) for case in cases for reader, one in zip(readers, case.controllers, strict=True))
-    if not alike:
-        return Kind.STRUCTURE
-    if all(case.problem.signals == base.problem.signals for case in cases):
-        return Kind.NUMBER
-    split = {can_be_split(case.problem.signals, case.simulation) for case in (base, *cases)}
-    return Kind.SIGNAL if len(split) == 1 and _same_numbers(base, cases) else Kind.STRUCTURE
-
-
-def _same_numbers(base: Case, cases: Sequence[Case]) -> bool:
-    """Whether no kernel is handed anything else."""
-    for i, controller in enumerate(base.controllers):
-        family = Family.of([(base.problem, controller)], base.simulation)
-        try:
-            numbers = family.read([(case.problem, case.controllers[i]) for case in (base, *cases)])
-        except InputError:
-            return False
-        if not all(numbers.of(np.array([k])).identical(numbers.of(np.array([0]))) for k in range(1, len(cases) + 1)):
-            return False
-    return True
-
+from barbalat.validate import Array
 
 REFERENCE_MODEL = "the reference model"
 """Beside the names of controllers, what a member's own numbers may have been used for."""
