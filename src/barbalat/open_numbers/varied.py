@@ -12,7 +12,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.cases.load import CaseText
+from barbalat.cases.load import CaseText, Variants
 from barbalat.open_numbers.path import WRAPPED, FieldPath, Key, Tables, copied, wrapped_in
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -134,7 +134,19 @@ class VariedCase(Varied):
 
     def at(self, values: Sequence[float] | Array) -> Case:
         """The case with these numbers, checked as any other; InputError where it can't be used."""
-        return self.text.case(self.tables_at(values))
+        found = None if self._variants is None else self._variants.at(self._given(values))
+        return self.text.case(self.tables_at(values)) if found is None else found
+
+    def _given(self, values: Sequence[float] | Array) -> dict[tuple[Key, ...], float]:
+        return {path.keys: float(value) for path, value in zip(self.paths, values, strict=True)}
+
+    @cached_property
+    def _variants(self) -> Variants | None:
+        """None where the file makes no case until its numbers are others, or lacks one of them."""
+        try:
+            return self.text.variants(self._tables)
+        except InputError:
+            return None
 
 
 def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
