@@ -18,6 +18,7 @@ from barbalat.cases.table_models import Table
 from barbalat.controllers import Sampled
 from barbalat.loop.binding import bound, require_controllers
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.structure import identical
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import delay
@@ -29,15 +30,23 @@ from barbalat.validate import InputError, printable, show
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Case:
-    """A problem, the controllers to compare on it, and how to simulate."""
+    """A problem, the controllers to compare on it, and how to simulate.
+
+    equations  of each controller on the problem, where they are known already
+    """
 
     problem: TrackingProblem
     controllers: tuple[Controller, ...]
     simulation: Simulation
+    equations: tuple[Any, ...] = ()
 
     @property
     def name(self) -> str:
         return self.problem.name
+
+    def member(self, i: int) -> tuple[Any, ...]:
+        """The i-th controller on the problem, with its equations where they are known, as readers of many members take it."""
+        return self.problem, self.controllers[i], *self.equations[i : i + 1]
 
     def __repr__(self) -> str:
         names = ", ".join(controller.name for controller in self.controllers)
@@ -126,7 +135,7 @@ def _controllers(case: Table, context: Context, problem: TrackingProblem, parts:
         return {_name(table): partial(_controller, table, context) for table in chosen}
 
     context = context._replace(others=others)
-    same = parts.problem is not None and parts.problem[1] is problem
+    same = parts.problem is not None and identical(problem.known, parts.problem[1].known)
     controllers: list[Bound] = []
     refused: list[str] = []
     for i, table in enumerate(tables, start=1):
@@ -217,4 +226,4 @@ def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Sim
             Rhythm.of(loop, None, simulation)  # likewise what happens between steps
         if not parts.complete:
             parts.fitting[id(controller)] = fits
-    return Case(problem, controllers, simulation)
+    return Case(problem, controllers, simulation, tuple(equations for _, equations in found))

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
 from barbalat.run.columns import StructureError
 from barbalat.run.members import Members, Reader
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
-Member = tuple[TrackingProblem, Controller]
+Member = tuple[Any, ...]
+"""A problem and a controller, and its equations on it where they are known: see ``Case.member``."""
 
 
 ROUNDING = 1e-9
@@ -72,8 +72,8 @@ class Family:
     @classmethod
     def of(cls, examples: Sequence[Member], simulation: Simulation, *, windows: int = 0) -> Family:
         """InputError where an example can't be used."""
-        reader = Reader.of(examples[0], simulation, adjustable=False)
-        for problem, controller in examples[1:]:
+        reader = Reader.of(examples[0][:2], simulation, adjustable=False)
+        for problem, controller, *_ in examples[1:]:
             reader.add(problem, controller)
         return cls(reader, reader.arguments(), windows)
 
@@ -91,8 +91,8 @@ class Family:
         """Of any members that differ from the examples in no more than these do; InputError for others."""
         reader = Reader.of((self.reader.problem, self.reader.controller), self.reader.simulation, adjustable=False)
         try:
-            for problem, controller in members:
-                reader.take(problem, controller)
+            for member in members:
+                reader.take(*member)
             parameters = reader.chosen(self.differs, ROUNDING)[:, 1:]
         except StructureError:
             raise InputError(

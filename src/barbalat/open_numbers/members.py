@@ -178,4 +178,4 @@ class RefusedError(InputError):
 
 
 def _numbers(families: Sequence[Family], cases: Sequence[Case]) -> tuple[Numbers, ...]:
-    return tuple(family.read([(case.problem, case.controllers[i]) for case in cases]) for i, family in enumerate(families))
+    return tuple(family.read([case.member(i) for case in cases]) for i, family in enumerate(families))

@@ -132,10 +132,13 @@ class FieldPath:
         return key
 
 
-def wrapped_in(part: Any) -> Any:
-    """The controller that another one runs; None for what runs none."""
-    inner = vars(part).get(WRAPPED) if is_dataclass(part) else None
-    return inner if isinstance(inner, Controller) else None
+def wrapped_in(part: Any, key: Key | None = None) -> Any:
+    """The controller that another one runs, where a path goes on in it with ``key``; None for what runs none."""
+    own = vars(part) if is_dataclass(part) else {}
+    inner = own.get(WRAPPED)
+    if not isinstance(inner, Controller) or (key in own and not (key == WRAPPED and key in vars(inner))):
+        return None
+    return inner
 
 
 def by_index(text: str, labels: Labels | None) -> str:

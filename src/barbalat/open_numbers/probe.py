@@ -135,9 +135,7 @@ def kind_of(base: Case, cases: Sequence[Case], values: Array) -> Kind:
     families = []
     for i, controller in enumerate(base.controllers):
         try:
-            families.append(
-                _read((base.problem, controller), [(case.problem, case.controllers[i]) for case in cases], base.simulation)
-            )
+            families.append(_read((base.problem, controller), [case.member(i) for case in cases], base.simulation))
         except (StructureError, OtherRhythmError):
             return Kind.STRUCTURE
     if all(case.problem.signals == base.problem.signals for case in cases):
@@ -150,8 +148,8 @@ def kind_of(base: Case, cases: Sequence[Case], values: Array) -> Kind:
 def _read(base: Member, others: Sequence[Member], simulation: Simulation) -> Family:
     """One kernel for all of these, whatever their signals."""
     reader = Reader.of(base, simulation, adjustable=False)
-    for problem, controller in others:
-        reader.take(problem, controller)
+    for member in others:
+        reader.take(*member)
     return Family(reader, reader.arguments())
 
 
@@ -195,11 +193,19 @@ class Target:
 
     def read(self, cases: Sequence[Case]) -> Numbers:
         """What it is handed for each of these cases; InputError where one has another structure."""
-        return self.family.read([(case.problem, case.controllers[self.index]) for case in cases])
+        first, members = self.family.reader, [case.member(self.index) for case in cases]
+        if all(one[0] is first.problem and one[1] is first.controller for one in members):
+            return self.base.of(np.zeros(len(members), dtype=int))
+        return self.family.read(members)
 
 
 def effects_of(
-    number: Number, targets: Sequence[Readable], taken: Sequence[Rows], at: At, room: float = inf
+    number: Number,
+    targets: Sequence[Readable],
+    taken: Sequence[Rows],
+    at: At,
+    room: float = inf,
+    like: Sequence[Effect] | None = None,
 ) -> tuple[Number, list[Effect]] | None:
     """On every target, of the values at which all have their structure; None where a page can't follow it.
 
@@ -210,6 +216,8 @@ def effects_of(
     and where an input's gain is 1 no kernel multiplies by it.
 
     taken  rows of each target that other numbers move
+    like   the effects on kernels that differ from the targets in their projection: where theirs and the targets' are the same
+           numbers at the values that are tried, they are the same at all, as of what no projection reads
     """
     few = number.tried
     found = _made(number, few, targets, at)
@@ -219,11 +227,26 @@ def effects_of(
     if all(effect.table is None for effect in found[1]) and left_out <= set(SPECIAL_VALUES):
         values = number.values[~np.isin(number.values, list(left_out))]
         return replace(number, values=values, without=(*number.without, *sorted(left_out))), found[1]
+    if like is not None and not left_out.intersection(number.values.tolist()):
+        same = [_as(known, effect, found[0], number) for known, effect in zip(like, found[1], strict=True)]
+        if all(effect is not None for effect in same):
+            return number, [effect for effect in same if effect is not None]
     shared = any(effect.rows & rows for effect, rows in zip(found[1], taken, strict=True))
     if shared and number.values.itemsize * FEWER_VALUES * sum(len(effect.rows) for effect in found[1]) > room:
         return None
     found = _made(number, thinned(number).values if shared else number.values, targets, at)
     return None if found is None else (replace(number, values=found[0]), found[1])
+
+
+def _as(known: Effect, effect: Effect, tried: Array, number: Number) -> Effect | None:
+    """The effect with the whole table of a known one, of which it has the same numbers at the values that were tried."""
+    if known.table is None or effect.table is None:
+        return effect if known.table is None and effect.table is None else None
+    among = np.isin(tried, number.values)
+    places = np.searchsorted(number.values, tried[among])
+    if known.table[places].tobytes() != effect.table[among].tobytes():
+        return None
+    return replace(effect, table=known.table)
 
 
 def thinned(number: Number) -> Number:

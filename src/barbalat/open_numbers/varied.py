@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -62,8 +62,7 @@ class VariedObjects(Varied):
         here: Any = apart.get(str(first), self.case.problem)
         try:
             for key in rest if first in apart else path.field:
-                if isinstance(key, str) and key not in vars(here):
-                    here = wrapped_in(here) or here
+                here = wrapped_in(here, key) or here
                 here = here[key] if isinstance(key, int) else vars(here)[key]
         except (LookupError, TypeError):
             return None
@@ -96,7 +95,7 @@ def _put(path: FieldPath, part: Any, keys: Sequence[Key], value: float) -> Any:
         entries[key] = _put(path, part[key], rest, value)
         return np.array(entries) if isinstance(part, np.ndarray) else type(part)(entries)
     names = [one.name for one in fields(part) if one.init] if is_dataclass(part) else []
-    if key not in names and not isinstance(part, type) and (inner := wrapped_in(part)) is not None:
+    if not isinstance(part, type) and (inner := wrapped_in(part, key)) is not None:
         return replace(part, **{WRAPPED: _put(path, inner, keys, value)})
     if isinstance(part, type) or key not in names:
         known = ", ".join(names) or "none"
@@ -112,10 +111,11 @@ def _number(path: FieldPath, old: Any, value: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class VariedCase(Varied):
-    """What stands at ``paths`` is given for each member; everything else is the file's."""
+    """What stands at ``paths`` is given for each member; everything else is the file's, or that of other ``tables``."""
 
     text: CaseText
     paths: tuple[FieldPath, ...]
+    tables: Tables | None = None
 
     @property
     def source(self) -> str:
@@ -123,22 +123,26 @@ class VariedCase(Varied):
 
     @cached_property
     def _tables(self) -> Tables:
-        return tables_with(self.text, self.paths)
+        return tables_with(self.text, self.paths) if self.tables is None else self.tables
 
     def tables_at(self, values: Sequence[float] | Array) -> Tables:
         """The file's tables with these numbers; InputError for a path that leads to none."""
-        tables = copied(self._tables)
-        for path, value in zip(self.paths, values, strict=True):
-            path.put(tables, float(value))
-        return tables
+        return self._with(dict(zip(self.paths, map(float, values), strict=True)))
 
     def at(self, values: Sequence[float] | Array) -> Case:
-        """The case with these numbers, checked as any other; InputError where it can't be used."""
-        found = None if self._variants is None else self._variants.at(self._given(values))
-        return self.text.case(self.tables_at(values)) if found is None else found
+        return self.with_numbers(dict(zip(self.paths, map(float, values), strict=True)))
 
-    def _given(self, values: Sequence[float] | Array) -> dict[tuple[Key, ...], float]:
-        return {path.keys: float(value) for path, value in zip(self.paths, values, strict=True)}
+    def with_numbers(self, numbers: Mapping[FieldPath, float]) -> Case:
+        """The case with these numbers, checked as any other; InputError where it can't be used."""
+        given = {path.keys: value for path, value in numbers.items()}
+        found = None if self._variants is None else self._variants.at(given)
+        return self.text.case(self._with(numbers)) if found is None else found
+
+    def _with(self, numbers: Mapping[FieldPath, float]) -> Tables:
+        tables = copied(self._tables)
+        for path, value in numbers.items():
+            path.put(tables, value)
+        return tables
 
     @cached_property
     def _variants(self) -> Variants | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -147,8 +148,9 @@ class Reader:
             raise InputError(f"all members must share their signals, this one has {validate.show(problem.signals)}")
         self.take(problem, controller)
 
-    def take(self, problem: TrackingProblem, controller: Controller) -> None:
-        loop = ClosedLoop.of(problem, controller, bind=self.bind)
+    def take(self, problem: TrackingProblem, controller: Controller, equations: Any = None) -> None:
+        """Take up a member, whatever its signals, with its equations where they are known; errors as of ``add``."""
+        loop = ClosedLoop.of(problem, controller, bind=self.bind if equations is None else lambda _, __: equations)
         noise, first_noise = problem.noise, self.problem.noise
         if noise is not None and first_noise is not None and noise.sample_time != first_noise.sample_time:
             raise OtherRhythmError("all members must share the noise's sample time")
