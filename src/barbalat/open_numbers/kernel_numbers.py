@@ -18,6 +18,10 @@ Member = tuple[Any, ...]
 """A problem and a controller, and its equations on it where they are known: see ``Case.member``."""
 
 
+OTHER_STRUCTURE = (
+    "members must have the structure of the first one, and vary in no more than the few that were tried before: "
+    "narrow the range, or sweep its parts one by one"
+)
 ROUNDING = 1e-9
 """Part of the largest number of an array. What did not change with any of the values tried and is off by no more in some member
 is the same number computed in other steps, as an A_m that follows from a varied A; every member has the first's."""
@@ -95,11 +99,20 @@ class Family:
                 reader.take(*member)
             parameters = reader.chosen(self.differs, ROUNDING)[:, 1:]
         except StructureError:
-            raise InputError(
-                "members must have the structure of the first one, and vary in no more than the few that were tried before: "
-                "narrow the range, or sweep its parts one by one"
-            ) from None
+            raise InputError(OTHER_STRUCTURE) from None
         return _numbers(reader, parameters, 1)
+
+    @property
+    def weights(self) -> tuple[Array, Array]:
+        """(k,) the rows of the parameters that are a delay's weights, and which of all weights these are."""
+        reader = self.reader
+        if reader.weights is not None and reader.adjustable:  # all of them, last
+            size = reader.weights.first.size
+            return int(self.differs.sum()) + 1 + np.arange(size), np.arange(size)
+        first = reader.columns.first.delay_weights
+        size = 0 if first is None else first.size
+        arguments = np.flatnonzero(self.differs) - (len(self.differs) - size)  # a member's weights are its last numbers
+        return np.flatnonzero(arguments >= 0), arguments[arguments >= 0]
 
     def given(self, numbers: Numbers, streams: Array) -> Members:
         """Members with these numbers and these streams of noise, (M,)."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.open_numbers.kernel_numbers import Family, Numbers
-from barbalat.open_numbers.probe import Effect, Kind, Tried
+from barbalat.open_numbers.probe import DelayEffect, Effect, Kind, Tried, direct
 from barbalat.open_numbers.varied import Varied
 from barbalat.protocols import Signal
 from barbalat.run.members import Members
@@ -27,21 +27,23 @@ MOST_KEPT = 20_000
 class Setting:
     """All members with the same numbers where one kernel does not serve all values.
 
-    A number that is *copied* stands in every kernel as it is, see ``Effect``: then no case is made for a member. What its
-    constructors would have refused is still refused: the corners of the box in which the members lie are made into cases. That
-    holds for the whole box, since what a constructor admits of such numbers is convex: limits, orders, known sets. And each
-    corner's numbers must be those that copying gives, bit by bit. Where a corner is refused every member is made into a case.
+    A number that stands in every kernel as it is, or is the plant's delay, is put there directly, see ``probe.direct``: then no
+    case is made for a member. What its constructors would have refused is still refused: the corners of the box in which the
+    members lie are made into cases. That holds for the whole box, since what a constructor admits of such numbers is convex:
+    limits, orders, known sets. And each corner's numbers must be those that are put there, bit by bit. Where a corner is refused
+    every member is made into a case.
 
     base      (d,) numbers of an example
     families  of each controller
-    copied    by column, of each controller
+    copied    by column, how each controller's numbers follow directly
     """
 
     varied: Varied
     base: Array
     example: Case
     families: tuple[Family, ...]
-    copied: dict[int, tuple[Effect, ...]]
+    copied: dict[int, tuple[Effect | DelayEffect, ...]]
+    numeric: tuple[int, ...] = ()
     admitted: Array | None = None  # (2, copied) the box whose corners were made
     made: dict[bytes, tuple[Numbers, ...]] = field(default_factory=dict)
 
@@ -52,7 +54,7 @@ class Setting:
         rows = {column: tried.rows(column, base) for column in numeric}
         cases = [varied.at(row) for row in (base, *(row for column in numeric for row in rows[column]))]
         example = cases[0]
-        copied: dict[int, tuple[Effect, ...]] = {}
+        copied: dict[int, tuple[Effect | DelayEffect, ...]] = {}
         families = tuple(
             Family.of([(case.problem, case.controllers[i]) for case in cases], example.simulation, windows=windows)
             for i in range(len(example.controllers))
@@ -63,11 +65,11 @@ class Setting:
             which = np.array([0, *range(begin, begin + len(rows[column]))])
             begin += len(rows[column])
             values = np.array([base[column], *rows[column][:, column]])
-            found = [Effect.of(values, one.of(which)) for one in numbers]
-            effects = tuple(one for one in found if one is not None and one.copied)
+            found = [direct(values, one.of(which), family) for one, family in zip(numbers, families, strict=True)]
+            effects = tuple(one for one in found if one is not None)
             if len(effects) == len(numbers) and 2 ** (len(copied) + 1) <= MOST_CORNERS:
                 copied[column] = effects
-        return cls(varied, base, example, families, copied)
+        return cls(varied, base, example, families, copied, tuple(numeric))
 
     @property
     def simulation(self) -> Simulation:
@@ -77,9 +79,12 @@ class Setting:
     def signals(self) -> tuple[Signal, ...]:
         return self.example.problem.signals
 
-    def driven_by(self, base: Array) -> Setting:
-        """The same kernels with the signals of another example."""
-        return self if (base == self.base).all() else replace(self, base=base, example=self.varied.at(base), made={})
+    def driven_by(self, base: Array, example: Case) -> Setting:
+        """The same kernels with the signals of another example, which is the case with these numbers."""
+        if (base == self.base).all():
+            return self
+        made = {base.tobytes(): self._made(self.base)} if self.numeric == () else {}
+        return replace(self, base=base, example=example, made=made)
 
     def members(self, rows: Array, streams: Array) -> tuple[Members, ...]:
         """Of each controller; rows (M, d) and streams of noise (M,). RefusedError for a member that makes no case."""
@@ -88,6 +93,8 @@ class Setting:
 
     def numbers(self, rows: Array) -> tuple[Numbers, ...]:
         """What the kernels are handed, of each controller."""
+        if not self.numeric and (rows == self.base).all():
+            return tuple(one.of(np.zeros(len(rows), dtype=int)) for one in self._made(self.base))
         columns = list(self.copied)
         others = [column for column in range(rows.shape[1]) if column not in self.copied]
         unique, which = np.unique(rows[:, others], axis=0, return_inverse=True)

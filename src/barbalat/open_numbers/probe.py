@@ -15,9 +15,10 @@ from typing import Protocol
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.open_numbers.kernel_numbers import ROUNDING, Family, Member, Numbers
+from barbalat.open_numbers.kernel_numbers import OTHER_STRUCTURE, ROUNDING, Family, Member, Numbers
 from barbalat.open_numbers.numbers import SPECIAL_VALUES, At, Number
 from barbalat.open_numbers.varied import Varied
+from barbalat.run import delay
 from barbalat.run.breaks import can_be_split
 from barbalat.run.columns import Columns, StructureError
 from barbalat.run.members import OtherRhythmError, Reader
@@ -91,6 +92,54 @@ class Effect:
         """Values (M,) of a copied number where they belong; the arrays are changed."""
         numbers.parameters[self.parameters] = values
         numbers.states[self.states] = values
+
+
+@dataclass(frozen=True, eq=False)
+class DelayEffect:
+    """Of a number that is the plant's delay and nothing else: what a kernel is handed follows from it without any object.
+
+    rows, entries  of the kernel's parameters those that are weights, and which of all weights they are; first: all of them (w,)
+    """
+
+    simulation: Simulation
+    rows: Array
+    entries: Array
+    first: Array
+
+    @classmethod
+    def of(cls, values: Array, numbers: Numbers, family: Family) -> DelayEffect | None:
+        """By numbers of members that differ in this one alone, ``values`` (K,); None where other things follow from it."""
+        if numbers.lags is None or (numbers.delays != values).any():
+            return None
+        rows, entries = family.weights
+        moved = np.flatnonzero((numbers.parameters != numbers.parameters[:, :1]).any(axis=1))
+        apart = (numbers.states, numbers.history, numbers.seeds)
+        if not np.isin(moved, rows).all() or any(part is not None and (part != part[..., :1]).any() for part in apart):
+            return None
+        simulation = family.reader.simulation
+        first = delay.weights(float(values[0]), simulation.dt, simulation.solver, fused=simulation.fused).reshape(-1)
+        return cls(simulation, rows, entries, first)
+
+    def put(self, numbers: Numbers, values: Array) -> None:
+        """What delays ``values`` (M,) make, where it belongs; the arrays are changed. InputError for another structure."""
+        assert numbers.lags is not None
+        simulation, others = self.simulation, np.delete(np.arange(self.first.size), self.entries)
+        for k, value in enumerate(values.tolist()):
+            weights = delay.weights(value, simulation.dt, simulation.solver, fused=simulation.fused).reshape(-1)
+            if (np.abs(weights - self.first)[others] > ROUNDING).any():  # the largest is about 1
+                raise InputError(OTHER_STRUCTURE)
+            numbers.lags[k] = delay.lag(value, simulation.dt)
+            numbers.parameters[self.rows, k] = weights[self.entries]
+        numbers.delays[:] = values
+
+
+def direct(values: Array, numbers: Numbers, family: Family) -> Effect | DelayEffect | None:
+    """How what a kernel is handed follows from a number without any object; None where objects have to be made.
+
+    ``numbers`` are of members that differ in it alone, which is ``values`` (K,) in them.
+    """
+    effect = Effect.of(values, numbers)
+    return effect if effect is not None and effect.copied else DelayEffect.of(values, numbers, family)
 
 
 def examined(members: Sequence[Member], values: Array, simulation: Simulation) -> tuple[Effect | None, Family]:

@@ -134,8 +134,9 @@ class VariedCase(Varied):
 
     def with_numbers(self, numbers: Mapping[FieldPath, float]) -> Case:
         """The case with these numbers, checked as any other; InputError where it can't be used."""
-        given = {path.keys: value for path, value in numbers.items()}
-        found = None if self._variants is None else self._variants.at(given)
+        if not self._variants:  # its first numbers stand in tables where the file has none
+            self._variants.append(self.text.variants(self._with(numbers)))
+        found = self._variants[0].at({path.keys: value for path, value in numbers.items()})
         return self.text.case(self._with(numbers)) if found is None else found
 
     def _with(self, numbers: Mapping[FieldPath, float]) -> Tables:
@@ -145,12 +146,9 @@ class VariedCase(Varied):
         return tables
 
     @cached_property
-    def _variants(self) -> Variants | None:
-        """None where the file makes no case until its numbers are others, or lacks one of them."""
-        try:
-            return self.text.variants(self._tables)
-        except InputError:
-            return None
+    def _variants(self) -> list[Variants]:
+        """Empty until a case could be made."""
+        return []
 
 
 def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:

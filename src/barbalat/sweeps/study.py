@@ -161,7 +161,7 @@ class Study:
                 self.settings.clear()
             self.settings[key] = Setting.of(self.varied, self.kinds, self.tried, base, windows=windows)
         found = self.settings[key]
-        return found.driven_by(base) if driven else found
+        return found.driven_by(base, case) if driven else found
 
     def _motion(self, setting: Setting) -> ModelMotion:
         """The motion of a setting's model, computed once."""
