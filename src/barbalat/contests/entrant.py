@@ -13,13 +13,13 @@ from barbalat.cases.build import Case
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.knobs import Knobs, Tunable
 from barbalat.loop.binding import bound
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import Varied
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, SampledEquations
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.knobs import reach_of
-from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.varied import Varied
 from barbalat.tuning.space import Range, Space
 from barbalat.validate import Array, InputError
 
