@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.true_values import not_the_parameters, reporting, true_values
+from barbalat.loop.true_values import not_the_parameters, true_values
 from barbalat.problem.command_gain import command_warning
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -102,12 +102,8 @@ class Result:
 
     @cached_property
     def reported(self) -> dict[str, Array]:
-        """(K, ...) by name, what a scheme estimates beside parameters; empty for most schemes."""
-        loop, equations = self.loop, reporting(self.loop)
-        if equations is None:
-            return Named.of("reported quantity", {})
-        rows = [equations.reported(loop.unpack(state).controller) for state in self.states]
-        return Named.of("reported quantity", {name: np.array([row[name] for row in rows]) for name in rows[0]})
+        """(K, q) by name, what a scheme estimates beside theta_hat; empty for most schemes."""
+        return Named.of("reported quantity", {part.name: self.states[:, part.rows] for part in self.loop.other_estimates})
 
     @property
     def true_values(self) -> Array | None:

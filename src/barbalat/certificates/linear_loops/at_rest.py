@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 
 from barbalat.certificates.entry import NotApplicable
-from barbalat.estimating import IdealReporting
 from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.loop.packing import column, flatten, symbols
-from barbalat.loop.sampling import RESTING
-from barbalat.loop.true_values import ideal_reported, reporting, true_values
+from barbalat.loop.true_values import true_values, truth_of
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal
 from barbalat.validate import Array
@@ -122,11 +120,9 @@ def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateS
     """
     A, B, C = (np.array(part) for part in jacobians)
     marked = loop.unpack(np.arange(loop.size))
-    out, no_rows = [*marked.x_m], np.zeros(0)
+    out = [*marked.x_m]
     if frozen:
-        out += [row for name, part in marked.controller._asdict().items() if name in RESTING for row in flatten((part, no_rows))]
-        if isinstance(loop.continuous, IdealReporting):  # the gains that it adapts beside theta_hat
-            out += [row for part in loop.continuous.reported(marked.controller).values() for row in part.reshape(-1)]
+        out += [row for part in loop.parts if part.role.rests for row in range(*part.rows.indices(loop.size))]
     kept = np.setdiff1d(np.arange(loop.size), np.array(out, dtype=int))
     kept = kept[_acting(A[np.ix_(kept, kept)], C[0, kept])]
     A, B, C = A[np.ix_(kept, kept)], B[kept], C[:, kept]
@@ -212,9 +208,9 @@ def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array, adapts: b
     parameters = true_values(problem, loop)
     if adapts and parameters is not None:
         start[loop.theta_hat_rows] = parameters
-        for name, rows in (reporter.reported(places.controller) if (reporter := reporting(loop)) else {}).items():
-            if name in (ideal := ideal_reported(problem, loop)):
-                start[rows.reshape(-1)] = ideal[name]
+        for part in loop.other_estimates:
+            if (true := truth_of(problem, part)) is not None:
+                start[part.rows] = true
     return start
 
 

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.estimating import Estimating
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
 from barbalat.loop.true_values import estimate_set
 from barbalat.problem.known_set import EstimateSet, ParameterBox
+from barbalat.roles import Estimating
 from barbalat.run.diagnosis.excitation import Excitation, excitation
 from barbalat.validate import Array
 
