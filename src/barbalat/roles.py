@@ -8,7 +8,8 @@ values, the names of columns and the comments of exports follow from the roles.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, runtime_checkable
 
@@ -43,7 +44,7 @@ class Role:
 
     kind     a freeze keeps estimates and memory; predictors, filters and all others go on
     meaning  one phrase, for the comments of exports
-    of       the symbol of what is estimated, without a hat
+    of       the symbol of what is estimated, without a hat; of a memory its own, by which results have its columns
     names    (p,) of the single estimates, without a hat; by default the symbol with an index
     true     what the estimates are to become; see ``Truth``
     within   the set that they are projected onto, a ``ParameterBox`` or its kin; None where there is none
@@ -75,9 +76,12 @@ class Role:
         return cls("estimates", meaning or f"estimates of {of}", of, names, true, within)
 
     @classmethod
-    def memory(cls, meaning: str = "") -> Role:
-        """What the law remembers beside its estimates: a covariance P(t), collected data. A freeze keeps it."""
-        return cls("memory", meaning)
+    def memory(cls, meaning: str = "", *, symbol: str = "") -> Role:
+        """What the law remembers beside its estimates: a covariance P(t), collected data. A freeze keeps it.
+
+        Its columns in results are called by the symbol, "P_1_1", or else by the field's name.
+        """
+        return cls("memory", meaning, symbol)
 
     @classmethod
     def predictor(cls, meaning: str = "") -> Role:
@@ -177,15 +181,38 @@ class StatePart(NamedTuple):
         return self.path.replace(".", "_")
 
     @property
+    def symbol(self) -> str:
+        """What its role says that it is called, without a hat, or else the field's name."""
+        return self.role.of or self.path.rpartition(".")[2].removesuffix("_hat")
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Of its entries, (size,), without a hat: the estimates' own names, or the symbol with an index."""
         if self.role.names is not None:
             return self.role.names
         if self.role.of == THETA:
             return tuple(f"{THETA}_{i + 1}" for i in range(self.size))
-        symbol = self.role.of or self.path.rpartition(".")[2].removesuffix("_hat")
-        between = "," if "_" in symbol else "_"
-        return (symbol,) if self.size == 1 else tuple(f"{symbol}{between}{i + 1}" for i in range(self.size))
+        between = "," if "_" in self.symbol else "_"
+        return (self.symbol,) if self.size == 1 else tuple(f"{self.symbol}{between}{i + 1}" for i in range(self.size))
+
+
+def column_names(parts: Iterable[StatePart], taken: Container[str]) -> dict[StatePart, str]:
+    """The columns' names beside those that are ``taken``: the last of a part's path, or all of it where two would be the same."""
+    short = {part: part.role.of or part.path.rpartition(".")[2] for part in parts}
+    named = Counter(short.values())
+    long = {part: name if named[name] == 1 else part.name for part, name in short.items()}
+    return {part: f"controller_{name}" if name in taken else name for part, name in long.items()}
+
+
+def entry_names(name: str, shape: tuple[int, ...]) -> list[str]:
+    """The names of an array's entries, row by row: "x_hat_2", "P_1_2", and the name itself of a number."""
+    return ["_".join([name, *(str(i + 1) for i in place)]) for place in np.ndindex(shape)]
+
+
+def hatted(name: str) -> str:
+    """The name of an estimate with its hat, in plain letters: theta_hat_1 of theta_1, W_hat_0 of W_0."""
+    symbol, _, index = name.partition("_")
+    return f"{symbol}_hat_{index}" if index else f"{symbol}_hat"
 
 
 def state_parts(equations: Any, initial: Any, start: int = 0) -> tuple[StatePart, ...]:

@@ -154,7 +154,7 @@ class GainEquations:
             ),
             "k_r_hat": Role.estimates(
                 "k_r",
-                true=lambda theta, omega: self.gains.ideal_feedforward(omega),
+                true=lambda _, omega: self.gains.ideal_feedforward(omega),
                 within=self.gains.interval,
                 meaning="estimates of the feedforward's gains k_r",
             ),

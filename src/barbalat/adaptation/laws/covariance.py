@@ -46,7 +46,7 @@ class Memory(NamedTuple):
 class CovarianceLaw(ModifiedLaw):
     """A least-squares law: what all of them do alike. Its fields are the law's own."""
 
-    roles: ClassVar[Mapping[str, Role]] = {"covariance": Role.memory("covariance P of the least squares (15)")}
+    roles: ClassVar[Mapping[str, Role]] = {"covariance": Role.memory("covariance P of the least squares (15)", symbol="P")}
 
     @abstractmethod
     def covariance_rate(self, P: Value, taken: Value) -> Value:
