@@ -46,7 +46,9 @@ def _text(entry: Entry, value: Any) -> str:
 
 def _plain(entry: Entry, kind: str) -> list[CertificateRow]:
     unit, value = f" [{entry.unit}]" if entry.unit else "", entry.value
-    return [CertificateRow(entry.key, value if isinstance(value, str) else _text(entry, value), f"{entry.meaning}{unit}", kind)]
+    rest = "" if entry.rest is None else f", at rest under {entry.rest.text}"
+    meaning = f"{entry.meaning}{unit}{rest}"
+    return [CertificateRow(entry.key, value if isinstance(value, str) else _text(entry, value), meaning, kind)]
 
 
 def _matrix(entry: Entry, kind: str) -> list[CertificateRow]:

@@ -22,6 +22,7 @@ from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
+from barbalat.roles import Role, within
 from barbalat.validate import Array, InputError, Vector
 
 
@@ -49,6 +50,10 @@ class Equations:
     modifications: Modifications = field(default_factory=Modifications)
     windup: ModifiedError | None = None
     limits: Array | None = None  # of the input, where windup is cared for
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        return {"e_d": Role.other("error that the input's limit causes")} | within("memory", self.modifications)
 
     def initial(self) -> State:
         memory = self.modifications.initial(self.b, self.x0, len(self.theta_hat0))

@@ -8,8 +8,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from barbalat.adaptation.law import AdaptiveLaw, Estimation
+from barbalat.controllers.parametric_model import PARAMETRIC_MODEL
 from barbalat.problem.known_set import EstimateSet, limit
 from barbalat.protocols import Value
+from barbalat.roles import Role, within
 from barbalat.validate import Array
 
 
@@ -48,6 +50,10 @@ class OnParametricModel(ABC):
     @abstractmethod
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
         """What -Q(s) filters to become the auxiliary input."""
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        return PARAMETRIC_MODEL | within("memory", self.law)
 
     def initial(self) -> State:
         n, p = len(self.A_m), len(self.theta_hat0)
