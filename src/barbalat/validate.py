@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping
@@ -183,10 +184,16 @@ URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/")
 
 
 def local_path(field: str, given: str | Path) -> Path:
-    """A path on this computer; InputError for a URL, which ``Path`` would take for a folder with the name of its scheme."""
-    if URL.match(str(given)):
-        raise InputError.of(field, f"must be a path on this computer, and URLs are not supported, got {show(str(given))}")
-    return Path(given)
+    """A path on this computer, with the home folder for a ``~`` in front, as in a shell.
+
+    InputError for a URL, which ``Path`` would take for a folder with the name of its scheme.
+    """
+    text = str(given)
+    if URL.match(text):
+        raise InputError.of(field, f"must be a path on this computer, and URLs are not supported, got {show(text)}")
+    path = Path(os.path.expanduser(text))  # noqa: PTH111  # which leaves the name of nobody here as it is, where Path's raises
+    shortened = text.startswith(".") and (URL.match(str(path)) or str(path).startswith("~"))
+    return path.absolute() if shortened else path  # Path took the ./ away that said how s3:/x and ~ are meant
 
 
 def counted(count: int, one: str) -> str:

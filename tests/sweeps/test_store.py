@@ -219,6 +219,50 @@ def test_a_url_is_no_folder(given, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="names with a colon are drives or streams there")
+@pytest.mark.parametrize(
+    "given", ["s3:", "http:x", "run:2026-11-23", "gs:x", "file:x", "./s3:x", "./s3:/x", "hdfs:x", "a=1", "./~", "x/../y", "a b%20c"]
+)
+def test_any_name_of_a_local_folder_will_do(given, tmp_path, monkeypatch):
+    """Arrow takes a word with a colon for a URL, a=1 for a column's value, and ~ for the home folder."""
+    monkeypatch.chdir(tmp_path)
+    options = {"vary": {"controller[0].gamma": "1:10:3"}, "store": given, "bounds": False, "audit": 0}
+    found = sweep("first-order", **options)
+    again = sweep("first-order", **options)
+    assert again.resumed == 3 and again.as_json() | {"resumed": 0} == found.as_json()
+    assert (tmp_path / given / INDEX_FILE).is_file()
+    index = read_index(tmp_path / given)
+    assert row_of(tmp_path / given, index.identity, 2).keys() == set(found.rows.names)
+
+
+def test_a_tilde_is_the_home_folder(tmp_path, monkeypatch):
+    (tmp_path / "home").mkdir()
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.setenv("USERPROFILE", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    sweep("first-order", vary={"controller[0].gamma": "1:10:2"}, store="~/x", bounds=False, audit=0)
+    assert (tmp_path / "home" / "x" / INDEX_FILE).is_file() and [one.name for one in tmp_path.iterdir()] == ["home"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no such places there")
+@pytest.mark.parametrize("given", ["/dev/null", "/dev/null/x", "/proc/x", "deep/file/x", "deep/" + 300 * "x"])
+def test_a_place_that_holds_no_store_is_refused_before_anything_runs(given, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(Study, "run", None)
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "file").touch()
+    with pytest.raises(InputError, match=r"the store '.*' cannot be (written|read): "):
+        sweep("first-order", vary={"controller[0].gamma": "1:10:3"}, store=given)
+    assert sorted(one.name for one in tmp_path.rglob("*")) == ["deep", "file"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="its permissions are others")
+def test_an_index_that_cannot_be_opened_is_not_called_damaged(tmp_path):
+    (tmp_path / INDEX_FILE).mkdir()
+    with pytest.raises(InputError, match=r"cannot be read: Is a directory"):
+        read_index(tmp_path)
+
+
 def test_folders_that_are_no_store(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(InputError, match=r"holds other files, such as 'notes.txt'"):

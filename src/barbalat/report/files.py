@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from barbalat.folders import made, refused
 from barbalat.validate import InputError, local_path
 
 
@@ -46,38 +47,23 @@ class Folder:
 
 
 @contextlib.contextmanager
-def output_folder(path: Path) -> Iterator[Folder]:
+def output_folder(path: str | Path) -> Iterator[Folder]:
     """The folder, made if need be, of this process alone while it is used; one that stayed empty goes again.
 
     InputError where files can't be written in it, or where another process writes in it.
     """
     path = local_path("the output folder", path)
-    made = [folder for folder in (path, *path.parents) if not folder.exists()]
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=path):
-            pass
-        handle = _locked(path)
-    except OSError as error:
-        _remove_empty(made)
-        raise InputError(f"the output folder {str(path)!r} cannot be used: {_reason(error)}") from None
-    folder = Folder(path)
-    try:
-        yield folder
-    finally:
-        folder.discard()
-        if handle is not None:
-            os.close(handle)
-        _remove_empty(made)
-
-
-def _reason(error: OSError) -> str:
-    """In the words of the person who gave the folder: the system's are of the file that was tried."""
-    if isinstance(error, (FileExistsError, NotADirectoryError)):
-        return "it, or what it would be in, is a file"
-    if isinstance(error, FileNotFoundError):  # /proc
-        return "no files can be made there"
-    return error.strerror or str(error)
+    refusal = f"the output folder {str(path)!r} cannot be used"
+    with made(path, refusal):
+        with refused(refusal):
+            handle = _locked(path)
+        folder = Folder(path)
+        try:
+            yield folder
+        finally:
+            folder.discard()
+            if handle is not None:
+                os.close(handle)
 
 
 def _locked(path: Path) -> int | None:
@@ -96,9 +82,3 @@ def _locked(path: Path) -> int | None:
         os.close(handle)
         return None
     return handle
-
-
-def _remove_empty(folders: list[Path]) -> None:
-    for folder in folders:
-        with contextlib.suppress(OSError):  # it is not empty, and then none above it is
-            folder.rmdir()

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from barbalat import validate
+from barbalat.folders import made, refused
 from barbalat.sweeps.chunks import Chunk, chunks_of
 from barbalat.sweeps.stored import (
     INDEX_FILE,
@@ -34,6 +35,7 @@ from barbalat.sweeps.stored import (
     intact,
     name_of,
     read_index,
+    require_parquet,
     require_same,
 )
 from barbalat.sweeps.study import OSCILLATED, Columns
@@ -238,31 +240,40 @@ def opened(
         return grown(index, identity, members) if index is not None and grows else index
 
     whole = found()
-    if whole is not None and sum(file["count"] for file in whole.files.values()) == whole.members:
+    if whole is not None and whole.complete:
         require_same(folder, whole, identity, differences)
         if not _damaged(folder, whole):
             yield Store(folder, whole)
             return
-    made = [one for one in (folder, *folder.parents) if not one.exists()]
-    try:
+    with _locked(folder):
+        index = found()
+        damaged: tuple[str, ...] = ()
+        if index is None:
+            _require_empty(folder)
+            index = StoreIndex.new(identity, members, chunk)
+        else:
+            require_same(folder, index, identity, differences)
+            damaged = _damaged(folder, index)
+            for name in damaged:
+                del index.files[name]
+        store = Store(folder, index, damaged)
+        store.remove_unlisted()
+        yield store
+
+
+def require_place(folder: Path) -> None:
+    """InputError for a folder that ``opened`` would refuse whatever is to be stored, and without what a store needs.
+
+    A command asks this before it computes anything. Nothing is left of the attempt, and of a store that is complete nothing is
+    written.
+    """
+    require_parquet()
+    folder = validate.local_path("the store", folder)
+    index = read_index(folder)
+    if index is None or not index.complete:
         with _locked(folder):
-            index = found()
-            damaged: tuple[str, ...] = ()
-            if index is None:
+            if read_index(folder) is None:
                 _require_empty(folder)
-                index = StoreIndex.new(identity, members, chunk)
-            else:
-                require_same(folder, index, identity, differences)
-                damaged = _damaged(folder, index)
-                for name in damaged:
-                    del index.files[name]
-            store = Store(folder, index, damaged)
-            store.remove_unlisted()
-            yield store
-    finally:
-        for one in made:
-            with contextlib.suppress(OSError):  # it is not empty
-                one.rmdir()
 
 
 def _require_empty(folder: Path) -> None:
@@ -282,30 +293,26 @@ def _ours(file: Path) -> bool:
 
 @contextlib.contextmanager
 def _locked(folder: Path) -> Iterator[None]:
+    """The folder, made if need be, of this process alone; it goes again where it stays empty."""
     from filelock import FileLock, Timeout
 
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
+    refusal = f"the store {str(folder)!r} cannot be written"
+    with made(folder, refusal):
         lock = FileLock(folder / LOCK_FILE, timeout=0)
-        lock.acquire()
-    except Timeout:
-        raise InputError(
-            f"the store {str(folder)!r} is being written by another process: wait for it, or choose another"
-        ) from None
-    except OSError as error:
-        reason = (
-            "it, or what it would be in, is a file"
-            if isinstance(error, (FileExistsError, NotADirectoryError))
-            else error.strerror
-        )
-        raise InputError(f"the store {str(folder)!r} cannot be written: {reason}") from None
-    try:
-        yield
-    finally:
-        shutil.rmtree(folder / WRITING_DIR, ignore_errors=True)
-        with contextlib.suppress(OSError):  # while it is held: who waits for it sees that it is gone, and makes a new one
-            (folder / LOCK_FILE).unlink()
-        lock.release()
+        with refused(refusal):
+            try:
+                lock.acquire()
+            except Timeout:  # which is an OSError too
+                raise InputError(
+                    f"the store {str(folder)!r} is being written by another process: wait for it, or choose another"
+                ) from None
+        try:
+            yield
+        finally:
+            shutil.rmtree(folder / WRITING_DIR, ignore_errors=True)
+            with contextlib.suppress(OSError):  # while it is held: who waits for it sees that it is gone, and makes a new one
+                (folder / LOCK_FILE).unlink()
+            lock.release()
 
 
 def _sync(folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import sys
 from collections.abc import Mapping
@@ -54,6 +55,11 @@ class StoreIndex:
     def as_text(self) -> str:
         return json.dumps(vars(self))
 
+    @property
+    def complete(self) -> bool:
+        """Whether every member is in one of the files."""
+        return sum(file["count"] for file in self.files.values()) == self.members
+
 
 def name_of(chunk: Chunk) -> str:
     """Of a file, by its first member."""
@@ -68,23 +74,32 @@ def require_parquet(purpose: str = "a store") -> None:
 
 def read_index(folder: Path) -> StoreIndex | None:
     """None where there is none; InputError where it can't be read."""
-    from pyarrow import ArrowException, parquet
+    from pyarrow import ArrowException
 
-    if not (folder / INDEX_FILE).exists():
-        return None
     try:
-        schema = parquet.read_schema(folder / INDEX_FILE)
+        content = (folder / INDEX_FILE).read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    except OSError as error:
+        raise InputError(f"the store {str(folder)!r} cannot be read: {error.strerror or error}") from None
+    try:
+        schema = _schema(content)
         found = schema.metadata or {}
         text = found[INDEX_KEY]
         if checksum(text, schema) != found[INDEX_KEY + b".sha256"]:
             raise ValueError("its checksum differs")
         return StoreIndex(**json.loads(text))
-    except (ArrowException, OSError, ValueError, LookupError, TypeError) as error:
-        if isinstance(error, PermissionError):
-            raise InputError(f"the store {str(folder)!r} cannot be read: {error.strerror}") from None
+    except (ArrowException, OSError, ValueError, LookupError, TypeError):
         raise InputError(
             f"the index of the store {str(folder)!r} is damaged: delete {INDEX_FILE} there; the same command then begins anew"
         ) from None
+
+
+def _schema(index: bytes) -> pa.Schema:
+    """The schema that the bytes of an index file hold."""
+    from pyarrow import parquet
+
+    return parquet.read_schema(io.BytesIO(index))
 
 
 def checksum(text: bytes, schema: pa.Schema) -> bytes:
@@ -124,29 +139,23 @@ class StoredRows:
     """The columns of a store's files, some of them read together."""
 
     def __init__(self, folder: Path, index: StoreIndex) -> None:
-        from pyarrow import parquet
-
         self.folder, self.index = folder, index
         self.files = sorted(index.files)
-        self.names = list(parquet.read_schema(folder / INDEX_FILE).names)
+        self.names = list(_schema((folder / INDEX_FILE).read_bytes()).names)
         self._read: dict[str, Array] = {}
 
     def column(self, name: str) -> Array:
-        from pyarrow import parquet
-
         if name not in self._read:
             self._read.clear()
             at_once = max(READ_AT_ONCE // (8 * self.index.members), 1)
             start = self.names.index(name)
             names = self.names[start : start + at_once]
-            tables = [parquet.read_table(self.folder / file, columns=names) for file in self.files]
+            tables = [_table(self.folder / file, names) for file in self.files]
             for one in names:
                 self._read[one] = np.concatenate([_numbers(table, one) for table in tables])
         return self._read[name]
 
     def row(self, member: int) -> dict[str, float]:
-        from pyarrow import parquet
-
         for file in self.files:
             place = member - self.index.files[file]["first"]
             if 0 <= place < self.index.files[file]["count"]:
@@ -155,9 +164,20 @@ class StoredRows:
                         f"the store's file {str(self.folder / file)!r} is damaged or gone: the same command without --member "
                         "makes it again"
                     )
-                table = parquet.read_table(self.folder / file).slice(place, 1)
+                table = _table(self.folder / file, None).slice(place, 1)
                 return {name: float(_numbers(table, name)[0]) for name in table.column_names}
         raise InputError(f"the store {str(self.folder)!r} does not hold member {member}")
+
+
+def _table(file: Path, names: list[str] | None) -> pa.Table:
+    """These columns of a file, or all of them.
+
+    Arrow gets the open file: it would take a name with a colon for a URL, expand a ``~``, and see a column in a folder ``a=1``.
+    """
+    from pyarrow import parquet
+
+    with file.open("rb") as content:
+        return parquet.ParquetFile(content).read(columns=names)
 
 
 def intact(file: Path, sha256: str) -> bool:

@@ -26,8 +26,7 @@ from barbalat.sweeps.plan import Design, Plan, design_of, members_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import Axis, Distribution
-from barbalat.sweeps.store import Store, Waiting, opened
-from barbalat.sweeps.stored import require_parquet
+from barbalat.sweeps.store import Store, Waiting, opened, require_place
 from barbalat.sweeps.study import Columns, Study
 
 Told = Callable[[str], None]
@@ -113,7 +112,7 @@ def run_study(
     if audit is not None:
         validate.whole("audit", audit, least=0)
     if store is not None:
-        require_parquet()
+        require_place(store)
     if store is None or not store.exists():
         require_members(study, len(study))
     judged = Bounds(study) if bounds else None

@@ -27,8 +27,7 @@ from barbalat.sweeps.chunks import Chunk, chunks_of
 from barbalat.sweeps.kept import Kept, in_order
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.rows import Rows
-from barbalat.sweeps.store import Store, opened
-from barbalat.sweeps.stored import require_parquet
+from barbalat.sweeps.store import Store, opened, require_place
 from barbalat.sweeps.study import Columns
 from barbalat.validate import Array, counted
 from barbalat.vehicles.evidence import Evidence, evidence_of
@@ -181,14 +180,15 @@ def fly_dispersed(
     validate.whole("processes", processes, least=1)
     vehicle = vehicle_of(name)
     plan = vehicle.drawing.plan(members, seed)
-    if store is not None:
-        require_parquet()
+    folder = None if store is None else validate.local_path("store", store)
+    if folder is not None:
+        require_place(folder)
     wanted, chosen = chosen_schemes(vehicle, schemes), chosen_failures(vehicle, failures)
     models = tuple(vehicle.nominal(condition) for condition in vehicle.drawing.conditions.values())
     flying = tuple(tuple(aboard(vehicle, model, wanted)) for model in models)
     campaign = Campaign(vehicle=vehicle, failures=chosen, models=models, aboard=flying, plan=plan)
     campaign.require(members, processes)
-    with _sink(campaign, store) as sink:
+    with _sink(campaign, folder) as sink:
         resumed = done = sink.stored
         made = _made(campaign, sink.missing, processes)
         for chunk, columns in in_order(made) if sink.in_order else made:
@@ -200,12 +200,12 @@ def fly_dispersed(
 
 
 @contextlib.contextmanager
-def _sink(campaign: Campaign, store: str | Path | None) -> Iterator[Store | Kept]:
+def _sink(campaign: Campaign, store: Path | None) -> Iterator[Store | Kept]:
     if store is None:
         yield Kept(None, list(chunks_of(len(campaign.plan), campaign.chunk)))
         return
     plan = campaign.plan
-    with opened(Path(store), campaign.identity(), len(plan), campaign.chunk, DIFFERENCES, grows=plan.keeps_its_first) as found:
+    with opened(store, campaign.identity(), len(plan), campaign.chunk, DIFFERENCES, grows=plan.keeps_its_first) as found:
         yield found
 
 
