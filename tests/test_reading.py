@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from barbalat import Budget, InputError, Recorded, load_case
+from barbalat import Budget, InputError, Recorded, load_case, reading
 from barbalat.budget import Estimate
 from barbalat.cases import outside
 from barbalat.cases.load import CaseText
@@ -93,6 +93,56 @@ def test_a_case_may_come_from_a_pipe(tmp_path):
     writer.start()
     assert load_case(pipe).name == load_case("paper").name
     writer.join()
+
+
+@needs_devices
+@pytest.mark.parametrize("given", [b"", b"name"])
+def test_who_waits_for_a_pipe_is_told(tmp_path, monkeypatch, given):
+    """Nobody writes until the sentence was said, and so the wait is no longer than it has to be."""
+    pipe, told, said = tmp_path / "pipe", [], threading.Event()
+    os.mkfifo(pipe)
+    monkeypatch.setattr(reading, "WAITED_SECONDS", 0.05)
+
+    def tell(sentence: str) -> None:
+        told.append(sentence)
+        said.set()
+
+    def write() -> None:
+        if not given:
+            said.wait(60)
+        with pipe.open("wb", 0) as file:
+            file.write(given)
+            said.wait(60)
+            file.write(b" = 1")
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    with Budget(told=tell):
+        assert contents(pipe, "the file", BYTE) == given + b" = 1"
+    writer.join()
+    here = "4 bytes of it are here" if given else "nothing of it is here yet"
+    assert told == [f"waiting for the file {str(pipe)!r}: {here}; Ctrl-C ends the wait"]
+
+
+def test_nothing_is_said_of_a_file_that_was_read(tmp_path, monkeypatch):
+    file, calls = tmp_path / "data", []
+    file.write_bytes(b"x")
+    monkeypatch.setattr(threading.Timer, "start", lambda *_: calls.append("start"))
+    monkeypatch.setattr(threading.Timer, "cancel", lambda *_: calls.append("cancel"))
+    with Budget(told=pytest.fail):
+        assert contents(file, "the file", BYTE) == b"x"
+    assert calls == ["start", "cancel"]
+
+
+@needs_devices
+def test_a_tilde_in_a_case_file_is_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    (tmp_path / "own.csv").write_text("0,1\n1,2\n")
+    text = CaseText.read("first-order").text
+    (tmp_path / "case.toml").write_text(
+        re.sub(r"(?ms)^\[reference\]\n.*?^(?=\[)", '[reference]\nkind = "csv"\nfile = "~/own.csv"\n', text)
+    )
+    assert load_case("~/case.toml").problem.reference(np.array([1.0])) == 2.0
 
 
 @pytest.mark.parametrize("reader", READERS)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import stat
+import threading
+from collections.abc import Iterator
 from pathlib import Path
 
 from barbalat import budget
@@ -11,10 +14,15 @@ from barbalat.validate import InputError
 
 PART_BYTES = 1 << 20
 """That are asked for at once, whatever the budget allows."""
+WAITED_SECONDS = 3.0
+"""Before a person is told what is waited for: longer than a disk takes."""
 
 
 def contents(path: Path, what: str, each: Estimate) -> bytes:
     """All bytes of a file, or of a pipe up to what the budget allows.
+
+    A pipe is waited for, as by every program that reads one: who writes to it may be about to begin. Whoever waits is told so,
+    see ``Budget.told``.
 
     what  the file is in messages, such as "the case file"
     each  byte's cost, reading and what is made of it
@@ -27,12 +35,34 @@ def contents(path: Path, what: str, each: Estimate) -> bytes:
     if stat.S_ISREG(state.st_mode):
         _require(name, state.st_size, each, f"has {state.st_size} bytes and")
     most, found = _most(each), bytearray()
-    with path.open("rb") as file:  # in parts: the size of a pipe, or of what the system makes while it is read, is not known
+    # in parts, as they come: the size of a pipe, or of what the system makes while it is read, is not known
+    with _announced(name, found), path.open("rb", 0) as file:
         while len(found) <= most and (part := file.read(min(most + 1 - len(found), PART_BYTES))):
             found += part
     if len(found) > most:
         _require(name, most + 1, each, f"has more than {most} bytes and")
     return bytes(found)
+
+
+@contextlib.contextmanager
+def _announced(name: str, found: bytearray) -> Iterator[None]:
+    """Says what is waited for where a file has not been read after some seconds, and how much of it there is."""
+    told = budget.in_force().told
+    if told is None:
+        yield
+        return
+
+    def tell() -> None:
+        here = f"{len(found)} bytes of it are here" if found else "nothing of it is here yet"
+        told(f"waiting for {name}: {here}; Ctrl-C ends the wait")
+
+    timer = threading.Timer(WAITED_SECONDS, tell)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def _require(name: str, size: int, each: Estimate, given: str) -> None:

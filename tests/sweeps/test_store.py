@@ -221,7 +221,8 @@ def test_a_url_is_no_folder(given, tmp_path, monkeypatch):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="names with a colon are drives or streams there")
 @pytest.mark.parametrize(
-    "given", ["s3:", "http:x", "run:2026-11-23", "gs:x", "file:x", "./s3:x", "./s3:/x", "hdfs:x", "a=1", "./~", "x/../y", "a b%20c"]
+    "given",
+    ["s3:", "http:x", "run:2026-11-23", "gs:x", "file:x", "./s3:x", "./s3:/x", "hdfs:x", "a=1", "./~", "x/../y", "a b%20c"],
 )
 def test_any_name_of_a_local_folder_will_do(given, tmp_path, monkeypatch):
     """Arrow takes a word with a colon for a URL, a=1 for a column's value, and ~ for the home folder."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys_of
 from barbalat.problem.known_set import ParameterBall, ParameterBox
@@ -15,7 +16,7 @@ from barbalat.problem.tracking import Disturbance
 from barbalat.protocols import Signal
 from barbalat.signals import Constant, MatFile, Recorded
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array, InputError, Matrix, Vector
+from barbalat.validate import Array, InputError, Matrix, Vector, local_path
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,11 @@ class Uncertainty:
 
 
 _BOX, _BALL = (keys_of(kind, Differences()) for kind in (ParameterBox, ParameterBall))
+
+
+def _beside(given: Given, context: Context) -> Path:
+    """The file that a table names; a relative path starts where the case file is."""
+    return context.folder / local_path("file", given.pop("file"))
 
 
 def _as_given(given: Given, _: Context) -> Given:
@@ -163,7 +169,7 @@ DIFFERENCES: dict[type, Differences] = {
             ),
         },
         without=("times", "values"),
-        make=lambda given, context: Recorded.from_csv(context.folder / given.pop("file"), **given),
+        make=lambda given, context: Recorded.from_csv(_beside(given, context), **given),
     ),
-    MatFile: Differences(make=lambda given, context: Recorded.from_mat(context.folder / given.pop("file"), **given)),
+    MatFile: Differences(make=lambda given, context: Recorded.from_mat(_beside(given, context), **given)),
 }
