@@ -15,7 +15,8 @@ PART_PAIR = Estimate(memory=4.0, seconds=5e-8)
 """Of a dotted key, times the square of its parts, since each part remembers those before it: 35 MB and 0.1 s for
 3,000, and it is read three times."""
 MOST_NESTED = 200
-"""Lists or tables inside each other: each takes two calls of the parser, and Python allows a thousand."""
+"""Lists or tables inside each other, also by a key of so many parts: each takes two calls of the parser, and Python allows a
+thousand."""
 
 TOKEN = re.compile(
     r"""
@@ -71,6 +72,10 @@ def require_readable(text: str, source: str) -> None:
     size = TomlSize.of(text)
     if size.nested > MOST_NESTED:
         raise InputError(f"{source} has {size.nested} lists or tables inside each other; at most {MOST_NESTED} can be read")
+    if size.longest > MOST_NESTED:
+        raise InputError(
+            f"{source} has a key of {size.longest} parts with points between them; at most {MOST_NESTED} can be read"
+        )
     rest = size.pairs - size.longest**2
     budget.require(
         source, size.longest, lambda parts: PART_PAIR.times(parts**2 + rest),
