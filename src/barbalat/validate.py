@@ -48,6 +48,8 @@ def show(value: Any) -> str:
         text = repr(value.tolist() if isinstance(value, np.ndarray) and value.size <= MOST_SHOWN else value)
     except RecursionError:
         text = f"a {type(value).__name__} nested too deeply to be shown"
+    except ValueError:  # Python writes no whole number of more than 4300 digits
+        text = f"a {type(value).__name__} of too many digits to be shown"
     text = " ".join(text.split())
     return text if len(text) <= 100 else text[:97] + "..."
 

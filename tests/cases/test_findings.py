@@ -81,6 +81,31 @@ def test_what_an_object_refuses_is_told_as_it_was_typed(old, new, said):
     assert found.endswith(said), found
 
 
+RANGE = "is beyond the range of floating-point numbers, 1.8e+308"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("tau = 0.2", f"tau = {'9' * 5000}", f"the case, line 9: a number of 5000 digits {RANGE}"),
+        ("tau = 0.2", f"tau = 0.2  # 12\ngain = -{'9_' * 4999}9", f"the case, line 10: a number of 5000 digits {RANGE}"),
+        ("tau = 0.2", f"tau = {'9' * 400}", f"controller 1.tau {RANGE}, got {'9' * 57}..."),
+        ("tau = 0.2", f"tau = 0x{'f' * 5000}", f"controller 1.tau {RANGE}, got 0x{'f' * 55}..."),
+        ("theta = [1.0]", f"theta = [-{'9' * 400}]", f"plant.theta 1 {RANGE}, got -{'9' * 56}..."),
+        ("dt = 0.1", f"dt = 0.1, s = 0x{'f' * 5000}", "unknown key simulation.s; known here: "),
+        ("tau = 0.2", 'tau = 0.2\n"" = 1', 'unknown key controller 1.""; known here: '),
+        ("tau = 0.2", 'tau = 0.2\n"a.b" = 1', 'unknown key controller 1."a.b"; known here: '),
+        ("tau = 0.2", 'tau = 0.2\n"a\\u001b[31m" = 1', 'unknown key controller 1."a\\u001b[31m"; known here: '),
+        ("gamma = 3.0", "gamma = 3.0, knd = 1", "unknown key controller 1.law.knd; known here: "),  # kind is there
+        ("dt = 0.1", "dt = 0.1, widht = 1", "unknown key simulation.widht; known here: "),
+        ('"step", amplitude = 1.0', '"step", amp = 1.0', "unknown key reference.amp; did you mean 'amplitude'?"),
+    ],
+)  # fmt: skip
+def test_numbers_beyond_range_and_keys_that_nobody_knows(old, new, said):
+    found = refusal(lambda: parse_case(edited((old, new))))
+    assert found.startswith(said), found
+
+
 def test_three_findings_are_told_at_once_then_how_many_more():
     wrong = edited(
         ('name = "c"', 'nmae = "c"'),

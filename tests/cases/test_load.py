@@ -184,7 +184,8 @@ BAD = [
     ("A_m = ", "A_n = ", ["plant.A_n", "'A_m'"]),
     ("kappa = 0.02", "kapa = 0.02", ["controller 2.filter.kapa", "'kappa'"]),
     ("[simulation]", "[simulatoin]", ["simulatoin", "'simulation'"]),
-    ("frequency = 0.5", "frequency = 0.5\nfrequncy = 1", ["reference.frequncy", "'frequency'"]),
+    ("frequency = 0.5", "frequncy = 0.5", ["reference.frequncy", "'frequency'"]),
+    ("frequency = 0.5", "frequency = 0.5\nfrequncy = 1", ["reference.frequncy; known here: ", "frequency"]),
     ("gamma = 1e4", "gamma = 'high'", ["controller 2.gamma", '"high"']),
     ("gamma = 1e4", "gamma = -1.0", ["controller 2 (L1)", "gamma must be positive", "-1.0"]),
     ("gamma = 1e4", "gamma = true", ["controller 2.gamma", "true"]),
@@ -401,7 +402,7 @@ def test_output_keys_that_do_not_go_together(controllers, words):
     assert all(word in message for word in words), message
 
 
-DEEP = ".".join(["a"] * 3000)
+DEEP = ".".join("a" * 150)
 NOISE = "[sensor]\nnoise = {{ std = 1.0, sample_time = {}, seed = {} }}\n[reference]"
 POLYNOMIAL = 'theta = [4.0, -3.0]\nregressor = { kind = "polynomial", degree = 3000 }'
 

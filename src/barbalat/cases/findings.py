@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import re
+import sys
 from collections.abc import Iterable, Iterator
 from typing import Any, get_args
 
@@ -23,8 +24,13 @@ LONGEST_SENTENCE = 400
 """Characters of one finding."""
 LONGEST_VALUE = 60
 """Characters of a value in a message."""
+MOST_BITS = 14_000
+"""Of a whole number that is shown in decimal: Python writes no more than 4300 digits, and 0xff... may have more."""
 DEEPEST_VALUE = 4
 """Tables or lists inside each other that are shown of a value."""
+BEYOND_RANGE = f"is beyond the range of floating-point numbers, {sys.float_info.max:.2g}"
+BARE_KEY = re.compile(r"[\w-]+")
+"""A key that is written without quotes, or could be but for its script."""
 SYMMETRIC_LIMITS = ("saturation",)
 """Keys whose value is a pair of limits, for which one number may be meant as both."""
 
@@ -119,6 +125,8 @@ def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
             pair = _place(location, data).split(".")[-1] in SYMMETRIC_LIMITS
             meant = f"[-{number}, {number}]" if pair else f"[{number}]"
             return f"{_place(location, data)} must be a list, such as {meant}, got {number}"
+        case "float_type" if isinstance(given, int) and not isinstance(given, bool):
+            return f"{_place(location, data)} {BEYOND_RANGE}, got {typed(given)}"
         case "literal_error" if isinstance(given, str):
             return _one_of(_place(location, data), context["expected"], given)
     message = finding["msg"].removeprefix("Input ").removeprefix("String ")
@@ -159,8 +167,9 @@ def _start(place: str) -> str:
 
 
 def _near(context: dict[str, Any]) -> list[str]:
-    """The known key that is spelt most like an unknown one, if any is."""
-    return difflib.get_close_matches(context["key"], context["known"], n=1, cutoff=0.4)
+    """The known key that an unknown one may be meant for, if any: spelt much like it or beginning with it, and not given."""
+    key, free = context["key"], [one for one in context["known"] if one not in context["given"]]
+    return difflib.get_close_matches(key, free, n=1) or [one for one in free if len(key) > 2 and one.startswith(key)][:1]
 
 
 def _paths(table: type[Table], start: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
@@ -197,7 +206,7 @@ def typed(value: Any) -> str:
 def _as_toml(value: Any, depth: int) -> str:
     match value:
         case Typed() | int() if not isinstance(value, bool):
-            return str(value)
+            return hex(value) if isinstance(value, int) and value.bit_length() > MOST_BITS else str(value)
         case bool() | str():
             return json.dumps(value)
         case list() | dict() if depth == 0:
@@ -260,7 +269,7 @@ def _place(location: tuple[int | str, ...], data: Any) -> str:
     here = data
     for key in _keys(location, data):
         if isinstance(here, dict):
-            parts.append(str(key) if str(key).isprintable() else repr(key))  # a key in quotes may hold anything
+            parts.append(key if BARE_KEY.fullmatch(str(key)) else json.dumps(key))  # a key in quotes may hold anything
         elif isinstance(here, list) and isinstance(key, int):
             parts[-1] += f" {key + 1}"
         here = _inside(here, key)

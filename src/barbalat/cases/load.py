@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from barbalat.cases import outside
 from barbalat.cases.build import Case, Parts, build
 from barbalat.cases.echoes import echo
-from barbalat.cases.findings import Typed, findings, several
+from barbalat.cases.findings import BEYOND_RANGE, Typed, findings, several
 from barbalat.cases.outside import OwnFile
 from barbalat.cases.schema import CASES, case_table, problem_posed
 from barbalat.cases.table_models import Table
@@ -44,6 +44,7 @@ def text_to_start_from(name: str | None = None) -> str:
 
 DECIMAL_COMMA = re.compile(r"^\s*([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$", re.MULTILINE)
 """A key whose value is a number with a decimal comma, alone on its line."""
+DIGITS = re.compile(r"[0-9_]+")
 SINGLE_BRACKETS = re.compile(r"^\s*\[\s*controller\s*\]", re.MULTILINE)
 """The head of the only controller of a case: a second one makes it no TOML."""
 
@@ -128,12 +129,20 @@ class CaseText:
         except RecursionError:
             raise InputError(f"{self.source} has tables or lists inside each other, too many to be read") from None
         except ValueError as error:
+            if not isinstance(error, tomllib.TOMLDecodeError):  # Python reads no whole number of so many digits
+                raise InputError(f"{self.source}{self._too_long()} {BEYOND_RANGE}") from None
             twice = len(SINGLE_BRACKETS.findall(self.text)) > 1
             meant = "; each controller stands under [[controller]], with two brackets" if twice else ""
             comma = DECIMAL_COMMA.search(self.text)
             if comma is not None and not twice:
                 meant = f"; a number has a decimal point: {comma[1]} = {comma[2]}.{comma[3]}"
             raise InputError(f"{self.source} is not valid TOML: {error}{meant}") from None
+
+    def _too_long(self) -> str:
+        """Where the number stands that has more digits than Python reads, and how many those are."""
+        found = max(DIGITS.finditer(self.text), key=lambda one: len(one[0]))
+        line = self.text.count("\n", 0, found.start()) + 1
+        return f", line {line}: a number of {len(found[0].replace('_', ''))} digits"
 
     def variants(self, data: dict[str, Any]) -> Variants:
         """Cases that differ from the one with these tables in some numbers; InputError where there is no such case."""

@@ -46,7 +46,7 @@ class Table(BaseModel):
             return given
         keys = cls.recipe.keys
         aliases = {key.alias for key in keys.values()}
-        details: dict[str, Any] = {"known": list(cls.model_fields), "choice": cls.recipe.choice}
+        details: dict[str, Any] = {"known": list(cls.model_fields), "choice": cls.recipe.choice, "given": list(given)}
         unknown = [key for key in given if key not in cls.model_fields and key not in aliases]
         for key in unknown:
             if key not in cls.recipe.elsewhere:
