@@ -12,9 +12,12 @@ import pytest
 from barbalat.cases.bundled import bundled
 from barbalat.cases.load import load_case
 from barbalat.cli import main
+from barbalat.commands.options import whole
+from barbalat.export.write import export_controller
 from barbalat.papers.jafari_2013.paper import PAPER as JAFARI
 from barbalat.papers.paper import papers
 from barbalat.run.simulate import simulate
+from barbalat.validate import InputError
 
 PAPER = bundled()["paper"].read_text()
 SHORT = PAPER.replace("t_end = 60.0", "t_end = 2.0").replace("dt = 1e-4", "dt = 1e-3").replace("gamma = 1e4", "gamma = 100.0")
@@ -169,6 +172,16 @@ def test_cases_lists_the_bundled_ones(capsys):
         (["sweep", "paper", "--membres", "3"], "barbalat sweep: takes no '--membres 3'; did you mean '--members'?"),
         (["certify", "paper", "rohrs"], "barbalat certify: takes no 'rohrs'; barbalat certify --help lists what it takes"),
         (["sweep", "paper", "--members", "x"], "barbalat sweep: --members must be a whole number, got 'x'"),
+        (["sweep", "paper", "--members", "1.5"], "barbalat sweep: --members must be a whole number, got '1.5'"),
+        (["sweep", "paper", "--members", "1e-400"], "barbalat sweep: --members must be a whole number, got '1e-400'"),
+        (["sweep", "paper", "--members", "inf"], "barbalat sweep: --members must be a whole number, got 'inf'"),
+        (["sweep", "paper", "--seed", "1e40"], "--seed must be a whole number of at most 40 digits, got '1e40'"),
+        (["sweep", "paper", "--seed", "9" * 5000], "--seed must be a whole number of at most 40 digits, got '9999"),
+        (
+            ["run", "paper", "--budget", "-1GiB"],
+            "--budget must be a positive memory, a positive time or both, such as 16GiB,5h, got '-1GiB'",
+        ),
+        (["run", "paper", "--budget", "5h,-1GiB"], "--budget must be a positive memory, a positive time or both"),
         (["certify", "paper", "--share", "x"], "barbalat certify: --share must be a number, got 'x'"),
         (["export", "paper", "--target", "c98"], "--target must be one of c99, fmu2, fmu3; got 'c98'; did you mean 'c99'?"),
         (["sweep", "paper", "--vary"], "barbalat sweep: --vary: expected at least one argument"),
@@ -180,6 +193,24 @@ def test_what_is_typed_wrongly_is_told_in_one_sentence(typed, said, capsys):
     captured = capsys.readouterr()
     assert stopped.value.code == 2 and captured.out == ""
     assert captured.err.count("\n") == 1 and said in captured.err
+
+
+@pytest.mark.parametrize(("text", "number"), [("1e6", 10**6), ("2.5e1", 25), ("-3", -3), ("1e12", 10**12), (str(2**128), 2**128)])
+def test_a_whole_number_may_be_written_with_an_exponent(text, number):
+    assert whole(text) == number and type(whole(text)) is int
+
+
+@pytest.mark.parametrize(
+    ("given", "says"), [("s3://b/x", "--out must be a path on this computer"), ("https://b/x", "'https://b/x'")]
+)
+def test_an_export_to_a_url_is_refused_as_it_was_typed(given, says, tmp_path, monkeypatch, capsys):
+    """Before the case is even looked for."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["export", "none", "--controller", "L1", "--out", given]) == 2
+    said = capsys.readouterr().err
+    assert says in said and repr(given) in said and not list(tmp_path.iterdir())
+    with pytest.raises(InputError, match=f"out must be a path on this computer, .* got '{given}'"):
+        export_controller(None, None, None, out=given)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from barbalat import (
+    Budget,
     L1PiecewiseConstant,
     Mrac,
     Simulation,
@@ -274,6 +275,42 @@ def test_command_and_its_page(drive, tmp_path, capsys):
 )
 def test_bad_input(drive, given, said):
     assert said in refusal(lambda: tune(drive, **{"objective": "rms_e"} | given))
+
+
+LINEAR = """[[controller]]
+name = "baseline"
+scheme = "linear"
+controller = { num = [1.0], den = [1.0, 0.0] }
+"""
+
+
+def test_a_figure_that_nobody_knows_is_refused_before_any_time_is_announced(drive):
+    told = []
+    with Budget(told=told.append):
+        assert "did you mean 'rms_e'?" in refusal(lambda: tune(drive, "rms_E", plants=4, trials=30_000, controller="MRAC"))
+        assert not told
+        with pytest.raises(InterruptedError):
+            tune(drive, "rms_e", plants=4, trials=30_000, controller="MRAC", progress=_interrupted)
+    assert any(one.startswith("tuning: about") for one in told)
+
+
+def _interrupted(_: float) -> None:
+    raise InterruptedError
+
+
+def test_a_controller_without_knobs_is_left_out_of_all_and_refused_alone(tmp_path):
+    case = tmp_path / "case.toml"
+    case.write_text(DRIVE[: DRIVE.rindex("[[controller]]")] + LINEAR)
+    found = tune(case, "rms_e", plants=1, trials=288)
+    why = (
+        "none of the knobs of PI, crossover, T_i, stands as a number in the case: say what is tuned, "
+        "--vary controller[1].KEY=START:STOP[:log]"
+    )
+    assert list(found.controllers) == ["MRAC"] and f"baseline is left out: {why}" in found.as_json()["notes"]
+    assert [one.name for one in found.case.controllers] == ["MRAC", "baseline"]
+    assert refusal(lambda: tune(case, "rms_e", plants=1, trials=288, controller="baseline")) == why
+    case.write_text(DRIVE[: DRIVE.index("[[controller]]")] + LINEAR)
+    assert refusal(lambda: tune(case, "rms_e", plants=1, trials=288)) == why.replace("[1]", "[0]")
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list
+from barbalat.commands.options import add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, tell
 from barbalat.commands.screen import SECONDS_EACH_STEP, Work, work
 
@@ -41,12 +41,12 @@ def add(commands: Commands) -> None:
         help="of the model's motion, where the case has no noise; default 0.001, 0 for none",
     )  # fmt: skip
     parser.add_argument(
-        "--plants", type=int, metavar="N", help="of the tuning: the case's and N - 1 of its known set; default 4, --quick 2"
+        "--plants", type=whole, metavar="N", help="of the tuning: the case's and N - 1 of its known set; default 4, --quick 2"
     )
-    parser.add_argument("--trials", type=int, metavar="N", help="tunings of each scheme at most; default 384, --quick 288")
-    parser.add_argument("--members", type=int, metavar="N", help="held-out runs of each scheme; default 200, --quick 64")
+    parser.add_argument("--trials", type=whole, metavar="N", help="tunings of each scheme at most; default 384, --quick 288")
+    parser.add_argument("--members", type=whole, metavar="N", help="held-out runs of each scheme; default 200, --quick 64")
     parser.add_argument("--quick", action="store_true", help="fewer plants, trials and members: in a third of the time")
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of plants, searches, commands and noise; default 0")
+    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of plants, searches, commands and noise; default 0")
     parser.add_argument("--out", metavar="DIR", help="for page and JSON; default: barbalat-contest, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)

@@ -43,19 +43,20 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
     from barbalat.export.write import export_controller
-    from barbalat.validate import InputError, show
+    from barbalat.validate import InputError, local_path, show
 
+    require_folder_name("--out", options.out)
+    out = local_path("--out", options.out)
     case = load_case(options.case, options.controllers)
     found = {controller.name: controller for controller in case.controllers}
     if options.controller not in found:
         raise InputError(f"--controller must be one of {', '.join(map(show, found))}, got {show(options.controller)}")
-    require_folder_name("--out", options.out)
     controller = found[options.controller]
     folder = export_controller(
         case.problem,
         controller,
         case.simulation,
-        out=options.out,
+        out=out,
         target=options.target,
         float32=options.float32,
         closed_loop=options.closed_loop,

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list
+from barbalat.commands.options import add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, require_folder_name, tell
 from barbalat.commands.screen import Work, say, work
 
@@ -35,11 +35,11 @@ def add(commands: Commands) -> None:
     parser.add_argument("--delays", action="store_true", help="raise the delay, too, until control is lost; takes twice as long")
     parser.add_argument(
         "--dispersions",
-        type=int,
+        type=whole,
         metavar="N",
         help="fly N vehicles that are drawn instead, through all failures; losses and errors with intervals",
     )
-    parser.add_argument("--seed", type=int, metavar="N", help="of the draws; default 2013")
+    parser.add_argument("--seed", type=whole, metavar="N", help="of the draws; default 2013")
     parser.add_argument("--store", metavar="DIR", help="keep every draw's row there; the same command resumes")
     parser.add_argument("--altitude", type=float, metavar="FT", help="of the F-16's level flight; default 10013 ft")
     parser.add_argument("--mach", type=float, metavar="M", help="of the F-16's level flight; default 0.525")

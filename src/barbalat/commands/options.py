@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from decimal import Decimal, InvalidOperation
 from pathlib import Path
 
 from barbalat.commands.parser import Several
@@ -12,10 +13,36 @@ def add_budget(parser: argparse.ArgumentParser) -> None:
     """How much work may be begun."""
     parser.add_argument(
         "--budget",
+        type=_limits,
         metavar="LIMITS",
         help="memory and time of one core that work may take by its estimate before it is begun, such as 16GiB, 5h or 16GiB,5h; "
         "default: 4GiB,1h",
     )
+
+
+def _limits(text: str) -> str:
+    if any(part.strip().startswith("-") for part in text.split(",")):
+        raise argparse.ArgumentTypeError(f"must be a positive memory, a positive time or both, such as 16GiB,5h, got {text!r}")
+    return text
+
+
+MOST_DIGITS = 40
+"""Of a whole number: as many as any seed needs, and more than any count."""
+
+
+def whole(text: str) -> int:
+    """The type of an option that takes a whole number, which may be written as 1e6."""
+    try:
+        number = Decimal(text)
+    except InvalidOperation:
+        raise ValueError(text) from None
+    if not number.is_finite() or number != number.to_integral_value():
+        raise ValueError(text)
+    if number.adjusted() >= MOST_DIGITS:
+        from barbalat.validate import show
+
+        raise argparse.ArgumentTypeError(f"must be a whole number of at most {MOST_DIGITS} digits, got {show(text)}")
+    return int(number)
 
 
 def add_controllers(parser: argparse.ArgumentParser) -> None:

@@ -15,8 +15,12 @@ REQUIRED = "the following arguments are required: "
 UNKNOWN = "unrecognized arguments: "
 """How argparse begins these sentences; the others it begins with the argument that they are about."""
 CHOICE = re.compile(r"argument (?P<name>\S+): invalid choice: (?P<given>.+) \(choose from (?P<known>.+)\)$")
-NUMBER = re.compile(r"argument (?P<name>\S+): invalid (?P<kind>int|float) value: (?P<given>.+)$")
-KINDS = {"int": "a whole number", "float": "a number"}
+NUMBER = re.compile(r"argument (?P<name>\S+): invalid (?P<kind>whole|float) value: (?P<given>.+)$")
+SENTENCE = re.compile(r"^argument (\S+): must be")
+"""How argparse begins what an option's type says of a value."""
+KINDS = {"whole": "a whole number", "float": "a number"}
+VALUE = re.compile(r"-\.?\d")
+"""How an argument begins that is a value with a minus, such as -1e3 or -1GiB, and no option."""
 
 
 class Several(argparse.Action):
@@ -33,6 +37,10 @@ class Several(argparse.Action):
 
 class Parser(argparse.ArgumentParser):
     """Commands are parsed by it as well."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._negative_number_matcher = VALUE  # argparse's own knows -1 and -1.5
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse as argparse does, but let an option with several values leave CASE to the command where it stands nowhere
@@ -94,7 +102,7 @@ class Parser(argparse.ArgumentParser):
             return f"{found['name']} must be one of {', '.join(known)}; got {found['given']}{meant}"
         if found := NUMBER.match(message):
             return f"{found['name']} must be {KINDS[found['kind']]}, got {found['given']}"
-        return message.removeprefix("argument ")
+        return SENTENCE.sub(r"\1 must be", message).removeprefix("argument ")
 
     def _missing(self, names: Sequence[str]) -> str:
         if len(names) > 1:

@@ -6,7 +6,7 @@ import argparse
 import time
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list
+from barbalat.commands.options import add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, print_json, require_folder_name, tell
 from barbalat.commands.screen import SECONDS_EACH_STEP, Work, say, work
 
@@ -36,16 +36,16 @@ def add(commands: Commands) -> None:
         parser, "--sample", metavar="PATH=DISTRIBUTION", form="=",
         help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; known-set for a vector, or a gain, over the case's known set",
     )  # fmt: skip
-    parser.add_argument("--members", type=int, metavar="N", help="draws at each point of the grid; default 1000 with --sample")
+    parser.add_argument("--members", type=whole, metavar="N", help="draws at each point of the grid; default 1000 with --sample")
     parser.add_argument(
         "--design", choices=("latin", "sobol", "random", "saltelli"), default="latin",
         help="of the draws: Latin hypercubes (default), a Sobol sequence, independent ones (exact intervals), Saltelli's",
     )  # fmt: skip
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the draws; default 0")
+    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of the draws; default 0")
     add_list(parser, "--require", metavar="REQUIREMENT", form="[<>]", help='counted where broken, such as "max_abs_e[0] < 2"')
     parser.add_argument("--no-bounds", action="store_true", help="certify nothing: the guaranteed bounds are not compared")
     parser.add_argument(
-        "--audit", type=int, metavar="N",
+        "--audit", type=whole, metavar="N",
         help="members run again with a step 4 times smaller, to see which verdicts are the solver's; 0: none; default 32, fewer "
         "where that takes more than an eighth of the sweep's steps and a second",
     )  # fmt: skip
@@ -55,7 +55,7 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument("--store", metavar="DIR", help="keep every member's row there, as Parquet; the same command goes on")
     parser.add_argument(
-        "--member", type=int, metavar="K", help="run this one alone, recorded and plotted, bit for bit as in the sweep"
+        "--member", type=whole, metavar="K", help="run this one alone, recorded and plotted, bit for bit as in the sweep"
     )
     parser.add_argument(
         "--out", metavar="DIR", help="where the page goes, or a single member's; default: barbalat-sweep, none with --json"

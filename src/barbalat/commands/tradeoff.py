@@ -7,7 +7,7 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers
+from barbalat.commands.options import add_controllers, whole
 from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.screen import Work, work
 
@@ -25,11 +25,11 @@ def add(commands: Commands) -> None:
     add_controllers(parser)
     parser.add_argument("--out", metavar="DIR", help="default: barbalat-tradeoff, none with --json")
     parser.add_argument(
-        "--plants", type=int, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
+        "--plants", type=whole, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
     )
     parser.add_argument(
         "--density",
-        type=int,
+        type=whole,
         default=6,
         metavar="N",
         help="tunings for each knob, default 6, under a minute; 12 takes four times as long",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list
+from barbalat.commands.options import add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, tell
 from barbalat.commands.screen import SECONDS_EACH_STEP, Work, work
 
@@ -38,18 +38,18 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument("--controller", metavar="NAME", help="the one that is tuned; default: all, one after the other")
     parser.add_argument(
-        "--plants", type=int, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
+        "--plants", type=whole, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
     )
     parser.add_argument(
         "--quantile", type=float, default=1.0, metavar="Q", help="of the plants, from 0 to 1; default 1, the worst of them"
     )
     parser.add_argument(
         "--trials",
-        type=int,
+        type=whole,
         metavar="N",
         help="tunings tried for each controller; default 384, at least 288; of more than three numbers 576, at least as many",
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="S", help="of the plants and of the search; default 0")
+    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of the plants and of the search; default 0")
     parser.add_argument("--out", metavar="DIR", help="for case file, page and JSON; default: barbalat-tune, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)

@@ -100,6 +100,7 @@ def export_controller(
         raise InputError(f"target must be one of {', '.join(TARGETS)}, got {validate.show(target)}")
     if sources_only and target == "c99":
         raise InputError("sources_only is for units of FMI: the target c99 is sources anyway")
+    into = validate.local_path("out", out)
     made: dict[str, str] | dict[str, bytes]
     if target == "c99":
         made = files(problem, controller, simulation, float32=float32, closed_loop=closed_loop)
@@ -114,7 +115,7 @@ def export_controller(
             compiled=not sources_only,
             place=place,
         )
-    with output_folder(Path(out)) as folder:
+    with output_folder(into) as folder:
         for name, content in made.items():
             folder.write(name, content)
         folder.commit(gone=OF_A_LOOP if target == "c99" else ())

@@ -109,7 +109,7 @@ class Tuner:
         knobs = None if self.text is None else _knobs_of(scheme, problem, self.case.simulation)
         if self.text is None or knobs is None:
             raise InputError(
-                f"{settings.name}: nothing says which of its settings are tuned: give --vary controller[{controller}].KEY="
+                f"nothing says which settings of {settings.name} are tuned: give --vary controller[{controller}].KEY="
                 "START:STOP[:log]"
             )
         tables = self.text.data()["controller"]
@@ -167,9 +167,9 @@ def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, prog
     """All controllers that are asked for, one after the other."""
     started = time.perf_counter()
     _require_steps(tuner.aim, tuner.case)
-    spaces = _spaces(tuner, space, controller)
-    _require_budget(tuner, spaces)
+    spaces, left_out = _spaces(tuner, space, controller)
     _require_known(tuner, list(spaces))
+    _require_budget(tuner, spaces)
     found: dict[str, Tuned] = {}
     for i, (which, one) in enumerate(spaces.items()):
         part = part_of(progress, i / len(spaces), 1 / len(spaces))
@@ -184,27 +184,41 @@ def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, prog
         text=text,
         thetas=np.array([theta for theta in thetas if theta is not None]),
         controllers=Named.of("controller", found),
-        notes=_notes(tuner, found),
+        notes=(*left_out, *_notes(tuner, found)),
         seconds=time.perf_counter() - started,
     )
 
 
-def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> dict[int, Space]:
-    """What is varied of each controller that is tuned, by its place."""
+def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[dict[int, Space], list[str]]:
+    """What is varied of each controller that is tuned, by its place; and, as sentences, who is left out."""
     names = [one.name for one in tuner.case.controllers]
     if controller is not None and controller not in names:
         raise InputError(f"--controller must be one of the case's ({', '.join(names)}), got {validate.show(controller)}")
     chosen = range(len(names)) if controller is None else [names.index(controller)]
     if space is None:
-        return {which: tuner.space_of(which) for which in chosen}
+        return _own_spaces(tuner, chosen)
     places = {path.keys[1] if path.keys[0] == "controller" and len(path.keys) > 1 else None for path in space.paths}
     own = {place for place in places if isinstance(place, int)}
     if controller is None and None in places and len(names) > 1 and len(own) != 1:
         raise InputError(f"say with --controller which one is tuned ({', '.join(names)}): not all of --vary is one controller's")
     if None in places or controller is not None:
         which = names.index(controller) if controller is not None else next(iter(own), 0)
-        return {which: space}
-    return {which: Space({path: one for path, one in space.ranges.items() if path.keys[1] == which}) for which in sorted(own)}
+        return {which: space}, []
+    parts = {which: Space({path: one for path, one in space.ranges.items() if path.keys[1] == which}) for which in sorted(own)}
+    return parts, []
+
+
+def _own_spaces(tuner: Tuner, chosen: Sequence[int]) -> tuple[dict[int, Space], list[str]]:
+    """The knobs of each controller that has some, and who is left out; InputError where none of them has any."""
+    found, left_out = dict[int, Space](), list[str]()
+    for which in chosen:
+        try:
+            found[which] = tuner.space_of(which)
+        except InputError as error:
+            if not found and which == chosen[-1]:
+                raise
+            left_out.append(f"{tuner.case.controllers[which].name} is left out: {error}")
+    return found, left_out
 
 
 RUNS_EACH_TRIAL = 5
