@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
-from barbalat import Mrac, Polynomial, Simulation, check_controller, simulate
+from barbalat import Mrac, Polynomial, Role, Simulation, check_controller, simulate
 from barbalat.cases import outside
+from barbalat.roles import column_names, main_estimates, state_parts
+from barbalat.testing import check, problem_kinds
 from independent import refusal
 
 PAGE = (Path(__file__).parents[2] / "docs" / "own-laws.md").read_text(encoding="utf-8")
@@ -38,7 +41,23 @@ def test_it_is_the_standard_mrac_whatever_the_regressor(problems, law):
         assert own.true_values.tolist() == problem.plant.theta.tolist()
 
 
-def test_with_an_unknown_input_gain_it_is_refused(problems, law):
-    """Which the standard MRAC of the page does not estimate."""
+def test_what_the_pages_law_does_not_take_it_refuses(problems, law):
+    """An input gain, which the standard MRAC of the page does not estimate, and a second input; the checker tells both."""
     message = refusal(lambda: check_controller(law, replace(problems[2], input_gain=(0.5, 2.0))))
-    assert "Equations.control" in message and "line" in message
+    assert "takes plants with one input of known gain" in message
+    kinds = {
+        name: one for name, one in problem_kinds().items() if name in ("one input", "several inputs", "an unknown input gain")
+    }
+    assert str(check(law, kinds)).count("takes plants with one input of known gain") == 2
+
+
+def test_the_pages_roles_are_those_of_a_state_like_it():
+    """The example of a declaration, which is no cell of the page, is as it is read."""
+    scope = {"np": np, "NamedTuple": NamedTuple, "Role": Role}
+    exec(
+        PAGE.partition("```python\nclass State(NamedTuple):")[2].partition("```")[0].join(["class State(NamedTuple):", ""]), scope
+    )
+    state = scope["State"](np.zeros(16), np.zeros(16), np.eye(2), np.zeros(2))
+    parts = state_parts(scope["Equations"](), state)
+    assert [part.role.kind for part in parts] == ["estimates", "estimates", "memory", "predictor"]
+    assert main_estimates(parts).path == "W_hat" and column_names(parts[2:], ()) == {parts[2]: "P", parts[3]: "x_hat"}

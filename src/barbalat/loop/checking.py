@@ -70,7 +70,8 @@ def check_equations(equations: Equations | SampledEquations, ports: Ports, whose
 
 def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
     """InputError for roles of fields that the state does not have, and for names that are not as many as the estimates."""
-    declared, whose = declared_roles(equations), whose.part(".roles")
+    declared: Any = declared_roles(equations)
+    whose = whose.part(".roles")
     if declared is None:
         return
     if not isinstance(declared, Mapping) or not all(isinstance(role, Role) for role in declared.values()):
@@ -82,7 +83,7 @@ def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
             f" names {show(unknown[0])}, which {type(initial).__name__} has not; it has {', '.join(names_of(initial))}"
         )
     for part in state_parts(equations, initial):
-        names = part.role.names
+        names: Any = part.role.names
         if names is not None and (
             not isinstance(names, tuple) or len(names) != part.size or not all(isinstance(name, str) for name in names)
         ):

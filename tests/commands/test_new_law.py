@@ -1,0 +1,75 @@
+"""``barbalat new FILE.py``: a law that runs as it is written, and that the checker finds nothing wrong with."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from barbalat import Mrac, Simulation, load_case, simulate
+from barbalat.cases import outside
+from barbalat.cli import main
+from barbalat.commands.law_template import MyLaw
+from barbalat.testing import problem_kinds
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_it_runs_beside_a_case_s_controllers(folder, capsys):
+    assert main(["new", "my-law.py"]) == 0
+    assert "barbalat run paper --controllers my-law.py" in capsys.readouterr().err
+    assert [type(one).__name__ for one in load_case("paper", "my-law.py").controllers][-1] == "MyLaw"
+    assert main(["run", "third-order", "--controllers", "my-law.py", "--json"]) == 0
+    assert np.isfinite(json.loads(capsys.readouterr().out)["controllers"]["MyLaw"]["max_abs_e"]).all()
+
+
+def test_what_is_there_is_kept(folder, capsys):
+    Path("law.py").write_text("mine")
+    assert main(["new", "law.py"]) == 2
+    assert "exists already" in capsys.readouterr().err and Path("law.py").read_text() == "mine"
+    assert main(["new", "other.py", "--from", "paper"]) == 2
+    assert "--from copies a case" in capsys.readouterr().err and not Path("other.py").exists()
+
+
+@pytest.mark.parametrize(
+    ("file", "name"), [("gradient_two.py", "GradientTwo"), ("role.py", "MyLaw"), ("None.py", "MyLaw"), ("2nd.py", "MyLaw")]
+)
+def test_the_class_is_called_after_the_file(folder, capsys, file, name):
+    """Unless that would be no name, or one that the file has already."""
+    assert main(["new", file, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"law": file}
+    (controller,) = outside.run(file).controllers(named={})
+    assert type(controller).__name__ == controller.name == name
+
+
+@pytest.mark.full
+def test_its_own_test_passes_as_a_program_and_in_pytest(folder):
+    assert main(["new", "my-law.py"]) == 0
+    for command in ([sys.executable, "my-law.py"], [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "my-law.py"]):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+    trade = ["tradeoff", "third-order", "--controllers", "my-law.py", "--density", "2", "--plants", "1", "--out", "made"]
+    assert main(trade) == 0
+    assert len(json.loads(Path("made/tradeoff.json").read_text())["schemes"]["MyLaw"]["tunings"]) > 1
+
+
+def test_it_is_the_standard_mrac_with_its_remedy_against_windup():
+    """As long as no limit acts its bits are close to the MRAC's; at a limit it learns from less error, and stays in its set."""
+    kinds, simulation = problem_kinds(), Simulation(2.0, 2e-3)
+    for kind in ("one input", "several inputs", "a tight known set"):
+        own, known = simulate(kinds[kind], [MyLaw(10.0), Mrac(gamma=10.0)], simulation).values()
+        np.testing.assert_allclose(own.theta_hat, known.theta_hat, rtol=1e-9, atol=1e-9)
+    limited = kinds["limits of the input"]
+    free = simulate(limited, [MyLaw(10.0)], simulation)["MyLaw"]
+    assert np.abs(free.controller_states["e_d"]).max() > 1e-3
+    without = replace(limited, plant=replace(limited.plant, input=None))
+    assert not simulate(without, [MyLaw(10.0)], simulation)["MyLaw"].controller_states["e_d"].any()
