@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.certificates.linear_loops.margin_values import finite
-from barbalat.contests.held_out import HeldOut, median
+from barbalat.comparison.contest.held_out import HeldOut, median
 from barbalat.sweeps.evidence import CONFIDENCE_LEVEL, Share
 from barbalat.validate import Array
 

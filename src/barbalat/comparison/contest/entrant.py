@@ -10,6 +10,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
+from barbalat.comparison.knobs import reach_of
+from barbalat.comparison.ranges import Range, Space
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.knobs import Knobs, Tunable
 from barbalat.loop.binding import bound
@@ -17,10 +19,8 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, SampledEquations
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.knobs import reach_of
 from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.varied import Varied
-from barbalat.tuning.space import Range, Space
 from barbalat.validate import Array, InputError
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from barbalat.contests.held_out import Again, Draws, HeldOut, median
-from barbalat.contests.paired import Paired
-from barbalat.contests.rule import Rule
-from barbalat.contests.tuned import Qualified
+from barbalat.comparison.contest.held_out import Again, Draws, HeldOut, median
+from barbalat.comparison.contest.paired import Paired
+from barbalat.comparison.contest.rule import Rule
+from barbalat.comparison.contest.tuned import Qualified
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
@@ -68,7 +68,7 @@ class Contest(Plotted):
 
         shown  to a person at once, by pyplot where that is in use
         """
-        from barbalat.contests.picture import draw
+        from barbalat.comparison.contest.picture import draw
 
         return draw(self, shown=shown)
 

@@ -8,14 +8,14 @@ from itertools import product
 import numpy as np
 
 from barbalat import validate
+from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.quantity import Constraint, TunedQuantity
+from barbalat.comparison.search.search import least_trials
 from barbalat.problem.state_feedback import Problem
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import LARGEST_GAIN_ERROR, LONGEST_DELAY, Criterion
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.tuning.aim import Aim
-from barbalat.tuning.quantity import Constraint, TunedQuantity
-from barbalat.tuning.search import least_trials
 from barbalat.validate import InputError
 
 DEFAULT_GAIN_MARGIN = 1.5

@@ -14,13 +14,16 @@ from barbalat import budget, validate
 from barbalat.budget import Estimate
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
-from barbalat.contests.entrant import Entrant, entrants_of, initial_estimates
-from barbalat.contests.held_out import Again, Draws, HeldOut, measure, measured_again, median
-from barbalat.contests.noise import DEFAULT_SHARE, with_noise
-from barbalat.contests.paired import paired
-from barbalat.contests.result import Contest
-from barbalat.contests.rule import DEFAULT_GAIN_MARGIN, DEFAULT_PLANTS, DEFAULT_TRIALS, Rule, default_delay_margin
-from barbalat.contests.tuned import Qualified, qualify
+from barbalat.comparison.contest.entrant import Entrant, entrants_of, initial_estimates
+from barbalat.comparison.contest.held_out import Again, Draws, HeldOut, measure, measured_again, median
+from barbalat.comparison.contest.noise import DEFAULT_SHARE, with_noise
+from barbalat.comparison.contest.paired import paired
+from barbalat.comparison.contest.result import Contest
+from barbalat.comparison.contest.rule import DEFAULT_GAIN_MARGIN, DEFAULT_PLANTS, DEFAULT_TRIALS, Rule, default_delay_margin
+from barbalat.comparison.contest.tuned import Qualified, qualify
+from barbalat.comparison.search.search import least_trials
+from barbalat.comparison.search.trial import Plants
+from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -31,10 +34,7 @@ from barbalat.study.delay_search import Criterion
 from barbalat.study.finer_step import FINER_BY, refined
 from barbalat.study.ideal_benchmark import quiet
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
-from barbalat.study.tradeoff import plants_of
 from barbalat.targets import CONTEST
-from barbalat.tuning.search import least_trials
-from barbalat.tuning.trial import Plants
 from barbalat.validate import InputError, Named, counted
 
 DEFAULT_MEMBERS = 200

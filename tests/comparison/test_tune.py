@@ -22,13 +22,13 @@ from barbalat import (
 )
 from barbalat.cases.load import CaseText, parse_case
 from barbalat.cli import main
+from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.quantity import TunedQuantity
+from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, search
+from barbalat.comparison.search.trial import Trial
+from barbalat.comparison.tune.tune import Tuner
 from barbalat.study.ideal_benchmark import known_width
 from barbalat.study.motion import ModelMotion
-from barbalat.tuning.aim import Aim
-from barbalat.tuning.quantity import TunedQuantity
-from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, search
-from barbalat.tuning.trial import Trial
-from barbalat.tuning.tune import Tuner
 from independent import refusal
 
 DRIVE = """

@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from barbalat.certificates.linear_loops.margin_values import finite
-from barbalat.contests.held_out_command import drawn, with_command
-from barbalat.contests.rule import Rule
-from barbalat.contests.tuned import Qualified
+from barbalat.comparison.contest.held_out_command import drawn, with_command
+from barbalat.comparison.contest.rule import Rule
+from barbalat.comparison.contest.tuned import Qualified
+from barbalat.comparison.search.delay_borne import Question
+from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
@@ -19,11 +21,9 @@ from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import tail_error, tracks
-from barbalat.study.delay_borne import Question
 from barbalat.study.finer_step import different, refined
 from barbalat.study.ideal_benchmark import Ideals, Member, quiet
 from barbalat.study.motion import ModelMotion
-from barbalat.study.tradeoff import plants_of
 from barbalat.sweeps.evidence import Share
 from barbalat.validate import Array, counted
 

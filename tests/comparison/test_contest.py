@@ -28,10 +28,10 @@ from barbalat import (
     compete,
     simulate,
 )
-from barbalat.contests.entrant import entrants_of, start_of
-from barbalat.contests.held_out import HeldOut, median
-from barbalat.contests.held_out_command import Paced
-from barbalat.contests.paired import interval_of_median, paired
+from barbalat.comparison.contest.entrant import entrants_of, start_of
+from barbalat.comparison.contest.held_out import HeldOut, median
+from barbalat.comparison.contest.held_out_command import Paced
+from barbalat.comparison.contest.paired import interval_of_median, paired
 from foreign import Plain, PlainEquations, PlainState
 from independent import refusal
 
