@@ -203,7 +203,7 @@ MEMBER_OPERATION_SECONDS = 2e-11
 
 
 def operations(states: float, dense: float = 0.0) -> float:
-    """Of one step of a loop with so many states, of which ``dense`` are a plant's."""
+    """Return the operations of one step of a loop with so many states, of which ``dense`` are a plant's."""
     return STATE_OPERATIONS * states + DENSE_OPERATIONS * dense * dense
 
 

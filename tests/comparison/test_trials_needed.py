@@ -9,7 +9,7 @@ from barbalat.comparison.ranges import Range, Space
 from barbalat.comparison.search.aim import Aim
 from barbalat.comparison.search.search import least_trials
 from barbalat.comparison.tune.tune import DEFAULT_TRIALS, Tuner
-from barbalat.sweeps.paths import FieldPath
+from barbalat.open_numbers.path import FieldPath
 
 
 def test_the_help_says_the_least_number(capsys):

@@ -371,4 +371,4 @@ def test_a_trial_that_diverges_on_a_plant_is_written_as_json():
     aim = Aim.of("rms_e", [], maximize=False, plants=1, quantile=1.0, seed=0)
     for value in (np.float64(np.inf), np.float64(1.0), None):
         trial = Trial(row=np.zeros(1), value=value, complete=True)
-        assert json.loads(json.dumps(trial.meets(aim))) is (value == 1.0)
+        assert json.loads(json.dumps(trial.meets(aim))) is bool(value == 1.0)

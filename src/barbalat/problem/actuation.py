@@ -91,7 +91,7 @@ class PlantInput(Settings):
 
     @cached_property
     def path_of_unknown_gain(self) -> InputPath:
-        """The same equations with the gain in them even where it is 1, so that plants with any gain have one structure."""
+        """The input's equations with the gain in them even where it is 1, so that plants with any gain have one structure."""
         return self._path_through(self.dynamics or TransferFunction([1.0], [1.0]))
 
     def _path_through(self, dynamics: TransferFunction | None) -> InputPath:

@@ -168,7 +168,8 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def input_paths(self) -> tuple[InputPath | None, ...]:
-        """As of any problem; an unknown gain is in the equations even where it is 1, so that all plants have one structure."""
+        """The equations before each input; an unknown gain is in them even where it is 1, so that all plants have one
+        structure."""
         known = self.input_gain is None
         return tuple(path.path if known else path.path_of_unknown_gain for path in self.plant.paths)
 

@@ -178,5 +178,5 @@ class TrackingProblem:
 
 def require_signal(field: str, signal: Any) -> None:
     """InputError, naming the field, for what is no signal."""
-    if not isinstance(signal, Signal) or isinstance(signal, type):
+    if not validate.is_instance(signal, Signal) or isinstance(signal, type):
         raise InputError.of(field, f"must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")

@@ -9,6 +9,7 @@ Source: Ioannou and Sun, section 4.3.6.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar, NamedTuple
 
@@ -23,6 +24,7 @@ from barbalat.adaptation.modifications import leakage as leak
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError
 
 NORM_TOLERANCE = 2.0**-46
@@ -43,6 +45,8 @@ class Memory(NamedTuple):
 
 class CovarianceLaw(ModifiedLaw):
     """A least-squares law: what all of them do alike. Its fields are the law's own."""
+
+    roles: ClassVar[Mapping[str, Role]] = {"covariance": Role.memory("covariance P of the least squares (15)", symbol="P")}
 
     @abstractmethod
     def covariance_rate(self, P: Value, taken: Value) -> Value:

@@ -14,8 +14,8 @@ from barbalat.comparison.ranges import Space
 from barbalat.comparison.search.aim import Aim
 from barbalat.comparison.search.quantity import Constraint
 from barbalat.comparison.search.step_check import StepCheck
+from barbalat.open_numbers.path import FieldPath
 from barbalat.pictures.plotted import Plotted
-from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
