@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.comparison.contest.paired import Paired
-from barbalat.comparison.contest.result import Contest
+from barbalat.comparison.contest.result import Contest, Paired
 from barbalat.comparison.contest.tuned import Qualified
 from barbalat.study.delay_search import Criterion
 from barbalat.validate import counted
