@@ -21,15 +21,15 @@ import numpy as np
 
 from barbalat import Simulation, Step, TransferFunction
 from barbalat.cases.build import Case
-from barbalat.contests.entrant import Entrant
-from barbalat.contests.rule import Rule
-from barbalat.contests.tuned import Qualified, qualify
+from barbalat.comparison.contest.entrant import Entrant
+from barbalat.comparison.contest.rule import Rule
+from barbalat.comparison.contest.tuned import Qualified, qualify
+from barbalat.comparison.search.trial import Plants
 from barbalat.controllers.knobs import Knobs
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.study.delay_search import Criterion
-from barbalat.tuning.trial import Plants
 from barbalat.vehicles.f16.axis import Axis
 from barbalat.vehicles.f16.schemes import SCHEMES
 from barbalat.vehicles.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES

@@ -16,9 +16,10 @@ import numpy as np
 
 from barbalat import Plant, Problem, ReferenceModel, Simulation, Step, Steps, TransferFunction
 from barbalat.cases.build import Case
-from barbalat.contests.entrant import Entrant
-from barbalat.contests.rule import Rule
-from barbalat.contests.tuned import Qualified, qualify
+from barbalat.comparison.contest.entrant import Entrant
+from barbalat.comparison.contest.rule import Rule
+from barbalat.comparison.contest.tuned import Qualified, qualify
+from barbalat.comparison.search.trial import Plants
 from barbalat.controllers.knobs import Knobs
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace
@@ -27,7 +28,6 @@ from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Controller, Sample, SampledEquations, Value
 from barbalat.study.delay_search import Criterion
 from barbalat.study.ideal_benchmark import quiet
-from barbalat.tuning.trial import Plants
 from barbalat.validate import Array
 from barbalat.vehicles.quadrotor.axes import Axes, Axis
 from barbalat.vehicles.quadrotor.schemes import SCHEMES

@@ -14,6 +14,7 @@ import foreign_estimates
 from barbalat.certificates.certify import certify
 from barbalat.certificates.table_1 import table_1
 from barbalat.cli import main
+from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Sampled
 from barbalat.controllers.knobs import Knobs
 from barbalat.explorer.explorer import explore
@@ -27,7 +28,6 @@ from barbalat.run.estimates import estimates_of
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import delay_margins
-from barbalat.study.tradeoff import trade_off
 from foreign_estimates import CONTROLLERS, HighOrder, Predicting, Sliding, Weighing
 from independent import refusal
 

@@ -12,6 +12,7 @@ from barbalat.adaptation.laws import LAWS, Gradient
 from barbalat.certificates.bounds.laws import guarantee_of, kept_from_zero
 from barbalat.certificates.certify import certify
 from barbalat.certificates.table_1 import table_1
+from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.knobs import Knobs
 from barbalat.run.check_numerics import check_numerics
@@ -19,7 +20,6 @@ from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import delay_margins
-from barbalat.study.tradeoff import trade_off
 from foreign import Bare, Plain, Proportional
 from independent import refusal
 

@@ -38,8 +38,9 @@ from barbalat.cases.keys import Context
 from barbalat.cases.schema import json_schema, table_of
 from barbalat.certificates.certify import certify
 from barbalat.certificates.table_1 import table_1
-from barbalat.contests.contest import posed
-from barbalat.contests.entrant import entrants_of
+from barbalat.comparison.contest.contest import posed
+from barbalat.comparison.contest.entrant import entrants_of
+from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.controllers.piecewise_predictor import AsFlown
@@ -55,7 +56,6 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.kernel_numbers import Family
 from barbalat.run.simulate import simulate
 from barbalat.signals import SIGNALS
-from barbalat.study.tradeoff import trade_off
 from barbalat.targets import (
     CONTEST,
     EXPORTED_LOOP,

@@ -1,14 +1,13 @@
-"""Shares, intervals, extremes, requirements and sensitivities against formulas and exact values."""
+"""Extremes, requirements and sensitivities against formulas and exact values."""
 
 import numpy as np
 import pytest
-from scipy.stats import beta
 
 from barbalat import InputError
 from barbalat.open_numbers.path import FieldPath
 from barbalat.sweeps import sensitivity
 from barbalat.sweeps.chunks import Chunk
-from barbalat.sweeps.evidence import Extremes, Share, evidence
+from barbalat.sweeps.evidence import Extremes, evidence
 from barbalat.sweeps.kept import Kept
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.requirement import Requirement
@@ -21,13 +20,6 @@ def rows(**columns):
     made = Kept(None)
     made.add(Chunk(0, 0), {name.replace("_in_", "/"): np.asarray(values) for name, values in columns.items()})
     return made
-
-
-@pytest.mark.parametrize(("count", "judged"), [(0, 10), (3, 10), (10, 10), (17, 100_000)])
-def test_intervals_are_clopper_pearsons(count, judged):
-    low, high = Share(count=count, judged=judged).interval
-    assert low == pytest.approx(beta.ppf(0.025, count, judged - count + 1) if count else 0.0, rel=1e-6)
-    assert high == pytest.approx(beta.ppf(0.975, count + 1, judged - count) if count < judged else 1.0, rel=1e-6)
 
 
 def test_extremes_are_over_the_members_that_have_the_figure():

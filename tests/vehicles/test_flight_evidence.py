@@ -2,33 +2,10 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binom
 
-from barbalat.sweeps.evidence import Share, beyond_chance
-from barbalat.vehicles.evidence import Median, evidence_of
+from barbalat.vehicles.evidence import evidence_of
 
 NAN = float("nan")
-
-
-def test_the_medians_interval_is_that_of_the_order_statistics():
-    """Of 20 values the 6th and the 15th bound the median with 95.9 %: the table of Conover (1999), A3."""
-    found = Median.of(np.random.default_rng(1).permutation(np.arange(1.0, 21.0)))
-    assert found.value == 10.5
-    assert found.interval == (6.0, 15.0)
-    assert 1 - 2 * binom.cdf(5, 20, 0.5) > 0.95 > 1 - 2 * binom.cdf(6, 20, 0.5)
-
-
-def test_it_covers_the_median_as_often_as_it_says():
-    random, covered = np.random.default_rng(2), 0
-    for _ in range(2000):
-        low, high = Median.of(random.exponential(size=25)).interval
-        covered += low <= np.log(2) <= high
-    assert covered / 2000 > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 2000)  # three standard deviations of so many trials
-
-
-def test_too_few_values_bound_nothing_and_a_lost_flight_is_infinitely_bad():
-    assert Median.of(np.array([1.0, 2.0, 3.0])).interval == (-np.inf, np.inf)
-    assert Median.of(np.array([1.0, NAN, NAN])).value == np.inf
 
 
 def test_losses_come_first_and_pairs_are_counted_where_not_both_are_lost():
@@ -61,13 +38,6 @@ def test_a_single_pair_differs_beyond_chance_as_the_sign_test_says(better, says)
 
     flown = evidence_of(column, ("own", "other"), ("none",)).by_failure["none"]
     assert next(one for one in flown if one.controller == "own").pairings[0].follows == says
-
-
-def test_many_pairs_share_one_confidence():
-    """Holm's own order: of chances 0.01, 0.02, 0.04, 0.5 at 5 %, each beside 5 % over how many are left."""
-    shares = {name: Share(count=count, judged=100) for name, count in {"a": 64, "b": 37, "c": 61, "d": 52}.items()}
-    assert [round(one.chance, 3) for one in shares.values()] == [0.007, 0.012, 0.035, 0.764]
-    assert beyond_chance(shares) == {"a": 1, "b": -1, "c": 0, "d": 0}  # 0.0125, 0.0167 and 0.025 are asked of the first three
 
 
 def test_among_equals_any_pair_is_called_different_as_seldom_as_it_says():

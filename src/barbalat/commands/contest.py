@@ -11,7 +11,7 @@ from barbalat.commands.screen import SECONDS_EACH_STEP, Work, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
-    from barbalat.contests.result import Contest
+    from barbalat.comparison.contest.result import Contest
     from barbalat.report.files import Folder
 
 
@@ -63,7 +63,7 @@ FULL_SIZES = {"plants": 4, "trials": 384, "members": 200}
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
-    from barbalat.contests.contest import RUNS_EACH_TRIAL, contest
+    from barbalat.comparison.contest.contest import RUNS_EACH_TRIAL, contest
 
     case = load_case(options.case, options.controllers)
     sizes = {name: default if (given := vars(options)[name]) is None else given for name, default in _defaults(options).items()}

@@ -14,8 +14,8 @@ from barbalat.commands.screen import Work, work
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
     from barbalat.commands import Commands
+    from barbalat.comparison.tradeoff.tradeoff import TradeOff
     from barbalat.report.files import Folder
-    from barbalat.study.tradeoff import TradeOff
 
 
 def add(commands: Commands) -> None:
@@ -77,10 +77,10 @@ EXPECTED_SECONDS = {"simulating": 60.0, "drawing": 3.0}
 
 
 def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
+    from barbalat.comparison.tradeoff.tradeoff import trade_off
     from barbalat.loop.structure import comes_from_outside
     from barbalat.problem.state_feedback import Problem
     from barbalat.study.criteria import Lost
-    from barbalat.study.tradeoff import trade_off
     from barbalat.targets import TRADE_OFF
 
     TRADE_OFF.require(case.problem)

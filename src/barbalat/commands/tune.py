@@ -11,9 +11,9 @@ from barbalat.commands.screen import SECONDS_EACH_STEP, Work, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
+    from barbalat.comparison.ranges import Space
+    from barbalat.comparison.tune.result import Tuning
     from barbalat.report.files import Folder
-    from barbalat.tuning.result import Tuning
-    from barbalat.tuning.space import Space
 
 
 def add(commands: Commands) -> None:
@@ -61,9 +61,9 @@ DRAWING_SECONDS = 3.0
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import CaseText
+    from barbalat.comparison.search.aim import Aim
+    from barbalat.comparison.tune.tune import DEFAULT_TRIALS, RUNS_EACH_TRIAL, Tuner, tune_case
     from barbalat.open_numbers.path import by_index
-    from barbalat.tuning.aim import Aim
-    from barbalat.tuning.tune import DEFAULT_TRIALS, RUNS_EACH_TRIAL, Tuner, tune_case
 
     text = CaseText.read(options.case, options.controllers)
     case = text.case()
@@ -106,8 +106,8 @@ def _write(folder: Folder, found: Tuning, document: str, running: Work) -> None:
 
 def _space(given: list[str]) -> Space | None:
     """What ``--vary`` says; None without it."""
+    from barbalat.comparison.ranges import Range, Space
     from barbalat.open_numbers.path import FieldPath
-    from barbalat.tuning.space import Range, Space
     from barbalat.validate import InputError, show
 
     ranges = {}

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.contests.paired import Paired
-from barbalat.contests.result import Contest
-from barbalat.contests.tuned import Qualified
+from barbalat.comparison.contest.result import Contest, Paired
+from barbalat.comparison.contest.tuned import Qualified
 from barbalat.study.delay_search import Criterion
 from barbalat.validate import counted
 

@@ -9,10 +9,10 @@ from importlib import metadata
 from typing import Any
 
 import barbalat
-from barbalat.sweeps.evidence import CONFIDENCE_LEVEL, Share
 from barbalat.sweeps.spread import Uniform
+from barbalat.sweeps.statistics import CONFIDENCE_LEVEL, Median, Share
 from barbalat.vehicles.dispersed import KEPT, DispersedComparison
-from barbalat.vehicles.evidence import Flown, Median, Pairing
+from barbalat.vehicles.evidence import Flown, Pairing
 from barbalat.vehicles.vehicle import Vehicle
 
 LARGE = 9.995

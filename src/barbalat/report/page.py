@@ -19,7 +19,10 @@ from markupsafe import Markup
 import barbalat
 from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.overview import Certified
-from barbalat.contests.result import Contest
+from barbalat.comparison.contest.result import Contest
+from barbalat.comparison.tradeoff.picture import TITLES, panels
+from barbalat.comparison.tradeoff.tradeoff import TradeOff
+from barbalat.comparison.tune.result import Tuning
 from barbalat.papers.claim import Claim
 from barbalat.papers.paper import Paper
 from barbalat.papers.paper_figure import ADDED_FIGURE, PaperFigure
@@ -34,11 +37,8 @@ from barbalat.report.notation import mathematics
 from barbalat.report.sweep import WorstMember, extremes, in_symbols, shares, varied
 from barbalat.run.outcome import about_u, ends_of, units_of
 from barbalat.run.result import Result
-from barbalat.study.tradeoff import TradeOff
-from barbalat.study.tradeoff_picture import TITLES, panels
 from barbalat.sweeps.evidence import DIVERGES, EXAMINED
 from barbalat.sweeps.result import SweepResult
-from barbalat.tuning.result import Tuning
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.dispersed import DispersedComparison
 

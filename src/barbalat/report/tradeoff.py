@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.comparison.tradeoff.picture import TITLES, tuning_text
+from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff
 from barbalat.pictures.numbers import number_text
-from barbalat.study.tradeoff import Cloud, TradeOff
-from barbalat.study.tradeoff_picture import TITLES, tuning_text
 
 ERRORS = (1e-3, 1e-2, 3e-2, 0.1, 0.3)
 """Tracking errors at which the schemes are put beside one another, relative to the model's motion."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from barbalat.comparison.tune.result import Point, Tuned, Tuning
 from barbalat.pictures.numbers import number_text
-from barbalat.tuning.result import Point, Tuned, Tuning
 
 
 def points(found: Tuning) -> list[list[str]]:

@@ -13,8 +13,12 @@ from matplotlib.figure import Figure
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.picture import distinct
-from barbalat.contests.picture import draw as draw_contest
-from barbalat.contests.result import Contest
+from barbalat.comparison.contest.picture import draw as draw_contest
+from barbalat.comparison.contest.result import Contest
+from barbalat.comparison.tradeoff.picture import draw as draw_trade_off
+from barbalat.comparison.tradeoff.tradeoff import TradeOff
+from barbalat.comparison.tune.picture import draw as draw_tuning
+from barbalat.comparison.tune.result import Tuning
 from barbalat.papers.claim import Chart, Claim, Map
 from barbalat.papers.paper_figure import PaperFigure
 from barbalat.pictures.panel_drawing import draw as draw_panels
@@ -27,12 +31,8 @@ from barbalat.report.sweep import WorstMember
 from barbalat.run.picture import ends_at, figure_of, panels
 from barbalat.run.processes import Here, answer_of
 from barbalat.run.result import Result
-from barbalat.study.tradeoff import TradeOff
-from barbalat.study.tradeoff_picture import draw as draw_trade_off
 from barbalat.sweeps import picture as of_sweep
 from barbalat.sweeps.result import SweepResult
-from barbalat.tuning.picture import draw as draw_tuning
-from barbalat.tuning.result import Tuning
 from barbalat.vehicles import path_picture
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.film import film

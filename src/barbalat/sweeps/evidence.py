@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import NamedTuple, TypeVar
@@ -14,11 +14,10 @@ from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.sensitivity import Sensitivity, sensitivities
+from barbalat.sweeps.statistics import Share
 from barbalat.sweeps.study import OSCILLATED
 from barbalat.validate import Array, Named
 
-CONFIDENCE_LEVEL = 0.95
-"""Of the intervals."""
 DIVERGED, OUT_OF_BOUND = "diverged", "above the guaranteed bound"
 FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND})
 """Names of shares; any other share is that of the members which broke the requirement that it is named after."""
@@ -28,62 +27,6 @@ DIVERGES = "beyond 1e12 within the horizon: a run that is on its way there, or l
 """What ``diverged`` means; see ``run.metrics.DIVERGENCE_LIMIT``."""
 NO_FIGURES = (OSCILLATED, ERROR_BOUND)
 """Columns of a controller that are no figures of a run."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Share:
-    """How many of the members that could be judged; the interval is Clopper and Pearson's.
-
-    judged  members; what is not known of a member is not counted as met
-    """
-
-    count: int
-    judged: int
-    confidence: float = CONFIDENCE_LEVEL
-
-    @property
-    def share(self) -> float:
-        return self.count / self.judged
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        from scipy.stats import binomtest
-
-        found = binomtest(self.count, self.judged).proportion_ci(self.confidence, method="exact")
-        return float(found.low), float(found.high)
-
-    @property
-    def chance(self) -> float:
-        """How likely a share so far from one half, or farther, is where both ways are equally likely: the exact sign test."""
-        from scipy.stats import binomtest
-
-        return float(binomtest(self.count, self.judged).pvalue)
-
-    def as_json(self) -> dict[str, object]:
-        return {
-            "count": self.count,
-            "share": self.share,
-            "interval": list(self.interval),
-            "confidence": self.confidence,
-            "judged": self.judged,
-        }
-
-
-Compared = TypeVar("Compared", bound=Hashable)
-
-
-def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
-    """1 where a share is above one half beyond chance, -1 where it is below, 0 where neither is known.
-
-    Holm's correction (Scandinavian Journal of Statistics 6, 1979) holds for however many comparisons, dependent or not: where all
-    shares are one half, any is called otherwise with a probability of 1 - CONFIDENCE at most.
-    """
-    found = dict.fromkeys(shares, 0)
-    for left, name in zip(range(len(shares), 0, -1), sorted(shares, key=lambda one: shares[one].chance), strict=True):
-        if shares[name].chance > (1 - CONFIDENCE_LEVEL) / left:
-            break
-        found[name] = 1 if shares[name].share > 1 / 2 else -1
-    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,8 +99,7 @@ def evidence(
     for controller in controllers:
         for verdict in verdicts(rows, controller, requirements, unexamined):
             if verdict.judged.any():
-                share = Share(count=int(verdict.counted.sum()), judged=int(verdict.judged.sum()))
-                shares.setdefault(verdict.name, {})[controller] = share
+                shares.setdefault(verdict.name, {})[controller] = Share.of(verdict.counted, verdict.judged)
             failed |= verdict.counted
         _fill(filled, rows, controller)
         for name in names:

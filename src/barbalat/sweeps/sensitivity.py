@@ -13,13 +13,14 @@ from barbalat.open_numbers.path import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.spread import InBall
+from barbalat.sweeps.statistics import CONFIDENCE_LEVEL
 from barbalat.validate import Array, counted
 
 MOST_DRAWS = 2**14
 """Draws that an estimate is made of: its interval is then about a hundredth wide, and it takes a tenth of a second."""
 FEWEST_DRAWS = 128
 """Below them RBD-FAST's spectrum has too few points for its ten harmonics."""
-RESAMPLES, CONFIDENCE_LEVEL = 50, 0.95
+RESAMPLES = 50
 """Of the bootstrap."""
 SMALLEST_SHARE_OF_VARIANCE = 1e-20
 """Below it lies what rounding leaves of no effect: the square of a sum's, of 10^6 numbers."""

@@ -8,34 +8,8 @@ from itertools import combinations
 
 import numpy as np
 
-from barbalat.sweeps.evidence import CONFIDENCE_LEVEL, Share, beyond_chance
+from barbalat.sweeps.statistics import Median, Share, beyond_chance
 from barbalat.validate import Array
-
-
-@dataclass(frozen=True, kw_only=True)
-class Median:
-    """Of a figure over all draws, a lost flight counted as infinitely bad.
-
-    interval  exact, by order statistics: no distribution is assumed
-    """
-
-    value: float
-    interval: tuple[float, float]
-    confidence: float = CONFIDENCE_LEVEL
-
-    @classmethod
-    def of(cls, values: Array) -> Median:
-        """NaN is a lost flight's."""
-        from scipy.stats import binom
-
-        found = np.sort(np.where(np.isnan(values), np.inf, values))
-        count = len(found)
-        below = int(binom.ppf((1 - CONFIDENCE_LEVEL) / 2, count, 0.5))
-        # (x_(below), x_(count + 1 - below)) with places counted from 1; where below is 0 nothing bounds it
-        low = float(found[below - 1]) if below > 0 else float(-np.inf)
-        high = float(found[count - below]) if below > 0 else float(np.inf)
-        middle = found[(count - 1) // 2], found[count // 2]
-        return cls(value=float(middle[0] if middle[0] == middle[1] else (middle[0] + middle[1]) / 2), interval=(low, high))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,4 +105,4 @@ def _shares(own: Array, errors: Array) -> dict[str, Share | None]:
 
 
 def _share(counted: Array, judged: Array) -> Share | None:
-    return Share(count=int(counted.sum()), judged=int(judged.sum())) if judged.any() else None
+    return Share.of(counted, judged) if judged.any() else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from barbalat.contests.result import Contest
+from barbalat.comparison.contest.result import Contest
 from barbalat.report import contest
 from barbalat.report.terminal.layout import Screen
 from barbalat.validate import counted

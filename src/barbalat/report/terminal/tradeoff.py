@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.pictures.symbols import held
 from barbalat.report import tradeoff
 from barbalat.report.terminal.layout import Screen
-from barbalat.study.tradeoff import TradeOff
 
 
 def show(screen: Screen, found: TradeOff) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from barbalat.comparison.tune.result import Tuning
 from barbalat.report import tuning
 from barbalat.report.terminal.layout import Screen, grouped
-from barbalat.tuning.result import Tuning
 from barbalat.validate import counted
 
 

@@ -13,7 +13,7 @@ from importlib import resources
 from itertools import combinations, product
 from typing import Any
 
-from barbalat.sweeps.evidence import Share, beyond_chance
+from barbalat.sweeps.statistics import Share, beyond_chance
 
 LINEAR_SCHEMES = ("LQR", "LQR with PI", "H-infinity", "Geometric", "Geometric, integral", "ADRC")
 ADAPTIVE_SCHEMES = ("MRAC", "Robust MRAC", "L1", "L1 piecewise", "L1 piecewise, as flown")

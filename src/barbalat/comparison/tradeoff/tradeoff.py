@@ -12,6 +12,8 @@ import numpy as np
 
 from barbalat import budget, validate
 from barbalat.budget import Estimate
+from barbalat.comparison.knobs import default_knobs
+from barbalat.comparison.tradeoff.forecast import RUNS_EACH, Forecast
 from barbalat.controllers.knobs import Knobs
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.known_set import KnownSet
@@ -23,9 +25,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
 from barbalat.study.finer_step import PlainRun, delays_confirmed, refined
-from barbalat.study.forecast import RUNS_EACH, Forecast
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.study.knobs import default_knobs
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
 from barbalat.targets import TRADE_OFF
 from barbalat.validate import Array, InputError
@@ -103,7 +103,7 @@ class TradeOff(Plotted):
 
         shown  to a person at once, by pyplot where that is in use
         """
-        from barbalat.study.tradeoff_picture import draw
+        from barbalat.comparison.tradeoff.picture import draw
 
         return draw(self, shown=shown)
 

@@ -13,8 +13,8 @@ from barbalat.validate import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from barbalat.contests.held_out import HeldOut
-    from barbalat.contests.result import Contest
+    from barbalat.comparison.contest.held_out import HeldOut
+    from barbalat.comparison.contest.result import Contest
 
 EACH_HEIGHT = 0.42
 """Of an entrant's line with its name above it [in]."""

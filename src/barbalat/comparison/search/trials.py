@@ -9,6 +9,13 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.certificates.certify import certify
+from barbalat.comparison.ranges import Space
+from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.probing import Probing
+from barbalat.comparison.search.quantity import PROBES, Constraint, Origin, TunedQuantity
+from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, Judged
+from barbalat.comparison.search.step_check import StepCheck
+from barbalat.comparison.search.trial import Plants, Trial
 from barbalat.open_numbers.probe import Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.problem.modelling_error import ModellingError
@@ -17,13 +24,6 @@ from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.study.finer_step import PlainRun, different, refined
 from barbalat.study.ideal_benchmark import Member
-from barbalat.tuning.aim import Aim
-from barbalat.tuning.probing import Probing
-from barbalat.tuning.quantity import PROBES, Constraint, Origin, TunedQuantity
-from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, Judged
-from barbalat.tuning.space import Space
-from barbalat.tuning.step_check import StepCheck
-from barbalat.tuning.trial import Plants, Trial
 from barbalat.validate import Array, InputError
 
 

@@ -14,13 +14,22 @@ from barbalat import budget, validate
 from barbalat.budget import Estimate
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
-from barbalat.contests.entrant import Entrant, entrants_of, initial_estimates
-from barbalat.contests.held_out import Again, Draws, HeldOut, measure, measured_again, median
-from barbalat.contests.noise import DEFAULT_SHARE, with_noise
-from barbalat.contests.paired import paired
-from barbalat.contests.result import Contest
-from barbalat.contests.rule import DEFAULT_GAIN_MARGIN, DEFAULT_PLANTS, DEFAULT_TRIALS, Rule, default_delay_margin
-from barbalat.contests.tuned import Qualified, qualify
+from barbalat.comparison.contest.entrant import Entrant, entrants_of, initial_estimates
+from barbalat.comparison.contest.held_out import Again, Draws, HeldOut, measure, measured_again
+from barbalat.comparison.contest.result import Contest, paired
+from barbalat.comparison.contest.rule import (
+    DEFAULT_GAIN_MARGIN,
+    DEFAULT_NOISE_SHARE,
+    DEFAULT_PLANTS,
+    DEFAULT_TRIALS,
+    Rule,
+    default_delay_margin,
+    with_noise,
+)
+from barbalat.comparison.contest.tuned import Qualified, qualify
+from barbalat.comparison.search.search import least_trials
+from barbalat.comparison.search.trial import Plants
+from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -31,10 +40,7 @@ from barbalat.study.delay_search import Criterion
 from barbalat.study.finer_step import FINER_BY, refined
 from barbalat.study.ideal_benchmark import quiet
 from barbalat.study.motion import REST_SENTENCE, ModelMotion
-from barbalat.study.tradeoff import plants_of
 from barbalat.targets import CONTEST
-from barbalat.tuning.search import least_trials
-from barbalat.tuning.trial import Plants
 from barbalat.validate import InputError, Named, counted
 
 DEFAULT_MEMBERS = 200
@@ -51,7 +57,7 @@ def contest(
     until: str | Criterion = Criterion.ONSET,
     schemes: Sequence[str] = (),
     sample_time: float | None = None,
-    noise: float = DEFAULT_SHARE,
+    noise: float = DEFAULT_NOISE_SHARE,
     plants: int = DEFAULT_PLANTS,
     trials: int = DEFAULT_TRIALS,
     members: int = DEFAULT_MEMBERS,
@@ -214,7 +220,7 @@ def _require_budget(simulation: Simulation, entrants: int, rule: Rule, members: 
 def _rank(one: Qualified, held: dict[str, HeldOut]) -> tuple[bool, int, float]:
     if one.name not in held:
         return (True, 0, one.error)
-    return (False, int(held[one.name].lost.sum()), median(held[one.name].error))
+    return (False, int(held[one.name].lost.sum()), held[one.name].quantiles["median"])
 
 
 def _notes(

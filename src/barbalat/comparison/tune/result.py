@@ -10,12 +10,12 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.certificates.certificate import Certificate
+from barbalat.comparison.ranges import Space
+from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.quantity import Constraint
+from barbalat.comparison.search.step_check import StepCheck
 from barbalat.open_numbers.path import FieldPath
 from barbalat.pictures.plotted import Plotted
-from barbalat.tuning.aim import Aim
-from barbalat.tuning.quantity import Constraint
-from barbalat.tuning.space import Space
-from barbalat.tuning.step_check import StepCheck
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ class Tuning(Plotted):
 
         shown  to a person at once, by pyplot where that is in use
         """
-        from barbalat.tuning.picture import draw
+        from barbalat.comparison.tune.picture import draw
 
         return draw(self, shown=shown)
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.comparison.search.delay_borne import Question
+from barbalat.comparison.search.quantity import Probe
+from barbalat.comparison.search.trial import Plants, sizes_of
 from barbalat.run.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_borne import Question
 from barbalat.study.delay_margin import DelayMargins, margins_ensemble
 from barbalat.study.delay_search import Criterion
 from barbalat.study.ideal_benchmark import Member
-from barbalat.tuning.quantity import Probe
-from barbalat.tuning.trial import Plants, sizes_of
 from barbalat.validate import Array
 
 

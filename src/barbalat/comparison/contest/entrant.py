@@ -10,6 +10,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
+from barbalat.comparison.knobs import reach_of
+from barbalat.comparison.ranges import Range, Space
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.knobs import Knobs, Tunable
 from barbalat.loop.binding import bound
@@ -20,8 +22,6 @@ from barbalat.protocols import Controller, SampledEquations
 from barbalat.roles import main_estimates, state_parts, taken_from
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.knobs import reach_of
-from barbalat.tuning.space import Range, Space
 from barbalat.validate import Array, InputError
 
 

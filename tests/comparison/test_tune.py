@@ -23,13 +23,13 @@ from barbalat import (
 )
 from barbalat.cases.load import CaseText, parse_case
 from barbalat.cli import main
+from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.quantity import TunedQuantity
+from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, search
+from barbalat.comparison.search.trial import Trial
+from barbalat.comparison.tune.tune import Tuner
 from barbalat.study.ideal_benchmark import known_width
 from barbalat.study.motion import ModelMotion
-from barbalat.tuning.aim import Aim
-from barbalat.tuning.quantity import TunedQuantity
-from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, search
-from barbalat.tuning.trial import Trial
-from barbalat.tuning.tune import Tuner
 from independent import refusal
 
 DRIVE = """
@@ -408,4 +408,4 @@ def test_a_trial_that_diverges_on_a_plant_is_written_as_json():
     aim = Aim.of("rms_e", [], maximize=False, plants=1, quantile=1.0, seed=0)
     for value in (np.float64(np.inf), np.float64(1.0), None):
         trial = Trial(row=np.zeros(1), value=value, complete=True)
-        assert json.loads(json.dumps(trial.meets(aim))) is (value == 1.0)
+        assert json.loads(json.dumps(trial.meets(aim))) is bool(value == 1.0)

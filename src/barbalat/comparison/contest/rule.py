@@ -1,21 +1,23 @@
-"""The rule under which every scheme is tuned: the same margins, plants, command, noise, objective and number of trials."""
+"""The rule under which every scheme is tuned, and what a case lacks for it: a delay margin to ask for, measurement noise."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from barbalat import validate
+from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.quantity import Constraint, TunedQuantity
+from barbalat.comparison.search.search import least_trials
+from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import LARGEST_GAIN_ERROR, LONGEST_DELAY, Criterion
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.tuning.aim import Aim
-from barbalat.tuning.quantity import Constraint, TunedQuantity
-from barbalat.tuning.search import least_trials
+from barbalat.study.motion import ModelMotion
 from barbalat.validate import InputError
 
 DEFAULT_GAIN_MARGIN = 1.5
@@ -107,3 +109,23 @@ def default_delay_margin(problem: Problem, simulation: Simulation) -> float:
         matrices += [plant.A_m + b @ np.reshape(corner, (plant.n, -1)).T for corner in corners]
     fastest = max(float(np.abs(np.linalg.eigvals(one)).max()) for one in matrices)
     return max(float(f"{0.1 / fastest:.2g}"), 4 * simulation.dt)
+
+
+DEFAULT_NOISE_SHARE = 1e-3
+"""Of the model's largest motion, in each state: about one bit of ten, as of a plain sensor."""
+
+
+def with_noise(problem: Problem, share: float, simulation: Simulation, sample_time: float, seed: int) -> Problem:
+    """The problem, with Gaussian noise where it has none; ``share`` 0 leaves it without.
+
+    sample_time  about how long a value is held [s]: the nearest whole number of solver steps
+    """
+    if problem.noise is not None or share == 0:
+        return problem
+    if not 0 < share < 1:
+        raise InputError(f"noise must be a share of the model's motion, at least 0 and below 1, got {share:g}")
+    steps = max(round(sample_time / simulation.dt), 1)
+    held = simulation.dt * steps
+    noise = Noise(std=[share * each for each in ModelMotion.of(problem, simulation).of_each], sample_time=held, seed=seed)
+    sensor = Sensor(noise=noise) if problem.sensor is None else replace(problem.sensor, noise=noise)
+    return replace(problem, sensor=sensor)

@@ -8,27 +8,66 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from barbalat.certificates.linear_loops.margin_values import finite
-from barbalat.contests.held_out_command import drawn, with_command
-from barbalat.contests.rule import Rule
-from barbalat.contests.tuned import Qualified
+from barbalat.comparison.contest.rule import Rule
+from barbalat.comparison.contest.tuned import Qualified
+from barbalat.comparison.search.delay_borne import Question
+from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import BreakingSignal, Signal
 from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import tail_error, tracks
-from barbalat.study.delay_borne import Question
 from barbalat.study.finer_step import different, refined
 from barbalat.study.ideal_benchmark import Ideals, Member, quiet
 from barbalat.study.motion import ModelMotion
-from barbalat.study.tradeoff import plants_of
-from barbalat.sweeps.evidence import Share
+from barbalat.sweeps.statistics import Median, Share
 from barbalat.validate import Array, counted
 
 HELD_OUT_COMMANDS = 8
 """Of which each is followed by an equal number of plants: enough to fill the kernel's lanes."""
+AMPLITUDE_FACTORS = (0.5, 1.5)
+"""Of the case's command: what a tuning on one size of it says of others is what a neutral comparison must ask."""
+PACE_FACTORS = (0.5, 2.0)
+"""Of the case's command, an octave to either side."""
+
+
+@dataclass(frozen=True)
+class Paced:
+    """size times the signal, ``pace`` times as fast."""
+
+    signal: Signal
+    size: float
+    pace: float
+
+    def __call__(self, t: Array) -> Array:
+        return self.size * self.signal(self.pace * np.asarray(t))
+
+    def before(self, t: Array) -> Array:
+        return self.size * self.signal.before(self.pace * np.asarray(t))
+
+    def breaks(self, start: float, stop: float) -> Array:
+        if not isinstance(self.signal, BreakingSignal):
+            return np.zeros(0)
+        return np.asarray(self.signal.breaks(self.pace * start, self.pace * stop) / self.pace)
+
+
+def with_command(problem: Problem, size: float, pace: float) -> Problem:
+    """The problem with each of its commands changed; a disturbance stays what it is."""
+    commands = tuple(Paced(command, size, pace) for command in problem.commands)
+    return replace(problem, reference=commands if isinstance(problem.reference, tuple) else commands[0])
+
+
+def drawn_commands(count: int, seed: int) -> Array:
+    """(count, 2) sizes and paces, a Latin hypercube over both: evenly in the size, in the logarithm of the pace."""
+    from scipy.stats import qmc
+
+    shares = qmc.LatinHypercube(2, rng=np.random.default_rng(seed)).random(count)
+    sizes = AMPLITUDE_FACTORS[0] + (AMPLITUDE_FACTORS[1] - AMPLITUDE_FACTORS[0]) * shares[:, 0]
+    return np.column_stack([sizes, PACE_FACTORS[0] * (PACE_FACTORS[1] / PACE_FACTORS[0]) ** shares[:, 1]])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,7 +89,7 @@ class Draws:
         assert problem.uncertainty is not None
         seed = rule.seed + HELD_OUT_SEED
         plants = plants_of(problem, problem.uncertainty, members + 1, seed)[1:]
-        commands = drawn(min(HELD_OUT_COMMANDS, members), seed)
+        commands = drawn_commands(min(HELD_OUT_COMMANDS, members), seed)
         which = np.sort(np.arange(members) % len(commands))
         made = [with_command(problem, float(size), float(pace)) for size, pace in commands]
         problems = [replace(made[c], plant=plant.plant) for c, plant in zip(which, plants, strict=True)]
@@ -99,7 +138,7 @@ class HeldOut:
             "gain_up": self.gain_up,
             "gain_down": self.gain_down,
         }
-        return {name: Share(count=int(values.sum()), judged=len(values)) for name, values in found.items()}
+        return {name: Share.of(values) for name, values in found.items()}
 
     def as_json(self) -> dict[str, object]:
         """Shares of failures first, then quantiles of the error."""
@@ -113,21 +152,14 @@ class HeldOut:
     @property
     def largest_control(self) -> float:
         """The median of max |u|; infinite where half of the runs diverged."""
-        return median(np.where(self.diverged, np.inf, self.effort))
+        return Median.of(np.where(self.diverged, np.inf, self.effort)).value
 
     @property
     def quantiles(self) -> dict[str, float]:
         """Of the errors of all runs; infinite where so many failed."""
         ordered = np.sort(self.error)
         upper = float(ordered[min(int(np.ceil(0.9 * len(ordered))), len(ordered)) - 1])
-        return {"median": median(self.error), "upper_tenth": upper, "worst": float(ordered[-1])}
-
-
-def median(values: Array) -> float:
-    """Also of values that are infinite: the lower of the two in the middle, where their mean has no value."""
-    ordered = np.sort(values)
-    low, high = ordered[(len(ordered) - 1) // 2], ordered[len(ordered) // 2]
-    return float(low if low == high or not np.isfinite(low + high) else (low + high) / 2)
+        return {"median": Median.of(self.error).value, "upper_tenth": upper, "worst": float(ordered[-1])}
 
 
 @dataclass(frozen=True, kw_only=True)

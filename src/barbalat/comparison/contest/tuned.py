@@ -8,8 +8,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.certificates.certify import certify
-from barbalat.contests.entrant import Entrant, VariedEntrant, start_of
-from barbalat.contests.rule import Rule
+from barbalat.comparison.contest.entrant import Entrant, VariedEntrant, start_of
+from barbalat.comparison.contest.rule import Rule
+from barbalat.comparison.ranges import Space
+from barbalat.comparison.search.probing import Probing
+from barbalat.comparison.search.quantity import PROBES
+from barbalat.comparison.search.search import least_trials, search
+from barbalat.comparison.search.step_check import StepCheck
+from barbalat.comparison.search.trial import Plants, Trial
+from barbalat.comparison.search.trials import Trials, in_one_kernel
+from barbalat.comparison.tune.chosen import best_of
 from barbalat.loop.binding import bound
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, SampledEquations
@@ -17,14 +25,6 @@ from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import DelayMargins
 from barbalat.study.delay_search import Criterion
-from barbalat.tuning.chosen import best_of
-from barbalat.tuning.probing import Probing
-from barbalat.tuning.quantity import PROBES
-from barbalat.tuning.search import least_trials, search
-from barbalat.tuning.space import Space
-from barbalat.tuning.step_check import StepCheck
-from barbalat.tuning.trial import Plants, Trial
-from barbalat.tuning.trials import Trials, in_one_kernel
 from barbalat.validate import Array
 
 EDGE_SHARE = 0.02

@@ -13,6 +13,10 @@ from matplotlib.figure import Figure
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
+from barbalat.comparison import knobs
+from barbalat.comparison.knobs import default_knobs
+from barbalat.comparison.tradeoff import forecast
+from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff, pareto_front, plants_of, trade_off
 from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.knobs import Knobs
 from barbalat.loop.binding import bound
@@ -29,10 +33,7 @@ from barbalat.run.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
-from barbalat.study import forecast, knobs
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.knobs import default_knobs
-from barbalat.study.tradeoff import Cloud, TradeOff, pareto_front, plants_of, trade_off
 from barbalat.validate import InputError
 from independent import refusal
 

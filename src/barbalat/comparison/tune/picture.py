@@ -12,7 +12,7 @@ from barbalat.validate import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from barbalat.tuning.result import Point, Tuned, Tuning
+    from barbalat.comparison.tune.result import Point, Tuned, Tuning
 
 FACTOR_FOR_LOG = 20.0
 """Between the smallest and the largest value: from there on an axis is logarithmic."""

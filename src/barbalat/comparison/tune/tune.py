@@ -14,6 +14,16 @@ from barbalat.budget import Estimate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.certificates.certify import certify
+from barbalat.comparison.knobs import output_reach_of, reach_of
+from barbalat.comparison.ranges import Range, Space, of_knobs
+from barbalat.comparison.search.aim import DEFAULT_PLANTS, Aim
+from barbalat.comparison.search.quantity import LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
+from barbalat.comparison.search.search import least_trials, search
+from barbalat.comparison.search.trial import Plants
+from barbalat.comparison.search.trials import Trials, in_one_kernel
+from barbalat.comparison.tune.chosen import choose
+from barbalat.comparison.tune.result import Tuned, Tuning
+from barbalat.comparison.tune.written import with_numbers
 from barbalat.controllers import Sampled
 from barbalat.controllers.knobs import Knobs, OutputTunable, Tunable
 from barbalat.loop.closed_loop import ClosedLoop
@@ -30,16 +40,6 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE
 from barbalat.study.finer_step import FINER_BY
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.study.knobs import output_reach_of, reach_of
-from barbalat.tuning.aim import DEFAULT_PLANTS, Aim
-from barbalat.tuning.chosen import choose
-from barbalat.tuning.quantity import LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
-from barbalat.tuning.result import Tuned, Tuning
-from barbalat.tuning.search import least_trials, search
-from barbalat.tuning.space import Range, Space, of_knobs
-from barbalat.tuning.trial import Plants
-from barbalat.tuning.trials import Trials, in_one_kernel
-from barbalat.tuning.written import with_numbers
 from barbalat.validate import Array, InputError, Named
 
 DEFAULT_TRIALS = 384

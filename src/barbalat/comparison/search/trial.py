@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from barbalat.cases.build import Case
+from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.quantity import Constraint
 from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import SCANNED_DELAYS, gains_scanned, scanned
 from barbalat.study.ideal_benchmark import Ideals
-from barbalat.tuning.aim import Aim
-from barbalat.tuning.quantity import Constraint
 from barbalat.validate import Array
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.stats import binom, quantile_test
 
 from barbalat import (
     Adrc,
@@ -28,10 +27,9 @@ from barbalat import (
     compete,
     simulate,
 )
-from barbalat.contests.entrant import entrants_of, start_of
-from barbalat.contests.held_out import HeldOut, median
-from barbalat.contests.held_out_command import Paced
-from barbalat.contests.paired import interval_of_median, paired
+from barbalat.comparison.contest.entrant import entrants_of, start_of
+from barbalat.comparison.contest.held_out import HeldOut, Paced
+from barbalat.comparison.contest.result import paired
 from foreign import Plain, PlainEquations, PlainState
 from independent import refusal
 
@@ -56,20 +54,6 @@ def fixed(theta: float, name: str = "Fixed") -> Entrant:
 @pytest.fixture(scope="module")
 def found():
     return compete(DRIVE, SIMULATION, [mrac(), fixed(1.0)], RULE, members=16)
-
-
-def test_the_interval_of_a_median_is_that_of_scipy_and_keeps_what_it_says():
-    random = np.random.default_rng(1)
-    for count in (8, 25, 200):
-        values = random.normal(size=count)
-        other = quantile_test(values, q=0.0, p=0.5).confidence_interval(0.95)
-        assert interval_of_median(values) == (other.low, other.high)
-    values = np.concatenate([np.full(12, np.inf), random.normal(size=28), np.full(3, -np.inf)])
-    low, high = interval_of_median(values)
-    assert np.isfinite([low, high]).all() and low < median(values) < high  # failures are runs on the worse side, no more
-    assert interval_of_median(np.arange(5.0)) == (-np.inf, np.inf)  # 5 signs alike are not rare enough
-    k = int(np.searchsorted(binom.cdf(np.arange(26), 25, 0.5), 0.025))
-    assert binom.cdf(k - 1, 25, 0.5) < 0.025 <= binom.cdf(k, 25, 0.5)
 
 
 def borne_by_hand(controller, theta: float, delay: float = 0.0, gain: float = 1.0) -> bool:

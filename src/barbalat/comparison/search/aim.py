@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 from barbalat import validate
 from barbalat.cases.build import Case
+from barbalat.comparison.search.quantity import Constraint, Origin, TunedQuantity
+from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.open_numbers.path import by_index
 from barbalat.problem.labels import Labels
 from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.study.delay_search import LONGEST_DELAY
-from barbalat.study.tradeoff import plants_of
-from barbalat.tuning.quantity import Constraint, Origin, TunedQuantity
 from barbalat.validate import InputError
 
 DEFAULT_PLANTS = 4

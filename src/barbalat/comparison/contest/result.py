@@ -9,18 +9,83 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from barbalat.contests.held_out import Again, Draws, HeldOut, median
-from barbalat.contests.paired import Paired
-from barbalat.contests.rule import Rule
-from barbalat.contests.tuned import Qualified
+from barbalat.certificates.linear_loops.margin_values import finite
+from barbalat.comparison.contest.held_out import Again, Draws, HeldOut
+from barbalat.comparison.contest.rule import Rule
+from barbalat.comparison.contest.tuned import Qualified
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.motion import ModelMotion
+from barbalat.sweeps.statistics import CONFIDENCE_LEVEL, Median, Share
 from barbalat.validate import Array, Named
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, kw_only=True)
+class Paired:
+    """Two entrants on the same plants, commands and noise.
+
+    Plants and noise are independent draws and the commands a fixed set with equally many plants each: the number below a value is
+    then a sum of independent draws of unequal chances, of which a binomial interval covers at least as often (Hoeffding, 1956).
+
+    ratio     median of the first's error over the second's; infinite or 0 where half of the runs failed on one side alone
+    interval  of the ratio
+    better, worse  share of the runs in which the first has the smaller, or the larger, error; with a run that failed on one side
+    both_failed    runs, which are neither
+    """
+
+    first: str
+    second: str
+    ratio: float
+    interval: tuple[float, float]
+    better: Share
+    worse: Share
+    both_failed: int
+
+    @property
+    def settled(self) -> bool:
+        """Whether the interval lies to one side of 1."""
+        return self.interval[1] < 1 or self.interval[0] > 1
+
+    def as_json(self) -> dict[str, object]:
+        low, high = self.interval
+        return {
+            "first": self.first,
+            "second": self.second,
+            "ratio": finite(self.ratio),
+            "interval": [finite(low), finite(high)],
+            "confidence": CONFIDENCE_LEVEL,
+            "better": self.better.as_json(),
+            "worse": self.worse.as_json(),
+            "both_failed": self.both_failed,
+        }
+
+
+def paired(first: tuple[str, HeldOut], second: tuple[str, HeldOut]) -> Paired:
+    """The comparison of two entrants, each with its name, that were measured on the same draws."""
+    (one, a), (other, b) = first, second
+    ratios = log_ratios(a.error, b.error)
+    middle = Median.of(ratios)
+    low, high = middle.interval
+    return Paired(
+        first=one,
+        second=other,
+        ratio=float(np.exp(middle.value)),
+        interval=(float(np.exp(low)), float(np.exp(high))),
+        better=Share.of(ratios < 0),
+        worse=Share.of(ratios > 0),
+        both_failed=int((np.isinf(a.error) & np.isinf(b.error)).sum()),
+    )
+
+
+def log_ratios(a: Array, b: Array) -> Array:
+    """(M,) log(a/b); 0 where both failed, infinite where one did."""
+    both = np.isinf(a) & np.isinf(b)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(both, 0.0, np.log(a) - np.log(b))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -56,7 +121,7 @@ class Contest(Plotted):
         if one.name not in self.held_out:
             return "does not meet the rule"
         held = self.held_out[one.name]
-        return f"{median(held.error):.3g} ({int(held.lost.sum())} of {len(held.lost)} failed)"
+        return f"{held.quantiles['median']:.3g} ({int(held.lost.sum())} of {len(held.lost)} failed)"
 
     @cached_property
     def motion(self) -> float:
@@ -68,7 +133,7 @@ class Contest(Plotted):
 
         shown  to a person at once, by pyplot where that is in use
         """
-        from barbalat.contests.picture import draw
+        from barbalat.comparison.contest.picture import draw
 
         return draw(self, shown=shown)
 

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff
 from barbalat.pictures.labels import LabelPlaces
 from barbalat.pictures.symbols import in_symbols
 from barbalat.pictures.theme import NARROW, Theme, dash_of, new_figure
-from barbalat.study.tradeoff import Cloud, TradeOff
 from barbalat.validate import Array
 
 MARKS = ("o", "s", "^", "D")

@@ -11,15 +11,15 @@ import numpy as np
 from barbalat.cases.build import Case
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certify import certify
+from barbalat.comparison.ranges import Space
+from barbalat.comparison.search.quantity import Constraint, Origin
+from barbalat.comparison.search.step_check import StepCheck
+from barbalat.comparison.search.trial import Plants, Trial
+from barbalat.comparison.search.trials import Trials
+from barbalat.comparison.tradeoff.tradeoff import pareto_front, plants_of
+from barbalat.comparison.tune.result import Point, Tuned, UnseenPlants
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.progress import Progress
-from barbalat.study.tradeoff import pareto_front, plants_of
-from barbalat.tuning.quantity import Constraint, Origin
-from barbalat.tuning.result import Point, Tuned, UnseenPlants
-from barbalat.tuning.space import Space
-from barbalat.tuning.step_check import StepCheck
-from barbalat.tuning.trial import Plants, Trial
-from barbalat.tuning.trials import Trials
 from barbalat.validate import Array
 
 FRONT_TUNINGS = 16

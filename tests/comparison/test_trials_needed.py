@@ -5,11 +5,11 @@ import pytest
 from barbalat import InputError
 from barbalat.cases.load import CaseText
 from barbalat.cli import main
+from barbalat.comparison.ranges import Range, Space
+from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.search import least_trials
+from barbalat.comparison.tune.tune import DEFAULT_TRIALS, Tuner
 from barbalat.open_numbers.path import FieldPath
-from barbalat.tuning.aim import Aim
-from barbalat.tuning.search import least_trials
-from barbalat.tuning.space import Range, Space
-from barbalat.tuning.tune import DEFAULT_TRIALS, Tuner
 
 
 def test_the_help_says_the_least_number(capsys):

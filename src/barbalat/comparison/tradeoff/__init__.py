@@ -1,0 +1,1 @@
+"""Tracking against robustness over all tunings of several schemes."""

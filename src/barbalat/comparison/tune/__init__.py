@@ -1,0 +1,1 @@
+"""Settings of a controller, found by search under constraints."""
