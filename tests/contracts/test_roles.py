@@ -13,7 +13,7 @@ import strangers
 from barbalat import Role, Sampled, simulate
 from barbalat.certificates.certify import certify
 from barbalat.cli import main
-from barbalat.contests.entrant import initial_estimates
+from barbalat.comparison.contest.entrant import initial_estimates
 from barbalat.export.write import files, units
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import ParameterBox

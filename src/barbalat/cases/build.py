@@ -209,6 +209,11 @@ def _bound(table: Table, context: Context, problem: TrackingProblem) -> Bound:
         return controller, bound(problem, controller)
 
 
+def _already_bound(equations: Any, _problem: TrackingProblem, _controller: Controller) -> Any:
+    """Equations that were bound before, in place of binding the controller again."""
+    return equations
+
+
 def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Simulation, parts: Parts) -> Case:
     """The case, after what its parts must agree on was checked."""
     controllers = tuple(controller for controller, _ in found)
@@ -222,7 +227,7 @@ def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Sim
         if all(one is other for one, other in zip(fits, parts.fitting.get(id(controller), (None,) * 3), strict=True)):
             continue
         with within(controller.name):
-            loop = ClosedLoop.of(problem, controller, bind=lambda _, __, equations=equations: equations)
+            loop = ClosedLoop.of(problem, controller, bind=partial(_already_bound, equations))
             Rhythm.of(loop, None, simulation)  # likewise what happens between steps
         if not parts.complete:
             parts.fitting[id(controller)] = fits

@@ -269,7 +269,7 @@ def _place(location: tuple[int | str, ...], data: Any) -> str:
     here = data
     for key in _keys(location, data):
         if isinstance(here, dict):
-            parts.append(key if BARE_KEY.fullmatch(str(key)) else json.dumps(key))  # a key in quotes may hold anything
+            parts.append(str(key) if BARE_KEY.fullmatch(str(key)) else json.dumps(key))  # a key in quotes may hold anything
         elif isinstance(here, list) and isinstance(key, int):
             parts[-1] += f" {key + 1}"
         here = _inside(here, key)

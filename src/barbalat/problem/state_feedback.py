@@ -158,7 +158,7 @@ class Problem(TrackingProblem, Settings):
         if shape != wanted:
             asked = f"a matrix {wanted[0]} x {wanted[1]} (inputs x commands)" if wanted else "a number"
             raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(self.reference_model.k_0)}")
-        freeze(self, reference=commands if wanted else commands[0])  # one command of several inputs is a list of one  # type: ignore[redundant-expr]
+        freeze(self, reference=commands if wanted else commands[0])  # type: ignore[redundant-expr]  # one command of several inputs is a list of one
 
     @property
     def in_brief(self) -> str:

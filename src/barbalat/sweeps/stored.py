@@ -58,7 +58,7 @@ class StoreIndex:
     @property
     def complete(self) -> bool:
         """Whether every member is in one of the files."""
-        return sum(file["count"] for file in self.files.values()) == self.members
+        return bool(sum(file["count"] for file in self.files.values()) == self.members)
 
 
 def name_of(chunk: Chunk) -> str:

@@ -112,7 +112,7 @@ def initial(covariance0: float | Array, n: int, bound: float | None = None) -> M
     require_room(n)
     P = Gain(covariance0).as_matrix(n)
     exceeds = bound is not None and np.linalg.norm(P) > bound
-    if isinstance(exceeds, (bool, np.bool_)) and exceeds:  # no number where an ensemble varies it; its members were checked  # type: ignore[redundant-expr]
+    if isinstance(exceeds, (bool, np.bool_)) and exceeds:  # type: ignore[redundant-expr]  # no number where an ensemble varies it
         raise InputError.of(
             "law.covariance0",
             f"must not exceed law.covariance_bound = {bound:g} in the Frobenius norm, but {validate.show(P)} "
