@@ -25,7 +25,7 @@ from barbalat.comparison.contest.entrant import Entrant
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified, qualify
 from barbalat.comparison.search.trial import Plants
-from barbalat.controllers.knobs import Knobs
+from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
@@ -66,7 +66,7 @@ def tuned(axis: Axis, scheme: str) -> Qualified:
 
     values = {knob: np.geomspace(low, high, KNOB_VALUES) for knob, (low, high) in contestant.knobs.items()}
     least = {knob: float(tried[0]) for knob, tried in values.items()}
-    entrant = Entrant(knobs=Knobs(scheme=scheme, values=values, make=made))
+    entrant = Entrant(knobs=TuningGrid(scheme=scheme, values=values, make=made))
     problem = as_linearised(axis, contestant.make(axis, least).problem)
     plants = Plants.of(Case(problem, (made(**least),), SIMULATION), RULE.aim, [problem])
     return qualify(entrant, RULE, plants, plants, SIMULATION)  # no sensor has noise, so that the silent plants are the same

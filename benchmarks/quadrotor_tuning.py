@@ -20,7 +20,7 @@ from barbalat.comparison.contest.entrant import Entrant
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified, qualify
 from barbalat.comparison.search.trial import Plants
-from barbalat.controllers.knobs import Knobs
+from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.actuation import PlantInput
@@ -152,4 +152,4 @@ def tuned(axes: Axes, axis: Axis, scheme: str, rule: Rule) -> Qualified:
     problem = as_linearised(axes, axis)
     simulation = Simulation(t_end=_samples(axis, T_END), dt=axis.sample_time)
     noisy, silent = (Plants.of(Case(one, (least,), simulation), rule.aim, [one]) for one in (problem, quiet(problem)))
-    return qualify(Entrant(knobs=Knobs(scheme=scheme, values=values, make=made)), rule, noisy, silent, simulation)
+    return qualify(Entrant(knobs=TuningGrid(scheme=scheme, values=values, make=made)), rule, noisy, silent, simulation)

@@ -11,7 +11,6 @@ import hypothesis
 import pytest
 
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
-from barbalat.report import beside
 from barbalat.run.processes import Here
 from barbalat.signals import Sine, Sines
 
@@ -68,7 +67,7 @@ def _figures_closed() -> Iterator[None]:
 def drawn_here() -> Iterator[None]:
     """Commands that tests call draw in the tests' own process: to start a second one for each would take longer than it saves."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(beside, "drawing_beside", lambda: nullcontext(Here()))
+        patch.setattr(drawing_process, "drawing_beside", lambda: nullcontext(Here()))
         yield
 
 

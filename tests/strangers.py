@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat import Knobs, Role
+from barbalat import Role, TuningGrid
 
 
 class Weights(NamedTuple):
@@ -62,7 +62,9 @@ class Sixteen:
         return WeighingEquations(self.gamma, centres, known.P @ known.b, known.k_0)
 
     def knobs(self, reach):
-        return Knobs(scheme="Sixteen", values={"gamma": np.array([1.0, 10.0])}, make=lambda gamma: replace(self, gamma=gamma))
+        return TuningGrid(
+            scheme="Sixteen", values={"gamma": np.array([1.0, 10.0])}, make=lambda gamma: replace(self, gamma=gamma)
+        )
 
 
 class Layers(NamedTuple):
@@ -119,7 +121,7 @@ class TwoLayers:
         return LayeredEquations(self.beta, known.A_m, known.b, known.P @ known.b, known.k_0, known.x0)
 
     def knobs(self, reach):
-        return Knobs(scheme="TwoLayers", values={"beta": np.array([5.0, 20.0])}, make=lambda beta: replace(self, beta=beta))
+        return TuningGrid(scheme="TwoLayers", values={"beta": np.array([5.0, 20.0])}, make=lambda beta: replace(self, beta=beta))
 
 
 class Lead(NamedTuple):
@@ -160,7 +162,7 @@ class NoEstimate:
         return LeadEquations(self.k, known.k_0, known.P @ known.b)
 
     def knobs(self, reach):
-        return Knobs(scheme="NoEstimate", values={"k": np.array([1.0, 4.0])}, make=lambda k: replace(self, k=k))
+        return TuningGrid(scheme="NoEstimate", values={"k": np.array([1.0, 4.0])}, make=lambda k: replace(self, k=k))
 
 
 CONTROLLERS = [Sixteen(), TwoLayers(), NoEstimate()]

@@ -14,7 +14,7 @@ from scipy.io import savemat
 
 from barbalat import Budget, InputError, Recorded, load_case, reading
 from barbalat.budget import Estimate
-from barbalat.cases import outside
+from barbalat.cases import user_controllers
 from barbalat.cases.load import CaseText
 from barbalat.reading import contents
 from barbalat.signals import matlab
@@ -24,7 +24,7 @@ READERS = {
     "case": load_case,
     "csv": Recorded.from_csv,
     "mat": Recorded.from_mat,
-    "controllers": outside.run,
+    "controllers": user_controllers.run,
 }
 needs_devices = pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no such files on this system")
 
@@ -160,7 +160,7 @@ def test_a_file_of_controllers_is_not_run_before_it_is_measured(tmp_path):
     file = tmp_path / "own.py"
     file.write_text("raise SystemExit('it was run')\n" + "#" * 1000)
     with Budget(memory=1000.0), pytest.raises(InputError, match="bytes would do"):
-        outside.run(file)
+        user_controllers.run(file)
 
 
 def test_a_packed_matlab_file_is_measured_unpacked(tmp_path):

@@ -26,7 +26,7 @@ from .comparison.contest.contest import contest as contest
 from .comparison.contest.entrant import Entrant as Entrant
 from .comparison.contest.result import Contest as Contest
 from .comparison.contest.rule import Rule as Rule
-from .comparison.knobs import default_knobs as default_knobs
+from .comparison.grids import default_knobs as default_knobs
 from .comparison.tradeoff.tradeoff import TradeOff as TradeOff
 from .comparison.tradeoff.tradeoff import trade_off as trade_off
 from .comparison.tune.result import Tuning as Tuning
@@ -44,7 +44,6 @@ from .controllers import NetworkMrac as NetworkMrac
 from .controllers import NormalizedMrac as NormalizedMrac
 from .controllers import RobustMrac as RobustMrac
 from .controllers import Sampled as Sampled
-from .controllers.knobs import Knobs as Knobs
 from .controllers.output.l1 import L1Output as L1Output
 from .controllers.output.l1 import fast_limit as fast_limit
 from .controllers.output.l1 import linear_equivalent as linear_equivalent
@@ -52,6 +51,7 @@ from .controllers.output.l1_piecewise import L1OutputPiecewiseConstant as L1Outp
 from .controllers.output.linear import LinearOutput as LinearOutput
 from .controllers.output.mrac import MracOutput as MracOutput
 from .controllers.piecewise_predictor import AsFlown as AsFlown
+from .controllers.tuning_grid import TuningGrid as TuningGrid
 from .design import hinf_feedback as hinf_feedback
 from .design import pi_feedback as pi_feedback
 from .explorer.explorer import Explorer as Explorer

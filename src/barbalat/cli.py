@@ -31,7 +31,7 @@ from barbalat.commands import (
 from barbalat.commands.interrupt import Terminated, interruptible
 from barbalat.commands.options import add_budget
 from barbalat.commands.parser import BAD_INPUT, UNKNOWN, Parser
-from barbalat.commands.screen import say
+from barbalat.commands.progress import say
 from barbalat.commands.streams import OutputLost, notes, results
 
 WORKING = ("reproduce", "run", "certify", "sweep", "tune", "contest", "tradeoff", "explore", "export", "fly")

@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from barbalat.controllers.knobs import OutputTunable, Tunable
 from barbalat.controllers.settings import beyond_of
+from barbalat.controllers.tuning_grid import OutputTunable, Tunable
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import InterpolatedSignal

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from barbalat import Mrac, Simulation, load_case, simulate
-from barbalat.cases import outside
+from barbalat.cases import user_controllers
 from barbalat.cli import main
 from barbalat.commands.law_template import MyLaw
 from barbalat.testing import problem_kinds
@@ -47,7 +47,7 @@ def test_the_class_is_called_after_the_file(folder, capsys, file, name):
     """Unless that would be no name, or one that the file has already."""
     assert main(["new", file, "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"law": file}
-    (controller,) = outside.run(file).controllers(named={})
+    (controller,) = user_controllers.run(file).controllers(named={})
     assert type(controller).__name__ == controller.name == name
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from barbalat.cases import outside
+from barbalat.cases import user_controllers
 from barbalat.cases.load import load_case, parse_case
 from barbalat.cli import main
 from barbalat.explorer.explorer import explore
@@ -40,7 +40,7 @@ dt = 1e-2
 scheme = "mrac"
 gamma = 5.0
 """
-COPIES = Path(outside.__file__).parents[1] / "explorer" / "templates" / "copies.js"
+COPIES = Path(user_controllers.__file__).parents[1] / "explorer" / "templates" / "copies.js"
 
 
 @pytest.fixture
@@ -111,7 +111,7 @@ def test_a_sweeps_worst_members_have_pages_of_them(folder):
 
 
 def test_one_of_a_files_controllers_joins_alone(folder):
-    own = outside.run("laws.py")
+    own = user_controllers.run("laws.py")
     assert [one.name for one in parse_case(CASE, own=own.alone(1)).controllers] == ["MRAC", "second"]
     assert [one.name for one in parse_case(CASE, own=own.alone(-1)).controllers] == ["MRAC"]
     without = CASE[: CASE.index("[[controller]]")]
@@ -123,7 +123,7 @@ def test_a_trade_off_has_them_as_they_are_or_with_their_knobs(folder, capsys):
     """Plain has the MRAC's lines, and so its error and its delays at the same gain."""
     knobs = """
 import numpy as np
-from barbalat.controllers.knobs import Knobs
+from barbalat.controllers.tuning_grid import Knobs
 from barbalat.controllers import Mrac
 class Tuned(Plain):
     def knobs(self, reach):

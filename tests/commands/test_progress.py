@@ -7,7 +7,7 @@ import time
 import pytest
 from rich.console import Console
 
-from barbalat.commands.screen import Work, say
+from barbalat.commands.progress import Work, say
 
 
 @pytest.fixture

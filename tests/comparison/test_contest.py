@@ -12,7 +12,6 @@ from barbalat import (
     Constant,
     Entrant,
     InputError,
-    Knobs,
     KnownParameters,
     Mrac,
     ParameterBox,
@@ -24,12 +23,13 @@ from barbalat import (
     Simulation,
     Sine,
     Square,
+    TuningGrid,
     compete,
     simulate,
 )
 from barbalat.comparison.contest.entrant import entrants_of, start_of
-from barbalat.comparison.contest.held_out import HeldOut, Paced
 from barbalat.comparison.contest.result import paired
+from barbalat.comparison.contest.validation import Paced, Validation
 from foreign import Plain, PlainEquations, PlainState
 from independent import refusal
 
@@ -44,11 +44,11 @@ RULE = Rule(delay_margin=0.03, gain_margin=1.5, plants=2, trials=288)
 
 
 def mrac(low: float = 0.1, high: float = 1e4) -> Entrant:
-    return Entrant(knobs=Knobs(scheme="MRAC", values={"gamma": np.array([low, high])}, make=lambda gamma: Mrac(gamma=gamma)))
+    return Entrant(knobs=TuningGrid(scheme="MRAC", values={"gamma": np.array([low, high])}, make=lambda gamma: Mrac(gamma=gamma)))
 
 
 def fixed(theta: float, name: str = "Fixed") -> Entrant:
-    return Entrant(knobs=Knobs(scheme=name, values={}, make=lambda: KnownParameters(theta=[theta], name=name)))
+    return Entrant(knobs=TuningGrid(scheme=name, values={}, make=lambda: KnownParameters(theta=[theta], name=name)))
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +111,7 @@ def test_who_diverges_on_what_no_tuning_saw_is_counted_and_stays_in():
     plant = Plant(A_m=[[-2.0]], b=[30.0], theta=[1.0], x0=[0.3])
     problem, simulation = replace(DRIVE, plant=plant), Simulation(t_end=4.0, dt=2e-3)
     rule = Rule(delay_margin=0.01, gain_margin=1.05, plants=1, trials=288)
-    high = Entrant(knobs=Knobs(scheme="ADRC", values={}, make=lambda: Adrc(bandwidth=50.0, nominal=[1.0])))
+    high = Entrant(knobs=TuningGrid(scheme="ADRC", values={}, make=lambda: Adrc(bandwidth=50.0, nominal=[1.0])))
     found = compete(problem, simulation, [fixed(1.0), high], rule, members=40)
     theta = np.array([one.plant.theta[0] for one in found.draws.problems])
     held = found.held_out["Fixed"]
@@ -139,9 +139,9 @@ def test_the_same_seed_gives_the_same_and_nobody_depends_on_who_else_is_there(fo
     assert other.thetas[1] != found.thetas[1] and (other.thetas[0] == found.thetas[0]).all()
 
 
-def held(error: list[float]) -> HeldOut:
+def held(error: list[float]) -> Validation:
     values, nothing = np.array(error), np.zeros(len(error), dtype=bool)
-    return HeldOut(
+    return Validation(
         error=values, diverged=nothing, lost=np.isinf(values), delay=nothing, gain_up=nothing, gain_down=nothing, effort=values
     )
 
@@ -181,7 +181,7 @@ APART = replace(DRIVE, uncertainty=ParameterBox(lower=[-1.0], upper=[3.0]))
 
 
 @dataclass(frozen=True, eq=False)
-class Outside:
+class ExternalFunction:
     """A law of a user's own whose estimates start where ``theta_hat0`` says."""
 
     gamma: float = 1.0
@@ -193,7 +193,7 @@ class Outside:
         return OutsideEquations(PlainEquations(self.gamma, known.P @ known.b, known.k_0, known.n), start)
 
     def knobs(self, reach):
-        return Knobs(scheme=self.name, values={"gamma": np.array([1.0, 10.0])}, make=type(self))
+        return TuningGrid(scheme=self.name, values={"gamma": np.array([1.0, 10.0])}, make=type(self))
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,13 +215,13 @@ class OutsideEquations:
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen(Outside):
+class Chosen(ExternalFunction):
     """Its user has set where it starts."""
 
     name: str = "chosen"
 
     def knobs(self, reach):
-        return Knobs(
+        return TuningGrid(
             scheme=self.name, values={"gamma": np.array([1.0, 10.0])}, make=lambda gamma: Chosen(gamma, theta_hat0=(0.5,))
         )
 
@@ -233,12 +233,12 @@ class Fixed(Plain):
     name: str = "plain"
 
     def knobs(self, reach):
-        return Knobs(scheme=self.name, values={"gamma": np.array([1.0, 10.0])}, make=Fixed)
+        return TuningGrid(scheme=self.name, values={"gamma": np.array([1.0, 10.0])}, make=Fixed)
 
 
 def test_a_law_from_outside_starts_where_the_others_do():
     """Where its class has a field theta_hat0 that is left at its default; what its user has set stays."""
-    own = [Outside(), Chosen(), Fixed(1.0)]
+    own = [ExternalFunction(), Chosen(), Fixed(1.0)]
     entrants, _ = entrants_of(APART, SIMULATION, schemes=["mrac"], own=own)
     starts = {one.name: start_of(APART, one.controller([2.0])).tolist() for one in entrants}
     assert starts == {"MRAC": [1.0], "outside": [1.0], "chosen": [0.5], "plain": [0.0]}
@@ -247,7 +247,7 @@ def test_a_law_from_outside_starts_where_the_others_do():
 def test_who_starts_elsewhere_is_said():
     rule = replace(RULE, plants=1)
     one, other = (
-        Entrant(knobs=Knobs(scheme=name, values={}, make=lambda start=start: Outside(20.0, start)))
+        Entrant(knobs=TuningGrid(scheme=name, values={}, make=lambda start=start: ExternalFunction(20.0, start)))
         for name, start in (("elsewhere", None), ("in the middle", (1.0,)))
     )
     found = compete(APART, SIMULATION, [one, other], rule, members=8)

@@ -13,12 +13,12 @@ from matplotlib.figure import Figure
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.comparison import knobs
-from barbalat.comparison.knobs import default_knobs
+from barbalat.comparison import grids
+from barbalat.comparison.grids import default_knobs
 from barbalat.comparison.tradeoff import forecast
 from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff, pareto_front, plants_of, trade_off
 from barbalat.controllers import SCHEMES, Mrac, Sampled
-from barbalat.controllers.knobs import Knobs
+from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.loop.binding import bound
 from barbalat.pictures.labels import LabelPlaces
 from barbalat.problem.actuation import PlantInput
@@ -61,7 +61,7 @@ def test_pareto_front_against_brute_force():
 
 
 def test_trade_off_of_one_scheme_and_its_page(section_v, tmp_path):
-    chosen = (Knobs(scheme="MRAC", values={"gamma": np.array([1e-3, 1e-1])}, make=lambda gamma: Mrac(gamma=gamma)),)
+    chosen = (TuningGrid(scheme="MRAC", values={"gamma": np.array([1e-3, 1e-1])}, make=lambda gamma: Mrac(gamma=gamma)),)
     seen, said = [], []
     found = trade_off(
         section_v, Simulation(t_end=20.0, dt=1e-3), knobs=chosen, plants=3, estimate=said.append, progress=seen.append
@@ -106,9 +106,9 @@ def test_largest_gain_along_a_run_against_the_bound_of_certify(section_v):
     """|x| along the run is below the bound that certify takes: the gain is larger, by a factor that a sine's bound explains."""
     simulation = Simulation(t_end=60.0, dt=1e-3)
     bound = certify(section_v, (Mrac(gamma=1.0),), simulation)["MRAC"].values["gamma_max"]
-    found, how = knobs.largest_gain(section_v, simulation)
+    found, how = grids.largest_gain(section_v, simulation)
     assert (found, how) == (bound, "gamma_max of certify")
-    along = knobs._largest_along_the_ideal_run(section_v, simulation)
+    along = grids._largest_along_the_ideal_run(section_v, simulation)
     assert bound < along < 10 * bound
 
 
@@ -147,7 +147,7 @@ BRIEF = Simulation(t_end=4.0, dt=4e-3)
 
 
 def _two_gains(make=lambda gamma: Mrac(gamma=gamma)):
-    return (Knobs(scheme="MRAC", values={"gamma": np.array([1.0, 10.0])}, make=make),)
+    return (TuningGrid(scheme="MRAC", values={"gamma": np.array([1.0, 10.0])}, make=make),)
 
 
 def test_a_case_with_noise_is_timed_over_runs_that_hold_a_sample_of_it():
@@ -174,7 +174,7 @@ def test_a_known_set_without_zero_starts_in_its_middle(gain):
     for one in chosen:
         start = bound(apart, one.make(**next(one.tunings()))).initial().theta_hat
         assert start[0] == 1.5
-    assert knobs.start_of(SMALL) is None  # elsewhere each scheme starts as it did
+    assert grids.start_of(SMALL) is None  # elsewhere each scheme starts as it did
 
 
 def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch):
@@ -183,7 +183,7 @@ def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch
     class Never:
         @classmethod
         def knobs(cls, reach):
-            return Knobs(scheme="never", values={"gamma": reach.gains(1e-4, 2)}, make=lambda gamma: Refusing())
+            return TuningGrid(scheme="never", values={"gamma": reach.gains(1e-4, 2)}, make=lambda gamma: Refusing())
 
     class Refusing:
         name = "never"
@@ -191,7 +191,7 @@ def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch
         def bind(self, known):
             raise InputError("never takes no plant")
 
-    monkeypatch.setattr(knobs, "SCHEMES", {"never": Never})
+    monkeypatch.setattr(grids, "SCHEMES", {"never": Never})
     said = refusal(lambda: trade_off(SMALL, BRIEF))
     assert "no scheme takes part in the trade-off: never is left out: never takes no plant" in said
     still = replace(SMALL, plant=replace(SMALL.plant, theta=[3.0]))
@@ -275,14 +275,14 @@ def test_a_registered_scheme_brings_its_own_knobs(section_v, monkeypatch):
         @classmethod
         def knobs(cls, reach):
             values = {"gamma": reach.gains(1e-4, reach.density)}
-            return Knobs(scheme="slow", values=values, make=lambda gamma: Mrac(gamma=gamma, name="slow"))
+            return TuningGrid(scheme="slow", values=values, make=lambda gamma: Mrac(gamma=gamma, name="slow"))
 
     simulation = Simulation(t_end=20.0, dt=1e-3)
     before, _ = default_knobs(section_v, simulation, density=3)
     monkeypatch.setitem(SCHEMES, "slow", Slow)
     after, _ = default_knobs(section_v, simulation, density=3)
     assert [one.scheme for one in after] == [*(one.scheme for one in before), "slow"] == ["MRAC", "L1-AC", "Robust MRAC", "slow"]
-    highest, _ = knobs.largest_gain(section_v, simulation)
+    highest, _ = grids.largest_gain(section_v, simulation)
     np.testing.assert_allclose(after[-1].values["gamma"], highest * np.array([1e-4, 1e-2, 1.0]), rtol=1e-12)
 
 

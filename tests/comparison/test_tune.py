@@ -29,7 +29,7 @@ from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, search
 from barbalat.comparison.search.trial import Trial
 from barbalat.comparison.tune.tune import Tuner
 from barbalat.study.ideal_benchmark import known_width
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from independent import refusal
 
 DRIVE = """
@@ -221,7 +221,7 @@ def test_no_worse_than_the_trade_offs_front_at_equal_delay(tmp_path):
     case = load_case(path)
     assert case.simulation == Simulation(t_end=20.0, dt=1e-3)
     clouds = trade_off(case.problem, case.simulation, density=4, plants=2).clouds
-    scale = ModelMotion.of(case.problem, case.simulation).rms
+    scale = ReferenceMotion.of(case.problem, case.simulation).rms
     for cloud in clouds:
         error, margin = cloud.at("worst", "onset")
         front = cloud.front("worst", "onset")

@@ -16,7 +16,7 @@ from barbalat.certificates.table_1 import table_1
 from barbalat.cli import main
 from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Sampled
-from barbalat.controllers.knobs import Knobs
+from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.explorer.explorer import explore
 from barbalat.export.write import files, units
 from barbalat.problem.known_set import ParameterBox
@@ -138,7 +138,7 @@ def test_simulated_margins(linear):
 def test_trade_offs(linear):
     makes = {"gamma": (HighOrder, Predicting, Weighing), "w": (Sliding,)}
     knobs = [
-        Knobs(scheme=make.__name__, values={key: np.array([1.0, 10.0])}, make=make)
+        TuningGrid(scheme=make.__name__, values={key: np.array([1.0, 10.0])}, make=make)
         for key, kinds in makes.items()
         for make in kinds
     ]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from barbalat import Mrac, Polynomial, Role, Simulation, check_controller, simulate
-from barbalat.cases import outside
+from barbalat.cases import user_controllers
 from barbalat.roles import column_names, main_estimates, state_parts
 from barbalat.testing import check, problem_kinds
 from independent import refusal
@@ -22,12 +22,12 @@ PAGE = (Path(__file__).parents[2] / "docs" / "own-laws.md").read_text(encoding="
 def law(tmp_path):
     file = tmp_path / "page.py"
     file.write_text(PAGE.partition("%%writefile mylaws.py\n")[2].partition("```")[0], encoding="utf-8")
-    return outside.run(file).controllers(named={})[0]
+    return user_controllers.run(file).controllers(named={})[0]
 
 
 def test_the_pages_law_runs(problems, law):
     check_controller(law, problems[2])
-    assert f'entry-points."{outside.ENTRY_POINT_GROUP}"' in PAGE
+    assert f'entry-points."{user_controllers.ENTRY_POINT_GROUP}"' in PAGE
 
 
 def test_it_is_the_standard_mrac_whatever_the_regressor(problems, law):

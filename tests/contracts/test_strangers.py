@@ -14,7 +14,7 @@ from barbalat.certificates.certify import certify
 from barbalat.certificates.table_1 import table_1
 from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Mrac, NormalizedMrac, RobustMrac, Sampled
-from barbalat.controllers.knobs import Knobs
+from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.run.check_numerics import check_numerics
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.simulate import simulate
@@ -94,7 +94,7 @@ def test_simulated_margins_and_trade_offs_of_classes_from_outside(problems):
     for name in ("plain", "bare"):
         assert found[name].loss.bears == found["MRAC"].loss.bears
         assert found[name].onset.bears <= found[name].loss.bears
-    knobs = [Knobs(scheme=m.__name__, values={"gamma": np.array([1.0, 10.0])}, make=m) for m in (Plain, Bare)]
+    knobs = [TuningGrid(scheme=m.__name__, values={"gamma": np.array([1.0, 10.0])}, make=m) for m in (Plain, Bare)]
     own = trade_off(problem, simulation, knobs=tuple(knobs), plants=2).clouds
     np.testing.assert_array_equal(own[0].error, own[1].error)
     np.testing.assert_array_equal(own[0].loss, own[1].loss)

@@ -174,7 +174,7 @@ def test_a_law_from_outside_inside_a_scheme_of_the_package(problems):
     assert "derivative" in refusal(lambda: simulate(problems[2], [RobustMrac(tau=0.2, law=StrangeLaw())], SIMULATION))
 
 
-class Kept(NamedTuple):
+class UnstoredChunks(NamedTuple):
     theta_hat: np.ndarray
 
 
@@ -190,13 +190,13 @@ class OwnSampling:
         return self
 
     def initial(self):
-        return Kept(np.zeros(1))
+        return UnstoredChunks(np.zeros(1))
 
     def control(self, state, x, x_m, r):
         return r - state.theta_hat[0]
 
     def advance(self, state, before, u, now):
-        return Kept(np.zeros(2)) if self.wrong else Kept(0.5 * state.theta_hat + before.x[:1] * u - now.r)
+        return UnstoredChunks(np.zeros(2)) if self.wrong else UnstoredChunks(0.5 * state.theta_hat + before.x[:1] * u - now.r)
 
 
 def test_a_controller_that_samples_by_itself(problems):

@@ -16,7 +16,7 @@ from barbalat.certificates.table_1 import Table1
 from barbalat.cli import main
 from barbalat.papers import ledger
 from barbalat.papers.claim import Claim, Reading, of_readings, verdict
-from barbalat.papers.jafari_2013.figures import figures
+from barbalat.papers.jafari_2013.figures import paper_figures
 from barbalat.papers.jafari_2013.linear import linear_design
 from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.papers.measurement import Measurement
@@ -227,7 +227,7 @@ def test_the_plain_command_measures_no_row_for_long():
 
 
 def test_full_measures_what_sharpens_a_row_instead(monkeypatch, section_v_runs):
-    plain, sharper = figures.as_described, figures.without_projection
+    plain, sharper = paper_figures.as_described, paper_figures.without_projection
     only = Measurement(
         plain, 0.1, {"figures-2-5": "the figures"}, quick=True, judges_runs=True, sharper=sharper, sharper_seconds=0.3
     )
@@ -307,7 +307,7 @@ def test_the_certified_condition_lies_inside_the_exact_boundary(claims):
 
 def test_one_number_is_judged_by_two_rules_that_name_each_other(section_v_runs, quick):
     """Figure 3's "proportional to kappa": as a figure's description to a tenth of the amplitude, as a law by its exponent."""
-    checks = figures.paper_figures(section_v_runs)[1].checks
+    checks = paper_figures.paper_figures(section_v_runs)[1].checks
     (check,) = [one for one in checks if "proportional to kappa" in one.statement]
     factor = float(re.search(r"multiplies it by ([\d.]+)", check.measured)[1])
     row = quick[0]["bias-kappa"]
@@ -332,7 +332,7 @@ def test_a_page_says_whose_its_statements_are(quick):
 
 
 def test_figures_are_reproduced(section_v_runs):
-    assert all(figure.reproduced for figure in figures.paper_figures(section_v_runs))
+    assert all(figure.reproduced for figure in paper_figures.paper_figures(section_v_runs))
 
 
 @pytest.mark.full

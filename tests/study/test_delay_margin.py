@@ -28,7 +28,7 @@ from barbalat.study.criteria import NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import delay_margins_ensemble, margins_ensemble
 from barbalat.study.delay_search import gains_scanned
 from barbalat.study.ideal_benchmark import Ideals, with_error
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.study.simulated_margins import with_simulated_margins
 from independent import refusal
 
@@ -305,7 +305,7 @@ def oscillation_by_hand(delay: float, gamma: float = GAMMA, steps_each: int = 20
 def test_motion_of_a_model_in_its_steady_state():
     """x_m' = -x_m + r, r = 2 sin t, from the steady state: x_m = sqrt(2) sin(t - pi/4). 1e-3: straight lines between instants."""
     plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.0], x0=[-1.0])
-    motion = ModelMotion.of(
+    motion = ReferenceMotion.of(
         Problem(plant=plant, reference=Sine(amplitude=2.0, frequency=1.0)), Simulation(t_end=20 * np.pi, dt=np.pi / 500)
     )
     assert motion.largest == pytest.approx(np.sqrt(2), rel=1e-3)
@@ -314,7 +314,7 @@ def test_motion_of_a_model_in_its_steady_state():
     assert motion.crossings == pytest.approx(1 / np.pi, rel=1e-3)
     assert not motion.comes_to_rest
     settled = replace(plant, x0=[-10 / 26])  # 2/sqrt(26) sin(5t - arctan 5), which crosses its range 5/pi times a second
-    faster = ModelMotion.of(
+    faster = ReferenceMotion.of(
         Problem(plant=settled, reference=Sine(amplitude=2.0, frequency=5.0)), Simulation(t_end=20 * np.pi, dt=np.pi / 500)
     )
     assert faster.crossings == pytest.approx(5 / np.pi, rel=1e-2)
@@ -324,7 +324,7 @@ def test_motion_of_a_model_in_its_steady_state():
 def test_a_command_that_comes_to_rest_is_said():
     """Wing rock's command ends at 35 of 60 s: both criteria look at a loop at rest."""
     case = load_case("wing-rock")
-    assert ModelMotion.of(case.problem, case.simulation).comes_to_rest
+    assert ReferenceMotion.of(case.problem, case.simulation).comes_to_rest
     controllers = case.controllers[:1]
     certificates = certify(case.problem, controllers, case.simulation)
     found = with_simulated_margins(certificates, case.problem, controllers, case.simulation)[controllers[0].name]

@@ -26,8 +26,8 @@ from barbalat.sweeps import cluster
 from barbalat.sweeps.cluster import Scheduler
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.sent import SOURCES, Sent, Tabulated, digest_of, figures, versions
 from barbalat.sweeps.study import Study
+from barbalat.sweeps.worker_task import SOURCES, Tabulated, WorkerTask, digest_of, figures, versions
 from independent import refusal
 
 ANOTHER_PROCESSOR = {"OPENBLAS_CORETYPE": "Prescott", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX2_Usable"}
@@ -49,7 +49,7 @@ def same(one, other):
 
 WORKER = """
 import pickle, sys
-from barbalat.sweeps.sent import figures
+from barbalat.sweeps.worker_task import figures
 sent, tables = pickle.load(sys.stdin.buffer)
 sys.stdout.buffer.write(pickle.dumps(figures(sent, tables)))
 """
@@ -61,7 +61,7 @@ def test_a_worker_on_another_processor_gives_the_clients_bits(noise):
     parts = list(here.parts(0, 40))
     found = []
     for part in parts:
-        given = pickle.dumps((Sent.of(part), Tabulated.of(part)))
+        given = pickle.dumps((WorkerTask.of(part), Tabulated.of(part)))
         environment = os.environ | ANOTHER_PROCESSOR
         done = subprocess.run([sys.executable, "-c", WORKER], input=given, capture_output=True, env=environment, check=True)
         found.append(pickle.loads(done.stdout))
@@ -70,7 +70,7 @@ def test_a_worker_on_another_processor_gives_the_clients_bits(noise):
 
 def test_a_worker_that_would_make_other_bits_refuses():
     (part,) = study().parts(0, 4)
-    sent, tables = Sent.of(part), Tabulated.of(part)
+    sent, tables = WorkerTask.of(part), Tabulated.of(part)
     assert len(figures(sent, tables)) == 3
     other = replace(sent, made_by=sent.made_by | {"numpy": "1.0"})
     assert "a worker has other versions than the client: numpy" in refusal(lambda: figures(other, tables))
@@ -83,7 +83,7 @@ def test_a_worker_that_would_make_other_bits_refuses():
 def test_a_worker_whose_sources_differ_refuses(tmp_path):
     """A copy of the package, as another machine has it, with one factor 2 in the figures: its version number is the same."""
     (part,) = study().parts(0, 4)
-    given = pickle.dumps((Sent.of(part), Tabulated.of(part)))
+    given = pickle.dumps((WorkerTask.of(part), Tabulated.of(part)))
     copy = tmp_path / "barbalat"
     shutil.copytree(Path(barbalat.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
     environment = os.environ | {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}

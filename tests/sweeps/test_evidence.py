@@ -8,16 +8,16 @@ from barbalat.open_numbers.path import FieldPath
 from barbalat.sweeps import sensitivity
 from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.evidence import Extremes, evidence
-from barbalat.sweeps.kept import Kept
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.spread import Axis, Uniform
+from barbalat.sweeps.unstored_chunks import UnstoredChunks
 
 PATHS = [FieldPath.parse(name) for name in ("a", "b", "c")]
 
 
 def rows(**columns):
-    made = Kept(None)
+    made = UnstoredChunks(None)
     made.add(Chunk(0, 0), {name.replace("_in_", "/"): np.asarray(values) for name, values in columns.items()})
     return made
 

@@ -10,11 +10,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from barbalat.cases.echoes import in_the_files_words
 from barbalat.cases.findings import several
 from barbalat.cases.keys import Context, Given
 from barbalat.cases.scheme_keys import sampling_of
 from barbalat.cases.table_models import Table
+from barbalat.cases.typed_numbers import in_the_files_words
 from barbalat.controllers import Sampled
 from barbalat.loop.binding import bound, require_controllers
 from barbalat.loop.closed_loop import ClosedLoop

@@ -14,14 +14,14 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from barbalat.cases import outside
+from barbalat.cases import user_controllers
 from barbalat.cases.build import Case, Parts, build
-from barbalat.cases.echoes import echo
 from barbalat.cases.findings import BEYOND_RANGE, Typed, findings, several
-from barbalat.cases.outside import OwnFile
 from barbalat.cases.schema import CASES, case_table, problem_posed
 from barbalat.cases.table_models import Table
 from barbalat.cases.toml_size import TEXT_BYTE, require_readable
+from barbalat.cases.typed_numbers import echo
+from barbalat.cases.user_controllers import OwnFile
 from barbalat.protocols import Controller
 from barbalat.reading import contents
 from barbalat.validate import InputError, hint, local_path
@@ -118,7 +118,7 @@ class CaseText:
                 "it is not UTF-8 text" if isinstance(error, UnicodeDecodeError) else getattr(error, "strerror", None) or error
             )
             raise InputError(f"the case file {str(path)!r} cannot be read: {reason}") from None
-        own = None if controllers is None else outside.run(controllers)
+        own = None if controllers is None else user_controllers.run(controllers)
         return cls(text, folder=path.parent, source=str(path), own=own)
 
     def data(self) -> dict[str, Any]:
@@ -167,9 +167,11 @@ class CaseText:
     def _checked(self, data: dict[str, Any], *, changed: bool) -> tuple[Table, tuple[Controller, ...]]:
         """The tables with their types checked, and the controllers that join the case's."""
         problem = problem_posed(data)
-        further = outside.schemes(outside.named_in(data) - CASES[problem].keys(), self.own)
+        further = user_controllers.schemes(user_controllers.named_in(data) - CASES[problem].keys(), self.own)
         if self.own is not None:
-            outside.require_spelling(outside.named_in(data) - CASES[problem].keys() - further.keys(), self.own, CASES[problem])
+            user_controllers.require_spelling(
+                user_controllers.named_in(data) - CASES[problem].keys() - further.keys(), self.own, CASES[problem]
+            )
         joining = () if self.own is None else self.own.controllers(named=further)
         root = case_table(problem, tuple(further.items()), alone=not joining)
         try:

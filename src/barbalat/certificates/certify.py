@@ -8,10 +8,10 @@ from barbalat.certificates.beside_runs import beside_its_runs
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.certificates import Certificates
-from barbalat.certificates.needed import needing
-from barbalat.certificates.schemes import scheme_file, stranger
+from barbalat.certificates.requested_keys import needing
+from barbalat.certificates.schemes import scheme_file
 from barbalat.loop.binding import bound, is_sampled, numbered
-from barbalat.loop.blame import named
+from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
@@ -63,7 +63,7 @@ def _computed(problem: TrackingProblem, controller: Controller, simulation: Simu
     """Overflows, matrices that are singular or not finite, norms beyond the limit of precision are findings of the case."""
     try:
         sampled = is_sampled(bound(problem, controller))  # refuses what does not fit
-        found = (scheme_file(controller) or stranger).certificate(problem, controller, simulation)
+        found = (scheme_file(controller) or unregistered).certificate(problem, controller, simulation)
         if sampled:
             return found
         found = found if simulation.solver.imaginary_limit else on_damping(found)

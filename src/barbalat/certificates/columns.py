@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from barbalat.certificates.cells import PROPERTIES, Column, nothing
 from barbalat.certificates.certificate import Certificate, reason
-from barbalat.certificates.schemes import scheme_file, stranger
+from barbalat.certificates.schemes import scheme_file
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.validate import Named
@@ -12,7 +12,7 @@ from barbalat.validate import Named
 
 def column_of(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> Column:
     """A controller's column; where its computation fails, each cell says so."""
-    file = scheme_file(controller) or stranger
+    file = scheme_file(controller) or unregistered
     try:
         scheme, cells = file.column(problem, controller, certificate)
         limited = not all(path.is_linear for path in problem.plant.paths)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import folder_of, print_json
-from barbalat.commands.screen import Work, work
+from barbalat.commands.progress import Work, work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
@@ -113,7 +113,7 @@ def _certified(case: Case, options: argparse.Namespace, running: Work) -> Certif
                 certificates, case.problem, case.controllers, case.simulation, lost=lost, progress=progress
             )
     if options.float32:
-        from barbalat.export.parting import with_float32_gains
+        from barbalat.export.single_precision import with_float32_gains
 
         with running.part("float32") as progress:
             certificates = with_float32_gains(certificates, case.problem, case.controllers, case.simulation, progress=progress)

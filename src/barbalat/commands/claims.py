@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import print_json
-from barbalat.commands.screen import work
+from barbalat.commands.progress import work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, tell
-from barbalat.commands.screen import SECONDS_EACH_STEP, Work, work
+from barbalat.commands.progress import SECONDS_EACH_STEP, Work, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands

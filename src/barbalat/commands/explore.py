@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import STANDARD_OUTPUT, print_json, print_text
-from barbalat.commands.screen import say, work
+from barbalat.commands.progress import say, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands

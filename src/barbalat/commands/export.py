@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import print_json, require_folder_name
-from barbalat.commands.screen import say
+from barbalat.commands.progress import say
 from barbalat.export import TARGETS
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, require_folder_name, tell
-from barbalat.commands.screen import Work, say, work
+from barbalat.commands.progress import Work, say, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
@@ -148,12 +148,12 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
 
 
 def _flown(options: argparse.Namespace, running: Work) -> FlightComparison:
-    from barbalat.cases import outside
+    from barbalat.cases import user_controllers
     from barbalat.export.exported_step import exported_c
     from barbalat.vehicles.flying import fly
     from barbalat.vehicles.registry import vehicle_of
 
-    own = () if options.controllers is None else outside.run(options.controllers).controllers(named={})
+    own = () if options.controllers is None else user_controllers.run(options.controllers).controllers(named={})
     given = {name: value for name, value in (("altitude", options.altitude), ("mach", options.mach)) if value is not None}
     with running.part("flying", here=False) as progress:
         return fly(

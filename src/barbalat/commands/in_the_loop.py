@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from barbalat.commands.screen import Work
+from barbalat.commands.progress import Work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case

@@ -12,8 +12,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from barbalat import InputError, Knobs, Known, Role
-from barbalat.controllers.knobs import Reach
+from barbalat import InputError, Known, Role, TuningGrid
+from barbalat.controllers.tuning_grid import TuningScale
 from barbalat.problem.known_set import EstimateSet
 from barbalat.protocols import Value
 
@@ -88,10 +88,10 @@ class MyLaw:
             raise InputError(f"{self.name} takes plants with a known input gain")
         return Equations(self.gamma, known)
 
-    def knobs(self, reach: Reach) -> Knobs:
+    def knobs(self, reach: TuningScale) -> TuningGrid:
         """The settings that a trade-off or a contest turns, and how far: here gains up to what the step resolves."""
         gains = reach.gains(1e-8, 8 * reach.density)
-        return Knobs(scheme=self.name, values={"gamma": gains}, make=lambda gamma: replace(self, gamma=gamma))
+        return TuningGrid(scheme=self.name, values={"gamma": gains}, make=lambda gamma: replace(self, gamma=gamma))
 
 
 CONTROLLERS = [MyLaw(gamma=10.0)]  # what --controllers adds to a case

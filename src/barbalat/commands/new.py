@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import STANDARD_OUTPUT, print_json, print_text
-from barbalat.commands.screen import say
+from barbalat.commands.progress import say
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands

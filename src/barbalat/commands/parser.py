@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from barbalat.commands.screen import say
+from barbalat.commands.progress import say
 
 BAD_INPUT = 2
 """The exit code."""

@@ -9,7 +9,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import folder_of, print_json
-from barbalat.commands.screen import work
+from barbalat.commands.progress import work
 
 if TYPE_CHECKING:
     from rich.console import Console

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from barbalat.commands import in_the_loop
 from barbalat.commands.options import add_controllers
 from barbalat.commands.output import folder_of, print_json
-from barbalat.commands.screen import Work, say, work
+from barbalat.commands.progress import Work, say, work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
@@ -43,7 +43,7 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
-    from barbalat.report.beside import drawing_beside
+    from barbalat.report.drawing_process import drawing_beside
 
     case = load_case(options.case, options.controllers)
     with folder_of(options.out, None if options.json or options.no_plots else "barbalat-run") as folder:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, print_json, require_folder_name, tell
-from barbalat.commands.screen import SECONDS_EACH_STEP, Work, say, work
+from barbalat.commands.progress import SECONDS_EACH_STEP, Work, say, work
 
 if TYPE_CHECKING:
     from pathlib import Path

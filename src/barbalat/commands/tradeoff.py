@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_controllers, whole
 from barbalat.commands.output import folder_of, print_json
-from barbalat.commands.screen import Work, work
+from barbalat.commands.progress import Work, work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.knobs import Knobs
+from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.open_numbers.path import FieldPath, Key
 from barbalat.validate import Array, InputError
 
@@ -91,7 +91,7 @@ BEYOND_GRID = 100.0
 """Factor by which a search goes beyond the grid's ends, of a knob that nothing else bounds."""
 
 
-def of_knobs(knobs: Knobs, tables: object, controller: int) -> Space:
+def of_knobs(knobs: TuningGrid, tables: object, controller: int) -> Space:
     """The scheme's knobs that stand in the controller's table, each where its name stands once; InputError where none does."""
     found: dict[FieldPath, Range] = {}
     for name, values in knobs.values.items():

@@ -10,9 +10,9 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.disturbance_observer import Observer
-from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme
 from barbalat.controllers.steps import LinearStep
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.tustin import Tustin
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.problem.state_feedback import Known
@@ -92,8 +92,8 @@ class Adrc(Scheme):
                 validate.freeze(self, **{field: validate.vector(field, value)})
 
     @classmethod
-    def knobs(cls, reach: Reach) -> Knobs:
-        return Knobs(
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
+        return TuningGrid(
             scheme="ADRC",
             values={"bandwidth": reach.frequencies},
             make=lambda bandwidth: cls(bandwidth=bandwidth, nominal=reach.nominal, saturated_predictor=reach.saturated),

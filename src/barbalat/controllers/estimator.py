@@ -9,8 +9,8 @@ import numpy as np
 
 from barbalat.adaptation.law import SampleData, SampledLaw
 from barbalat.adaptation.normalization import Normalization
+from barbalat.controllers.sampled_form import SampledForm
 from barbalat.controllers.steps import Filter, LinearStep
-from barbalat.controllers.twin import SampledTwin
 from barbalat.problem.known_set import EstimateSet
 from barbalat.protocols import Equations, Sample, Value, kept
 
@@ -36,7 +36,7 @@ class Learnt(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Estimator(SampledTwin):
+class Estimator(SampledForm):
     """Filters by the midpoint rule, the law as in ``adaptation.implicit``; docs/sampled.md has what holds.
 
     A scheme's own ``advance`` takes the filters' middles, then ``learnt``, ``swapped`` and ``filtered``, in this order.

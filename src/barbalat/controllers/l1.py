@@ -12,9 +12,9 @@ from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.modifications.leakage import Leakage
-from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.l1_sampled import Predictor
 from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
@@ -131,8 +131,8 @@ class L1Adaptive(Scheme):
             object.__setattr__(self, "filter", require_low_pass(TransferFunction.accept("filter", self.filter)))
 
     @classmethod
-    def knobs(cls, reach: Reach) -> Knobs:
-        return Knobs(
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
+        return TuningGrid(
             scheme="L1-AC",
             values={"kappa": reach.times, "gamma": reach.gains(1e-7, reach.density)},
             make=lambda kappa, gamma: cls(

@@ -13,11 +13,11 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.controllers.piecewise_filter import FilterStep, filter_step
 from barbalat.controllers.piecewise_predictor import AsFlown, PredictorStep
 from barbalat.controllers.settings import Scheme, require_taken
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.regressors import Uncertainty
@@ -132,9 +132,9 @@ class L1PiecewiseConstant(Scheme):
             validate.instance("as_flown", self.as_flown, AsFlown)
 
     @classmethod
-    def knobs(cls, reach: Reach) -> Knobs:
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
         T = reach.sample_time
-        return Knobs(
+        return TuningGrid(
             scheme="L1 piecewise",
             values={"kappa": reach.times[reach.times >= T]},
             make=lambda kappa: cls(

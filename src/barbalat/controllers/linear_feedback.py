@@ -9,9 +9,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.controllers.steps import LinearStep
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.tustin import Tustin
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction
@@ -100,7 +100,7 @@ class LinearFeedback(Scheme):
             freeze(self, unmodelled=W)
 
     @classmethod
-    def knobs(cls, reach: Reach) -> Knobs:
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
         """A PI controller on b'P(x_m - x), of which b'(sI - A_m)^-1'P b is an integrator where it is fast."""
         known = reach.known
         fast = float(np.reshape(known.b, (known.n, -1))[:, 0] @ known.P @ np.reshape(known.b, (known.n, -1))[:, 0])
@@ -109,7 +109,7 @@ class LinearFeedback(Scheme):
             k_p = crossover / fast
             return cls(controller=TransferFunction([k_p * T_i, k_p], [T_i, 0.0]), name="PI")
 
-        return Knobs(
+        return TuningGrid(
             scheme="PI",
             values={"crossover": reach.frequencies, "T_i": reach.times},
             make=pi,

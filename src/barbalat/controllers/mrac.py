@@ -13,9 +13,9 @@ from barbalat.adaptation.lyapunov import Modifications
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.adaptation.modifications.leakage import Leakage
 from barbalat.controllers import l1
-from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.l1_sampled import Predictor
 from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import ModifiedError, applied, known_limits
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
@@ -144,8 +144,8 @@ class Mrac(Scheme):
         Modifications.of(self)  # refuses what can't go together
 
     @classmethod
-    def knobs(cls, reach: Reach) -> Knobs:
-        return Knobs(
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
+        return TuningGrid(
             scheme="MRAC",
             values={"gamma": reach.gains(1e-8, 8 * reach.density)},
             make=lambda gamma: cls(

@@ -9,8 +9,8 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box, require_taken
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.linear.conditions import require_hurwitz
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit, project
 from barbalat.problem.state_feedback import Known
@@ -87,8 +87,8 @@ class MracClosedLoop(Scheme):
         validate.freeze(self, model_feedback=validate.square_matrix("model_feedback", self.model_feedback))
 
     @classmethod
-    def knobs(cls, reach: Reach) -> Knobs:
-        return Knobs(
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
+        return TuningGrid(
             scheme="MRAC, closed-loop model",
             values={"gamma": reach.gains(1e-8, 8 * reach.density), "ell": reach.frequencies},
             make=lambda gamma, ell: cls(gamma=gamma, model_feedback=-ell * np.eye(reach.known.n), theta_hat0=reach.theta_hat0),

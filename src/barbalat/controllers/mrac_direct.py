@@ -6,8 +6,8 @@ from dataclasses import KW_ONLY, dataclass
 from typing import NamedTuple
 
 from barbalat.controllers.control_gains import ControlGains, GainEquations, check_gains
-from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, Vector
@@ -70,8 +70,8 @@ class DirectMrac(Scheme):
         check_gains(self)
 
     @classmethod
-    def knobs(cls, reach: Reach) -> Knobs:
-        return Knobs(
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
+        return TuningGrid(
             scheme="Direct MRAC",
             values={"gamma": reach.gains(1e-8, 8 * reach.density)},
             make=lambda gamma: cls(gamma=gamma, theta_hat0=reach.theta_hat0),

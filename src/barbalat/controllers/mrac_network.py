@@ -11,8 +11,8 @@ from barbalat import budget, validate
 from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
 from barbalat.adaptation.modifications.leakage import Leakage
-from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme, require_taken
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.roles import Role
@@ -168,9 +168,9 @@ class NetworkMrac(Scheme):
                 )
 
     @classmethod
-    def knobs(cls, reach: Reach) -> Knobs:
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
         highest = reach.highest_square / (1 + DEFAULT_NEURONS)  # what multiplies the outer weights is at most 1 in each entry
-        return Knobs(
+        return TuningGrid(
             scheme="MRAC, network",
             values={"gamma": highest * np.geomspace(1e-8, 1.0, 8 * reach.density), "sigma": LEAKAGES},
             make=lambda gamma, sigma: cls(gamma=gamma, leakage=FixedSigma(sigma)),

@@ -16,7 +16,6 @@ from barbalat.adaptation.laws.gradient import Gradient
 from barbalat.adaptation.laws.least_squares import LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import robust_mrac_several as several
-from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.parametric_model import auxiliary_filter, minimum_phase_model
 from barbalat.controllers.robust_mrac_sampled import StateEstimator
 from barbalat.controllers.robust_mrac_state import OnParametricModel, State
@@ -27,6 +26,7 @@ from barbalat.controllers.settings import (
     projection_box,
     require_taken,
 )
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet
@@ -130,8 +130,8 @@ class RobustMrac(Scheme):
         _check_model_and_law(self)
 
     @classmethod
-    def knobs(cls, reach: Reach) -> Knobs:
-        return Knobs(
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
+        return TuningGrid(
             scheme="Robust MRAC",
             values={"tau": reach.times, "covariance0": np.geomspace(1e-2, 1e4, reach.density)},
             make=lambda tau, covariance0: cls(
@@ -183,10 +183,10 @@ class NormalizedMrac(Scheme):
         _check_model_and_law(self)
 
     @classmethod
-    def knobs(cls, reach: Reach) -> Knobs:
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
         # the normalised law turns at Gamma at most, whatever phi(x) is
         slow = reach.frequencies / SLOWNESS_RATIO
-        return Knobs(
+        return TuningGrid(
             scheme="Normalised MRAC",
             values={"gamma": np.concatenate([slow[:1], reach.frequencies])},
             make=lambda gamma: cls(law=Gradient(gamma=gamma), theta_hat0=reach.theta_hat0, saturated_predictor=reach.saturated),

@@ -6,8 +6,8 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, ClassVar
 
 from barbalat import validate
+from barbalat.controllers.sampled_form import SampledForm
 from barbalat.controllers.settings import Scheme
-from barbalat.controllers.twin import SampledTwin
 from barbalat.protocols import Controller, Discretizable, Equations, Sample, SampledEquations, Value, feedback_of
 from barbalat.validate import InputError
 
@@ -15,7 +15,7 @@ DISCRETIZATIONS = ("midpoint", "euler")
 
 
 @dataclass(frozen=True, eq=False)
-class Euler(SampledTwin):
+class Euler(SampledForm):
     """The continuous equations with explicit Euler steps from sample to sample: what is often done, and what chatters."""
 
     continuous: Equations

@@ -7,13 +7,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from barbalat.controllers.sampled_form import SampledForm
 from barbalat.controllers.steps import LinearStep
-from barbalat.controllers.twin import SampledTwin
 from barbalat.protocols import Equations, Sample, Value
 
 
 @dataclass(frozen=True, eq=False)
-class Tustin(SampledTwin):
+class Tustin(SampledForm):
     """A linear controller on the output or on the state, whose NamedTuple is the state of its linear system."""
 
     continuous: Equations

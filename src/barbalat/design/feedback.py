@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from barbalat.controllers import LinearFeedback
+from barbalat.design.design_model import default_delay, delay_weight, design_model
 from barbalat.design.hinf import mixed_sensitivity
 from barbalat.design.pi import pi_controller
-from barbalat.design.uncertainty import default_delay, delay_weight, design_model
 from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array
 

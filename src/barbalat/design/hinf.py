@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
-from barbalat.design.uncertainty import delay_weight
+from barbalat.design.design_model import delay_weight
 from barbalat.linear.largest import largest
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.validate import Array, InputError

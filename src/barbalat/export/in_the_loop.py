@@ -13,7 +13,7 @@ from barbalat.export.header import header
 from barbalat.export.source import source
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering.c99 import DOUBLE, FLOAT
-from barbalat.lowering.llvm.outside import Outside
+from barbalat.lowering.llvm.external_function import ExternalFunction
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.batch import Batch
@@ -76,7 +76,7 @@ def simulate_export(
     return InTheLoop(result_of(problem, controller, simulation, batch), refused)
 
 
-def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> Outside:
+def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> ExternalFunction:
     """The adapter, with the rows of the loop's whole state that it is given and that it keeps."""
     loop = members.loop
     first = loop.size - len(printed.contents.initial)  # the controller's state stands last in the loop's
@@ -84,7 +84,7 @@ def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> Outsid
     given = [*held.measured.reshape(-1).tolist(), *held.r.reshape(-1).tolist()]
     address = ctypes.cast(library.barbalat_sample, ctypes.c_void_p).value
     assert address is not None
-    return Outside(address, tuple(map(int, given)), tuple(first + row for row in printed.contents.layout.rows))
+    return ExternalFunction(address, tuple(map(int, given)), tuple(first + row for row in printed.contents.layout.rows))
 
 
 def _compiled(printed: Printed) -> ctypes.CDLL:

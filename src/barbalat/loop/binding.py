@@ -8,9 +8,9 @@ from itertools import chain, count
 from typing import Any, TypeGuard
 
 from barbalat import validate
-from barbalat.loop.blame import Subject, blamed
 from barbalat.loop.checking import Ports, check_equations
 from barbalat.loop.structure import comes_from_outside, identical, parts_of, structure
+from barbalat.loop.user_errors import Subject, telling_user_errors
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Equations, SampledEquations, feedback_of
 from barbalat.validate import InputError
@@ -97,7 +97,7 @@ def _equations(problem: TrackingProblem, controller: Controller, *, outside: boo
         )
     if not outside:
         return controller.bind(problem.known)
-    with blamed(subject_of(controller).part(": bind")):
+    with telling_user_errors(subject_of(controller).part(": bind")):
         return controller.bind(problem.known)
 
 

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat import vocabulary
-from barbalat.loop.blame import Subject, blamed, require_array, require_like, require_state
 from barbalat.loop.packing import column, flatten, map_arrays, symbols, unflatten
+from barbalat.loop.user_errors import Subject, require_array, require_like, require_state, telling_user_errors
 from barbalat.protocols import DiscretizedEquations, Dynamics, Equations, Sample, SampledEquations
 from barbalat.roles import Role, declared_roles, leaves, names_of, state_parts
 from barbalat.validate import Array, counted, show
@@ -59,7 +59,7 @@ def check_equations(equations: Equations | SampledEquations, ports: Ports, whose
         check_equations(equations.continuous, ports, whose)
     _require_methods(equations, whose)
     whose = whose.part(f": {type(equations).__name__}")
-    with blamed(whose.part(".initial")):
+    with telling_user_errors(whose.part(".initial")):
         initial = equations.initial()
     require_state(initial, whose.part(".initial"), declared_roles(equations))
     _require_roles(equations, initial, whose)
@@ -142,7 +142,7 @@ class TrialCall:
         what = self.whose.part(f".{equation}")
         expected = [self._evaluated(equation, self.equations[equation], arguments) for arguments in self._points]
         given, traced = self._symbols
-        with blamed(what.on_symbols):
+        with telling_user_errors(what.on_symbols):
             found = symbolic(traced)
         self._require(equation, found, what.on_symbols)
         inputs, more = ([given], []) if self.settings is None else ([given, self.settings], [self.numbers])
@@ -160,7 +160,7 @@ class TrialCall:
 
     def _evaluated(self, equation: str, call: Equation, arguments: Arguments) -> Array:
         what = self.whose.part(f".{equation}").on_numbers
-        with np.errstate(all="ignore"), blamed(what):
+        with np.errstate(all="ignore"), telling_user_errors(what):
             found = call(map_arrays(np.copy, arguments))  # a copy: what changes its arguments in place changes nothing here
         self._require(equation, found, what)
         return np.asarray(flatten((found,)), dtype=float)

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
+from barbalat.lowering.llvm.external_function import ExternalFunction
 from barbalat.lowering.llvm.machine import Kernel
-from barbalat.lowering.llvm.outside import Outside
 from barbalat.lowering.operations import Program
 from barbalat.lowering.shape import LoopShape
 
@@ -41,7 +41,7 @@ def compiled(
     lanes: int,
     sample: Program | None,
     watch: Program | None,
-    outside: Outside | None,
+    outside: ExternalFunction | None,
 ) -> CompiledLoop:
     """What is kept of a loop's code, the same for the same lists; of what was used least lately nothing."""
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.binding import numbered
-from barbalat.loop.blame import named
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import costs, delay

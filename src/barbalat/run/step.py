@@ -11,8 +11,8 @@ import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
+from barbalat.lowering.llvm.external_function import ExternalFunction
 from barbalat.lowering.llvm.machine import Kernel
-from barbalat.lowering.llvm.outside import Outside
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import TAPS_PER_CHANNEL, LoopShape
@@ -48,7 +48,7 @@ class StepProgram:
     accumulators: Accumulators | None
     sample: Program | None = None
     watch: Program | None = None
-    outside: Outside | None = None
+    outside: ExternalFunction | None = None
 
     def compile(self, lanes: int, steps: float = inf) -> Kernel:
         """For so many steps more; code that is quickly made while they are few, on which no bit of any result depends."""

@@ -16,8 +16,8 @@ import numpy as np
 from barbalat import budget, validate
 from barbalat.linear.largest import halvings
 from barbalat.loop.binding import bound, numbered
-from barbalat.loop.blame import named
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.user_errors import named
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller

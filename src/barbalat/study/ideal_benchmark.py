@@ -21,7 +21,7 @@ from barbalat.run.metrics import Metrics
 from barbalat.signals import Constant
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Expected, tail_error
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
 Member = tuple[TrackingProblem, Controller]
@@ -32,7 +32,7 @@ SIZES_TRIED = 40
 """Sizes of a modelling error with which the loop that knows theta is run; in between its error is interpolated."""
 
 
-def without_error(members: Sequence[Member], metrics: Metrics, motions: Sequence[ModelMotion]) -> Expected:
+def without_error(members: Sequence[Member], metrics: Metrics, motions: Sequence[ReferenceMotion]) -> Expected:
     """What the runs of M members with a modelling error are judged against; ``metrics`` and ``motions`` of those without."""
     return Expected(
         error=tail_error(metrics),
@@ -54,14 +54,14 @@ class Ideals:
     simulation: Simulation
     sizes: Array
     error: ModellingError = field(default_factory=DelayError)
-    known: dict[int, tuple[TrackingProblem, ModelMotion, Array]] = field(default_factory=dict)
+    known: dict[int, tuple[TrackingProblem, ReferenceMotion, Array]] = field(default_factory=dict)
 
     @classmethod
     def over(cls, simulation: Simulation, longest: float) -> Ideals:
         """For delays from the shortest one on [s]."""
         return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, SIZES_TRIED))
 
-    def of(self, problem: TrackingProblem) -> tuple[ModelMotion, Array]:
+    def of(self, problem: TrackingProblem) -> tuple[ReferenceMotion, Array]:
         """The model's motion, and (K,) what the sizes explain, without measurement noise."""
         if id(problem) not in self.known:
             self.find([problem])
@@ -69,7 +69,7 @@ class Ideals:
 
     def find(self, problems: Sequence[TrackingProblem]) -> None:
         """The same for several problems of one structure, side by side."""
-        motions = [ModelMotion.of(problem, self.simulation) for problem in problems]
+        motions = [ReferenceMotion.of(problem, self.simulation) for problem in problems]
         if isinstance(problems[0], Problem):
             silent = [quiet(problem) for problem in problems]
             groups = [[problem, *(with_error(problem, self.error, float(s)) for s in self.sizes)] for problem in silent]
@@ -112,7 +112,7 @@ def known_width(problem: TrackingProblem, controller: Controller) -> Array:
     return np.full(loop.parameters, np.inf if theta is None else 2 * float(np.linalg.norm(theta)))
 
 
-def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: ModelMotion) -> Array | None:
+def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: ReferenceMotion) -> Array | None:
     """(K,) what each problem's modelling error adds to the tail's error where the controller knows theta.
 
     The first problem is the one without it; all others have one structure. Measurement noise, if any, is left out: see
@@ -125,7 +125,7 @@ def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: ModelM
     return _added_errors([[quiet(problem) for problem in problems]], simulation, [motion])[0]
 
 
-def _added_errors(groups: Sequence[Sequence[Any]], simulation: Simulation, motions: Sequence[ModelMotion]) -> Array:
+def _added_errors(groups: Sequence[Sequence[Any]], simulation: Simulation, motions: Sequence[ReferenceMotion]) -> Array:
     """(P, K) the same for P groups of as many problems, which all have one structure and no noise; each with its motion."""
     first, others = [group[0] for group in groups], [problem for group in groups for problem in group[1:]]
     without = tail_error(simulate_ensemble([ideal(problem) for problem in first], simulation).metrics)

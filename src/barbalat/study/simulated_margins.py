@@ -16,7 +16,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, EXAMINED_WITHOUT_ESTIMATES, NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
 from barbalat.study.finer_step import PlainRun, delays_confirmed
-from barbalat.study.motion import REST_SENTENCE, ModelMotion
+from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 
 
 def with_simulated_margins(
@@ -30,7 +30,7 @@ def with_simulated_margins(
 ) -> Certificates:
     """The certificates with ``delay_onset_simulated`` and ``delay_margin_simulated`` [s], by ``Onset`` and by ``Lost``."""
     result, criterion = {}, lost or Lost()
-    resting = (REST_SENTENCE,) if ModelMotion.of(problem, simulation).comes_to_rest else ()
+    resting = (REST_SENTENCE,) if ReferenceMotion.of(problem, simulation).comes_to_rest else ()
     noisy = () if problem.noise is None else (NOISE_SENTENCE,)
     by_name = {one.name: one for one in numbered(controllers)}
     for name, found in delay_margins(problem, controllers, simulation, lost=criterion, progress=progress).items():

@@ -21,7 +21,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -177,7 +177,7 @@ class TauStudy:
 @lru_cache(maxsize=8)
 def _amplitude(problem: Problem, simulation: Simulation) -> float:
     """The largest |x_m| of the run, once for all rounds of a search."""
-    return ModelMotion.of(problem, simulation).largest
+    return ReferenceMotion.of(problem, simulation).largest
 
 
 class _TauSearch:

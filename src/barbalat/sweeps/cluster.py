@@ -17,8 +17,8 @@ from barbalat import validate
 from barbalat.open_numbers.members import Setting
 from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import Chunk
-from barbalat.sweeps.sent import Sent, Tabulated, figures, kept
 from barbalat.sweeps.study import Columns, Study, StudyPart
+from barbalat.sweeps.worker_task import Tabulated, WorkerTask, figures, kept
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
@@ -199,7 +199,12 @@ class Workers:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Sending large graph")  # the signals' tables, once for all chunks
             future = self.client.submit(
-                figures, Sent.of(part), self._table(part), pure=False, workers=worker, allow_other_workers=worker is not None
+                figures,
+                WorkerTask.of(part),
+                self._table(part),
+                pure=False,
+                workers=worker,
+                allow_other_workers=worker is not None,
             )
         self.under_way[future] = given, place, worker
         done.add(future)

@@ -17,10 +17,10 @@ from barbalat.open_numbers.probe import Kind
 from barbalat.run.costs import MEMBER, of_members, of_steps
 from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
-from barbalat.sweeps.sent import Sent, Tabulated, figures
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet
 from barbalat.sweeps.study import Study
+from barbalat.sweeps.worker_task import Tabulated, WorkerTask, figures
 
 MEASURING_SECONDS = 3.0
 """Seconds of the client's work that are measured."""
@@ -86,7 +86,7 @@ class Costs:
         count = min(chunk_size(1, study.steps), whole)
         next(study.parts(0, count))  # traces the equations, once
         parts = list(study.parts(0, count))
-        tables, given = [Tabulated.of(part) for part in parts], [pickle.dumps(Sent.of(part)) for part in parts]
+        tables, given = [Tabulated.of(part) for part in parts], [pickle.dumps(WorkerTask.of(part)) for part in parts]
         begun = time.process_time()
         found = [figures(pickle.loads(sent), tabled) for sent, tabled in zip(given, tables, strict=True)]
         simulated = time.process_time() - begun
@@ -119,7 +119,7 @@ def _handled(study: Study, count: int, found: Sequence[Sequence[Metrics]]) -> tu
     begun = time.process_time()
     parts = list(study.parts(0, count))
     for part in parts:
-        pickle.dumps(Sent.of(part))
+        pickle.dumps(WorkerTask.of(part))
     seconds = time.process_time() - begun
     many = [[_repeated(one, len(part.which)) for one in found[i % len(found)]] for i, part in enumerate(parts)]
     back, begun = pickle.dumps(many), time.process_time()

@@ -22,7 +22,7 @@ from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress, part_of
 from barbalat.study.criteria import Expected, Onset, tail_error
 from barbalat.study.ideal_benchmark import known_width
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.redesigned import redesigned
 from barbalat.validate import Array, InputError
@@ -60,7 +60,7 @@ class Study:
     kinds: tuple[Kind, ...] = field(init=False)
     example: Case = field(init=False)
     settings: dict[bytes, Setting] = field(init=False, default_factory=dict)
-    _motions: dict[Setting, ModelMotion] = field(init=False, default_factory=dict)
+    _motions: dict[Setting, ReferenceMotion] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.tried = _tried(self.plan)
@@ -163,12 +163,12 @@ class Study:
         found = self.settings[key]
         return found.driven_by(base, case) if driven else found
 
-    def _motion(self, setting: Setting) -> ModelMotion:
+    def _motion(self, setting: Setting) -> ReferenceMotion:
         """The motion of a setting's model, computed once."""
         if setting not in self._motions:
             if len(self._motions) >= MOST_SETTINGS:
                 self._motions.clear()
-            self._motions[setting] = ModelMotion.of(setting.example.problem, setting.simulation)
+            self._motions[setting] = ReferenceMotion.of(setting.example.problem, setting.simulation)
         return self._motions[setting]
 
     def _oscillated(self, setting: Setting, metrics: Sequence[Metrics]) -> list[Array]:

@@ -20,7 +20,6 @@ from barbalat.sweeps.chunks import Chunk, Pace, chunk_size, chunks_of
 from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
 from barbalat.sweeps.costs import require_members
 from barbalat.sweeps.evidence import evidence
-from barbalat.sweeps.kept import Kept, Made, in_order
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Design, Plan, design_of, members_of
 from barbalat.sweeps.requirement import Requirement
@@ -28,6 +27,7 @@ from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import Axis, Distribution
 from barbalat.sweeps.store import Store, Waiting, opened, require_place
 from barbalat.sweeps.study import Columns, Study
+from barbalat.sweeps.unstored_chunks import Made, UnstoredChunks, in_order
 
 Told = Callable[[str], None]
 """Takes a sentence for the person who waits."""
@@ -153,10 +153,10 @@ def run_study(
 
 
 @contextlib.contextmanager
-def _sink(study: Study, store: Path | None, chunk: int | None, columns: Sequence[str]) -> Iterator[Store | Kept]:
+def _sink(study: Study, store: Path | None, chunk: int | None, columns: Sequence[str]) -> Iterator[Store | UnstoredChunks]:
     size = chunk or chunk_size(len(study), study.steps)
     if store is None:
-        yield Kept.room_for(list(chunks_of(len(study), size)), len(columns))
+        yield UnstoredChunks.room_for(list(chunks_of(len(study), size)), len(columns))
         return
     bounded = any(name.endswith(f"/{ERROR_BOUND}") for name in columns)
     # which bounds are computed depends on how many members there are
@@ -166,9 +166,9 @@ def _sink(study: Study, store: Path | None, chunk: int | None, columns: Sequence
 
 
 @contextlib.contextmanager
-def _kept(sink: Store | Kept) -> Iterator[Callable[[Chunk, Columns], None]]:
+def _kept(sink: Store | UnstoredChunks) -> Iterator[Callable[[Chunk, Columns], None]]:
     """Takes what is complete; what a store has not written yet when it ends, in whatever way, is written then."""
-    if isinstance(sink, Kept):
+    if isinstance(sink, UnstoredChunks):
         yield sink.add
         return
     waiting = Waiting(sink)

@@ -24,11 +24,11 @@ from barbalat import budget, validate
 from barbalat.budget import Estimate
 from barbalat.run.progress import Progress
 from barbalat.sweeps.chunks import Chunk, chunks_of
-from barbalat.sweeps.kept import Kept, in_order
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.store import Store, opened, require_place
 from barbalat.sweeps.study import Columns
+from barbalat.sweeps.unstored_chunks import UnstoredChunks, in_order
 from barbalat.validate import Array, counted
 from barbalat.vehicles.evidence import Evidence, evidence_of
 from barbalat.vehicles.flight import Failing
@@ -200,9 +200,9 @@ def fly_dispersed(
 
 
 @contextlib.contextmanager
-def _sink(campaign: Campaign, store: Path | None) -> Iterator[Store | Kept]:
+def _sink(campaign: Campaign, store: Path | None) -> Iterator[Store | UnstoredChunks]:
     if store is None:
-        yield Kept(None, list(chunks_of(len(campaign.plan), campaign.chunk)))
+        yield UnstoredChunks(None, list(chunks_of(len(campaign.plan), campaign.chunk)))
         return
     plan = campaign.plan
     with opened(store, campaign.identity(), len(plan), campaign.chunk, DIFFERENCES, grows=plan.keeps_its_first) as found:

@@ -12,9 +12,9 @@ from barbalat.certificates.bounds.laws import is_modified
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.entry import PlaceOfRest, RestingEstimates
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
-from barbalat.certificates.needed import is_left_out, is_needed
 from barbalat.certificates.picture import MarginLoop
 from barbalat.certificates.quantities import EACH_INPUT
+from barbalat.certificates.requested_keys import is_left_out, is_needed
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.delayed_peaks import delayed_peaks
 from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series

@@ -14,7 +14,7 @@ from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_para
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
 from barbalat.certificates.linear_loops.sampled_over_known_set import sampled_worst_case
 from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta, WorstCase, worst_case
-from barbalat.certificates.needed import is_needed
+from barbalat.certificates.requested_keys import is_needed
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.needed import is_needed
+from barbalat.certificates.requested_keys import is_needed
 from barbalat.linear.robust_stability import MatchedFamily, RobustStability, robust_stability
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.known_set import KnownSet

@@ -14,7 +14,7 @@ from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import with_dynamics
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
-from barbalat.certificates.schemes.stranger import WHOLE_LOOP, add_linearised
+from barbalat.certificates.schemes.unregistered import WHOLE_LOOP, add_linearised
 from barbalat.certificates.step_limits.modes import largest_step
 from barbalat.controllers.adrc import Adrc, Equations
 from barbalat.linear.interconnections import sensitivity

@@ -8,7 +8,7 @@ from barbalat.certificates.cells import advice, estimate, margins_cell, statemen
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.schemes.state_feedback import commands_and_gains, of_the_case
-from barbalat.certificates.schemes.stranger import add_linearised
+from barbalat.certificates.schemes.unregistered import add_linearised
 from barbalat.controllers import KnownParameters
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation

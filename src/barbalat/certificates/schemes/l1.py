@@ -18,8 +18,8 @@ from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins, add_margins, finite
 from barbalat.certificates.linear_loops.robustness import robustness
-from barbalat.certificates.needed import is_needed
 from barbalat.certificates.quantities import Quantity
+from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.rounding import down, up
 from barbalat.certificates.schemes import midpoint, mrac
 from barbalat.certificates.schemes.state_feedback import (

@@ -12,7 +12,7 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
-from barbalat.certificates.schemes.stranger import add_step_of_modes
+from barbalat.certificates.schemes.unregistered import add_step_of_modes
 from barbalat.controllers import LinearFeedback, linear_feedback
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.state_feedback import Known, Problem

@@ -20,7 +20,7 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.certificates.quantities import Quantity
-from barbalat.certificates.schemes.stranger import add_linearised
+from barbalat.certificates.schemes.unregistered import add_linearised
 from barbalat.controllers.mit_rule import Equations, MitRule
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace

@@ -22,7 +22,7 @@ from barbalat.certificates.schemes.state_feedback import (
     of_the_case,
     of_the_lyapunov_law,
 )
-from barbalat.certificates.schemes.stranger import add_frozen
+from barbalat.certificates.schemes.unregistered import add_frozen
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import MracClosedLoop

@@ -25,11 +25,11 @@ from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
-from barbalat.certificates.needed import is_needed
 from barbalat.certificates.quantities import Quantity
+from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.schemes.mrac import lyapunov_cells
 from barbalat.certificates.schemes.state_feedback import KNOWN_REGRESSOR, bounded_regressor
-from barbalat.certificates.schemes.stranger import add_linearised
+from barbalat.certificates.schemes.unregistered import add_linearised
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers.control_gains import ControlGains, feedforward_gain

@@ -13,7 +13,7 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rounding import up
-from barbalat.certificates.schemes.stranger import add_linearised
+from barbalat.certificates.schemes.unregistered import add_linearised
 from barbalat.controllers.mrac_network import Equations, NetworkMrac
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BoundedSignal

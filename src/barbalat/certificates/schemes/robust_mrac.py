@@ -15,7 +15,7 @@ from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rounding import down
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
-from barbalat.certificates.schemes.stranger import add_frozen
+from barbalat.certificates.schemes.unregistered import add_frozen
 from barbalat.certificates.step_limits import at_model, frozen_laws
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.parametric_model import minimum_phase_model

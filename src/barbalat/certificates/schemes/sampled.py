@@ -16,9 +16,9 @@ from barbalat.certificates.entry import Entry
 from barbalat.certificates.linear_loops import over_known_set, robustness
 from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
-from barbalat.certificates.needed import leaving_out
 from barbalat.certificates.quantities import EACH_INPUT
-from barbalat.certificates.schemes import HeldFile, LinearFile, SchemeFile, scheme_file, stranger
+from barbalat.certificates.requested_keys import leaving_out
+from barbalat.certificates.schemes import HeldFile, LinearFile, SchemeFile, scheme_file
 from barbalat.certificates.schemes.midpoint import MidpointFile
 from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop
 from barbalat.controllers import Sampled
@@ -62,7 +62,7 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     file = scheme_file(scheme)
     linear = _linear_when(problem, scheme, file)
     with leaving_out(*(OF_THE_CONTINUOUS_LOOP if linear else ())):
-        continuous = (file or stranger).certificate(problem, scheme, judged)
+        continuous = (file or unregistered).certificate(problem, scheme, judged)
     entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in LIMIT_KEYS_AT_MODEL]
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
     if linear:
@@ -131,7 +131,7 @@ def _sampled(entry: Entry, controller: Sampled) -> Entry:
 
 def column(problem: TrackingProblem, controller: Sampled, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """What holds in continuous time is not claimed of a sampled controller, but what the midpoint rule keeps of V is."""
-    name, continuous = (scheme_file(controller.controller) or stranger).column(problem, controller.controller, certificate)
+    name, continuous = (scheme_file(controller.controller) or unregistered).column(problem, controller.controller, certificate)
     why = f"sampled every {controller.sample_time:g} s"
     cells = {
         key: replace(cell, value=None, kind="does not apply", why=why) if cell.kind == "guaranteed" else cell

@@ -9,8 +9,8 @@ import numpy as np
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS, finite
-from barbalat.certificates.needed import is_needed
 from barbalat.certificates.quantities import EACH_INPUT, Form, Quantity
+from barbalat.certificates.requested_keys import is_needed
 from barbalat.linear.interconnections import complementary_sensitivity, sensitivity
 from barbalat.linear.margins import margins
 from barbalat.linear.peaks import peak_gain

@@ -24,7 +24,7 @@ from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
-from barbalat.certificates.schemes.stranger import add_frozen
+from barbalat.certificates.schemes.unregistered import add_frozen
 from barbalat.certificates.step_limits import any_regressor, at_model
 from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.state_feedback import Known, Problem

@@ -14,7 +14,7 @@ import numpy as np
 from barbalat.certificates.assumptions import departures
 from barbalat.certificates.bounds.laws import is_modified
 from barbalat.certificates.bounds.model import motion_along_the_command
-from barbalat.certificates.needed import is_needed
+from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.step_limits.any_regressor import Excited
 from barbalat.certificates.step_limits.frozen_laws import KEYS_AT_MODEL, FrozenLaw, input_poles
 from barbalat.certificates.step_limits.oscillator import Oscillator

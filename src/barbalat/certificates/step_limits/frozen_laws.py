@@ -14,7 +14,7 @@ from barbalat.adaptation.law import AdaptiveLaw, GainLimitedLaw, RatedLaw
 from barbalat.certificates.bounds.laws import ModifiedScheme, least_gain
 from barbalat.certificates.bounds.model import largest_along_the_command
 from barbalat.certificates.entry import NotApplicable
-from barbalat.certificates.needed import is_needed
+from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import robust_mrac_several
 from barbalat.controllers.robust_mrac import Equations

@@ -15,7 +15,6 @@ from barbalat.budget import Estimate
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.comparison.contest.entrant import Entrant, entrants_of, initial_estimates
-from barbalat.comparison.contest.held_out import Again, Draws, HeldOut, measure, measured_again
 from barbalat.comparison.contest.result import Contest, paired
 from barbalat.comparison.contest.rule import (
     DEFAULT_GAIN_MARGIN,
@@ -27,6 +26,7 @@ from barbalat.comparison.contest.rule import (
     with_noise,
 )
 from barbalat.comparison.contest.tuned import Qualified, qualify
+from barbalat.comparison.contest.validation import Draws, Remeasured, Validation, measure, measured_again
 from barbalat.comparison.search.search import least_trials
 from barbalat.comparison.search.trial import Plants
 from barbalat.comparison.tradeoff.tradeoff import plants_of
@@ -39,7 +39,7 @@ from barbalat.study.criteria import EXAMINED
 from barbalat.study.delay_search import Criterion
 from barbalat.study.finer_step import FINER_BY, refined
 from barbalat.study.ideal_benchmark import quiet
-from barbalat.study.motion import REST_SENTENCE, ModelMotion
+from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.targets import CONTEST
 from barbalat.validate import InputError, Named, counted
 
@@ -217,14 +217,14 @@ def _require_budget(simulation: Simulation, entrants: int, rule: Rule, members: 
     budget.require("trials", rule.trials, lambda n: searched.times(rule.plants * n) + rest, least=least, what="the contest")
 
 
-def _rank(one: Qualified, held: dict[str, HeldOut]) -> tuple[bool, int, float]:
+def _rank(one: Qualified, held: dict[str, Validation]) -> tuple[bool, int, float]:
     if one.name not in held:
         return (True, 0, one.error)
     return (False, int(held[one.name].lost.sum()), held[one.name].quantiles["median"])
 
 
 def _notes(
-    problem: Problem, simulation: Simulation, tuned: Sequence[Qualified], again: Mapping[str, Again], rule: Rule
+    problem: Problem, simulation: Simulation, tuned: Sequence[Qualified], again: Mapping[str, Remeasured], rule: Rule
 ) -> list[str]:
     """Sentences on what the result is not."""
     said = []
@@ -248,7 +248,7 @@ def _notes(
         if one.at_edge:
             said.append(f"{one.name}: {' and '.join(one.at_edge)} at the end of what was searched; beyond it may be better")
     said += _starts(problem, tuned)
-    if ModelMotion.of(problem, simulation).comes_to_rest:
+    if ReferenceMotion.of(problem, simulation).comes_to_rest:
         said.append(REST_SENTENCE)
     return said
 

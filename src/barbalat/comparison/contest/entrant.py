@@ -10,10 +10,10 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.comparison.knobs import reach_of
+from barbalat.comparison.grids import reach_of
 from barbalat.comparison.ranges import Range, Space
 from barbalat.controllers import SCHEMES, Sampled
-from barbalat.controllers.knobs import Knobs, Tunable
+from barbalat.controllers.tuning_grid import Tunable, TuningGrid
 from barbalat.loop.binding import bound
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import Varied
@@ -34,11 +34,11 @@ class Entrant(Settings):
     reads  the contest's problem as the scheme reads it, the same plant with another regressor; by default as it stands
     """
 
-    knobs: Knobs
+    knobs: TuningGrid
     reads: Callable[[Problem], Problem] = lambda problem: problem
 
     def __post_init__(self) -> None:
-        validate.instance("knobs", self.knobs, Knobs)
+        validate.instance("knobs", self.knobs, TuningGrid)
 
     @property
     def name(self) -> str:

@@ -13,8 +13,8 @@ from barbalat.validate import InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from barbalat.comparison.contest.held_out import HeldOut
     from barbalat.comparison.contest.result import Contest
+    from barbalat.comparison.contest.validation import Validation
 
 EACH_HEIGHT = 0.42
 """Of an entrant's line with its name above it [in]."""
@@ -43,7 +43,7 @@ def draw(found: Contest, *, narrow: bool = False, shown: bool = False) -> Figure
     return figure
 
 
-def _line(axes: Axes, held: HeldOut, name: str, y: float, theme: Theme) -> None:
+def _line(axes: Axes, held: Validation, name: str, y: float, theme: Theme) -> None:
     errors, failed = held.error[np.isfinite(held.error)], int(np.isinf(held.error).sum())
     colour = theme.colour(0)
     said = f"{name}: {failed} of {len(held.error)} failed" if failed else name

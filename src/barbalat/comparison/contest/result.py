@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat.certificates.linear_loops.margin_values import finite
-from barbalat.comparison.contest.held_out import Again, Draws, HeldOut
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified
+from barbalat.comparison.contest.validation import Draws, Remeasured, Validation
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.sweeps.statistics import CONFIDENCE_LEVEL, Median, Share
 from barbalat.validate import Array, Named
 
@@ -64,7 +64,7 @@ class Paired:
         }
 
 
-def paired(first: tuple[str, HeldOut], second: tuple[str, HeldOut]) -> Paired:
+def paired(first: tuple[str, Validation], second: tuple[str, Validation]) -> Paired:
     """The comparison of two entrants, each with its name, that were measured on the same draws."""
     (one, a), (other, b) = first, second
     ratios = log_ratios(a.error, b.error)
@@ -106,11 +106,11 @@ class Contest(Plotted):
     thetas: Array
     entrants: tuple[Qualified, ...]
     draws: Draws
-    held_out: Mapping[str, HeldOut]
+    held_out: Mapping[str, Validation]
     pairs: tuple[Paired, ...]
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
-    again: Mapping[str, Again]
+    again: Mapping[str, Remeasured]
     seconds: float
 
     def __repr__(self) -> str:
@@ -126,7 +126,7 @@ class Contest(Plotted):
     @cached_property
     def motion(self) -> float:
         """RMS of |x_m| under the problem's own command."""
-        return ModelMotion.of(self.problem, self.simulation).rms
+        return ReferenceMotion.of(self.problem, self.simulation).rms
 
     def plot(self, *, shown: bool = True) -> Figure:
         """The error of every held-out run of every entrant, as a Matplotlib figure; InputError where nobody meets the rule.

@@ -17,7 +17,7 @@ from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import LARGEST_GAIN_ERROR, LONGEST_DELAY, Criterion
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import InputError
 
 DEFAULT_GAIN_MARGIN = 1.5
@@ -126,6 +126,6 @@ def with_noise(problem: Problem, share: float, simulation: Simulation, sample_ti
         raise InputError(f"noise must be a share of the model's motion, at least 0 and below 1, got {share:g}")
     steps = max(round(sample_time / simulation.dt), 1)
     held = simulation.dt * steps
-    noise = Noise(std=[share * each for each in ModelMotion.of(problem, simulation).of_each], sample_time=held, seed=seed)
+    noise = Noise(std=[share * each for each in ReferenceMotion.of(problem, simulation).of_each], sample_time=held, seed=seed)
     sensor = Sensor(noise=noise) if problem.sensor is None else replace(problem.sensor, noise=noise)
     return replace(problem, sensor=sensor)

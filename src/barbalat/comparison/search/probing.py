@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.comparison.search.delay_borne import Question
 from barbalat.comparison.search.quantity import Probe
+from barbalat.comparison.search.tolerated_delay import Question
 from barbalat.comparison.search.trial import Plants, sizes_of
 from barbalat.run.metrics import Metrics
 from barbalat.solvers.simulation import Simulation

@@ -12,9 +12,9 @@ import numpy as np
 
 from barbalat import budget, validate
 from barbalat.budget import Estimate
-from barbalat.comparison.knobs import default_knobs
+from barbalat.comparison.grids import default_knobs
 from barbalat.comparison.tradeoff.forecast import RUNS_EACH, Forecast
-from barbalat.controllers.knobs import Knobs
+from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
@@ -26,7 +26,7 @@ from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
 from barbalat.study.finer_step import PlainRun, delays_confirmed, refined
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.study.motion import REST_SENTENCE, ModelMotion
+from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.targets import TRADE_OFF
 from barbalat.validate import Array, InputError
 
@@ -123,7 +123,7 @@ def trade_off(
     problem: Problem,
     simulation: Simulation,
     *,
-    knobs: tuple[Knobs, ...] | None = None,
+    knobs: tuple[TuningGrid, ...] | None = None,
     density: int = 6,
     own: Sequence[Controller] = (),
     plants: int = 4,
@@ -152,7 +152,7 @@ def trade_off(
     forecast = Forecast.of(members, plants, simulation)
     if estimate is not None:
         estimate(time.perf_counter() - started + sum(forecast.expected.values()))
-    motion, criteria = ModelMotion.of(problem, simulation), (onset or Onset(), lost or Lost())
+    motion, criteria = ReferenceMotion.of(problem, simulation), (onset or Onset(), lost or Lost())
     found = []
     for k in chosen:
         with forecast.timed(k.scheme):
@@ -229,7 +229,7 @@ class FrontCheck:
 
 
 def _at_finer_step(
-    chosen: tuple[Knobs, ...],
+    chosen: tuple[TuningGrid, ...],
     clouds: tuple[Cloud, ...],
     found: list[DelayMargins],
     problem: Problem,
@@ -284,7 +284,7 @@ def _require_motion(clouds: tuple[Cloud, ...]) -> None:
         )
 
 
-def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ModelMotion) -> list[str]:
+def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ReferenceMotion) -> list[str]:
     """Sentences on what the picture does not show."""
     said = [
         f"no tuning of {cloud.scheme} follows its model without a delay on the case's own plant"
@@ -306,7 +306,7 @@ TUNING = Estimate(memory=2000.0, seconds=3e-4)
 """Of a tuning on a plant, beside its runs."""
 
 
-def _require_budget(simulation: Simulation, density: int, knobs: tuple[Knobs, ...] | None, plants: int) -> None:
+def _require_budget(simulation: Simulation, density: int, knobs: tuple[TuningGrid, ...] | None, plants: int) -> None:
     """InputError where the tunings, or the plants on which they run, are beyond the budget; before either is made."""
     each = TUNING + Estimate(seconds=RUNS_EACH * simulation.steps * STEP_SECONDS)
     given = None if knobs is None else sum(prod(len(values) for values in one.values.values()) for one in knobs)
@@ -352,7 +352,7 @@ def _with_gains(plant: Plant, gains: Sequence[float] | Array) -> Plant:
     return replace(plant, input=paths if len(paths) > 1 else paths[0])
 
 
-def _cloud(k: Knobs, found: DelayMargins, scale: float, plants: int) -> Cloud:
+def _cloud(k: TuningGrid, found: DelayMargins, scale: float, plants: int) -> Cloud:
     error = np.linalg.norm(found.undelayed.rms_e, axis=1) / scale
     error, onset, loss = (
         values.reshape(-1, plants) for values in (np.where(found.tracks, error, np.nan), found.onset.bears, found.loss.bears)

@@ -14,7 +14,7 @@ from barbalat.budget import Estimate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.certificates.certify import certify
-from barbalat.comparison.knobs import output_reach_of, reach_of
+from barbalat.comparison.grids import output_reach_of, reach_of
 from barbalat.comparison.ranges import Range, Space, of_knobs
 from barbalat.comparison.search.aim import DEFAULT_PLANTS, Aim
 from barbalat.comparison.search.quantity import LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
@@ -25,7 +25,7 @@ from barbalat.comparison.tune.chosen import choose
 from barbalat.comparison.tune.result import Tuned, Tuning
 from barbalat.comparison.tune.written import with_numbers
 from barbalat.controllers import Sampled
-from barbalat.controllers.knobs import Knobs, OutputTunable, Tunable
+from barbalat.controllers.tuning_grid import OutputTunable, Tunable, TuningGrid
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.path import FieldPath, by_index
 from barbalat.open_numbers.varied import Varied, VariedCase, VariedObjects
@@ -154,7 +154,7 @@ class Tuner:
         return np.array(found, dtype=float)
 
 
-def _knobs_of(scheme: Controller, problem: TrackingProblem, simulation: Simulation) -> Knobs | None:
+def _knobs_of(scheme: Controller, problem: TrackingProblem, simulation: Simulation) -> TuningGrid | None:
     """What the scheme says is tuned of it on such a problem; None where it says nothing."""
     if isinstance(problem, OutputProblem) and isinstance(scheme, OutputTunable):
         return scheme.output_knobs(output_reach_of(problem, simulation))

@@ -14,11 +14,11 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.knobs import Knobs, OutputReach
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.controllers.l1_piecewise import PATENT_NOTE, input_directions
 from barbalat.controllers.piecewise_filter import FilterStep, filter_step
 from barbalat.controllers.settings import Scheme
+from barbalat.controllers.tuning_grid import OutputTuningScale, TuningGrid
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.linear.zero_order_hold import HeldSystem
@@ -108,9 +108,9 @@ class L1OutputPiecewiseConstant(Scheme):
         )
 
     @classmethod
-    def output_knobs(cls, reach: OutputReach) -> Knobs:
+    def output_knobs(cls, reach: OutputTuningScale) -> TuningGrid:
         T, order = reach.sample_time, reach.known.W_m.relative_degree
-        return Knobs(
+        return TuningGrid(
             scheme="L1 output, piecewise",
             values={"kappa": reach.times[reach.times >= T]},
             make=lambda kappa: cls(sample_time=T, filter=input_filter(kappa, order), saturated_predictor=reach.saturated),

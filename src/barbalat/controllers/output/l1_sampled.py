@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, ClassVar
 
+from barbalat.controllers.sampled_form import SampledForm
 from barbalat.controllers.steps import Filter
-from barbalat.controllers.twin import SampledTwin
 from barbalat.problem.known_set import limit
 from barbalat.protocols import Sample, Value, kept
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class OutputPredictor(SampledTwin):
+class OutputPredictor(SampledForm):
     """(21): predictor and sigma in one implicit step, for every gamma and T; the predictor is fed with sigma inside its bounds.
 
     With y_next = y + T (-m y_mid + m (u + s) + w), s what sigma estimates, y_tilde = y - y_hat and sigma_tilde = sigma - s,

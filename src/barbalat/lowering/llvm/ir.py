@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from barbalat.lowering.llvm.external_function import ExternalFunction
 from barbalat.lowering.llvm.functions import definitions
 from barbalat.lowering.llvm.loads import count, due, noise_loads, row_number, signal_loads
-from barbalat.lowering.llvm.outside import Outside
 from barbalat.lowering.llvm.past import lag_loads, past_loads, remember
 from barbalat.lowering.llvm.printer import Printer
 from barbalat.lowering.llvm.watch import LAST_BLOCK, LONGEST_INSIDE, called, keep_largest
@@ -33,7 +33,7 @@ def loop(
     lanes: int,
     sample: Program | None = None,
     watch: Program | None = None,
-    outside: Outside | None = None,
+    outside: ExternalFunction | None = None,
 ) -> str:
     """IR of ``void barbalat_loop(blocks, steps, state*, parameters*, signals*, out*, start, lags*, ring*, mask, noise*)``.
 
@@ -84,7 +84,7 @@ def loop(
 
 
 def _require_fitting(
-    shape: LoopShape, lanes: int, sample: Program | None, watch: Program | None, outside: Outside | None
+    shape: LoopShape, lanes: int, sample: Program | None, watch: Program | None, outside: ExternalFunction | None
 ) -> None:
     if (sample is None) != (shape.sample_every == 0):
         raise ValueError("a loop has a sampled part exactly where its shape says how often it acts")
@@ -128,7 +128,7 @@ class _Part:
 
 
 def _sampling(
-    sample: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str], outside: Outside | None
+    sample: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str], outside: ExternalFunction | None
 ) -> _Part:
     """What replaces the state before a step whose number is a multiple of ``sample_every``."""
     if sample is None:

@@ -14,7 +14,7 @@ import numpy as np
 from llvmlite.binding.newpassmanagers import NewPassManager
 
 from barbalat.lowering.llvm import ir
-from barbalat.lowering.llvm.outside import Outside
+from barbalat.lowering.llvm.external_function import ExternalFunction
 from barbalat.lowering.operations import Program
 from barbalat.lowering.registers import few_waiting
 from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, LoopShape, require_count
@@ -134,7 +134,7 @@ class Kernel:
         sample: Program | None = None,
         watch: Program | None = None,
         *,
-        outside: Outside | None = None,
+        outside: ExternalFunction | None = None,
         quickly: bool = False,
     ) -> None:
         """``quickly``: machine code in a fifth of the time, two to three times slower, of the same bits."""

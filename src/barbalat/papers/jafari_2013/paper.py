@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.certificates import certified_paper
-from barbalat.papers.jafari_2013.figures.figures import paper_figures
+from barbalat.papers.jafari_2013.figures.paper_figures import paper_figures
 from barbalat.papers.paper import Paper
 
 PAPER = Paper(

@@ -11,7 +11,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Sines
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from papers import by_hand
 
 
@@ -64,6 +64,6 @@ def test_with_a_modelling_error_it_stays():
         Simulation(t_end=400.0, dt=any_command.STEP),
     )
     found = simulate_ensemble([(given, section_v.robust_mrac("r"))], simulation, quarters=True).quarters
-    second, last = found[0, [1, 3]].max(axis=1) / ModelMotion.of(given, simulation).largest
+    second, last = found[0, [1, 3]].max(axis=1) / ReferenceMotion.of(given, simulation).largest
     assert last > 0.7 * second
     assert last > 5 * any_command.SMALL_ERROR_SHARE

@@ -28,7 +28,7 @@ from barbalat.certificates.schemes.output_feedback import (
     add_linear_loop,
     cells_of_linear_loop,
 )
-from barbalat.certificates.schemes.stranger import add_step_of_modes
+from barbalat.certificates.schemes.unregistered import add_step_of_modes
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.linear.enclosure import OUTWARD_FACTOR, Enclosure
 from barbalat.linear.l1_norms import l1_norm

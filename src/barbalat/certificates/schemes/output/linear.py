@@ -13,7 +13,7 @@ from barbalat.certificates.schemes.output_feedback import (
     add_linear_loop,
     cells_of_linear_loop,
 )
-from barbalat.certificates.schemes.stranger import add_step_of_modes
+from barbalat.certificates.schemes.unregistered import add_step_of_modes
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.solvers.simulation import Simulation

@@ -28,7 +28,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import delay_margins_ensemble
 from barbalat.study.ideal_benchmark import ideal_errors, without_error
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
 SIMULATION = Simulation(t_end=40.0, dt=2e-4)
@@ -199,7 +199,7 @@ def _actuator_margins(problem: Problem, controllers: Sequence[Controller]) -> di
         for w in BANDWIDTHS
     ]  # fmt: skip
     members = [(problem, c) for c in controllers]
-    ideal, motion = simulate_ensemble(members, SIMULATION).metrics, ModelMotion.of(problem, SIMULATION)
+    ideal, motion = simulate_ensemble(members, SIMULATION).metrics, ReferenceMotion.of(problem, SIMULATION)
     without = without_error(members, ideal, [motion] * len(members))
     explained = np.tile(np.asarray(ideal_errors([problem, *slowed], SIMULATION, motion)), len(controllers))
     metrics = simulate_ensemble([(p, c) for c in controllers for p in slowed], SIMULATION).metrics

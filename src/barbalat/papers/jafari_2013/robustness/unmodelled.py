@@ -29,7 +29,7 @@ from barbalat.papers.wording import numbers, span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
 THETAS = ((4.0, -3.0), (0.0, 0.0), (5.0, 5.0), (-5.0, 5.0), (5.0, -5.0), (-5.0, -5.0))
@@ -65,7 +65,7 @@ class Loss:
 def lost(members: Sequence[tuple[tuple[float, ...], float, float]], scheme: str, h: float = STEP) -> tuple[Array, Array]:
     """Which (theta, gain, delay) end beyond every bound, and max |e| in their last quarter over the largest |x_m|."""
     pairs = [(variant(theta=theta, input=PlantInput(delay=delay)), SCHEMES[scheme](gain)) for theta, gain, delay in members]
-    largest = ModelMotion.of(section_v.problem(), Simulation(t_end=T_END, dt=STEP)).largest
+    largest = ReferenceMotion.of(section_v.problem(), Simulation(t_end=T_END, dt=STEP)).largest
     tail = figures(pairs, T_END, h).tail_max_abs_e.max(axis=1) / largest
     return np.isnan(tail) | (tail > UNBOUNDED_RATIO), tail
 

@@ -18,7 +18,7 @@ from barbalat.protocols import Controller, Signal
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.signals import Chirp, Constant, Recorded, Sines, Square, Steps
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
 SEED = 20130820  # any fixed number: the draws are the same on every machine
@@ -113,7 +113,7 @@ def quarter_errors(command: Signal, t_end: float, controller: Controller, h: flo
 
 
 def _largest(command: Signal, t_end: float) -> float:
-    return ModelMotion.of(variant(reference=command), Simulation(t_end=t_end, dt=STEP)).largest
+    return ReferenceMotion.of(variant(reference=command), Simulation(t_end=t_end, dt=STEP)).largest
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ import pytest
 
 from barbalat import KnownParameters, Mrac, Sampled, Simulation, simulate, simulate_export
 from barbalat.cli import main
-from barbalat.export.parting import VISIBLE_SHARE, parting
+from barbalat.export.single_precision import VISIBLE_SHARE, precision_limit
 from export.examples import STATE, T
 from export.targets import needs_gcc
 from independent import refusal
@@ -32,27 +32,27 @@ def difference(gamma: float) -> float:
 @pytest.mark.full
 def test_euler_steps_part_at_a_gain() -> None:
     """On both sides of it runs say the same; from a gain at which they part the search goes downwards."""
-    found = parting(STATE, mrac(5.0, "euler"), SHORT)
+    found = precision_limit(STATE, mrac(5.0, "euler"), SHORT)
     assert found.setting == "gamma" and found.at is not None
     below = max(gain for gain in found.apart if gain < found.at)
     assert found.at < 1.34 * below
     assert difference(found.at) > VISIBLE_SHARE > difference(below)
     assert found.apart[5.0] == pytest.approx(difference(5.0)) and found.apart[5.0] < 1e-5
-    again = parting(STATE, mrac(found.at, "euler"), SHORT)  # from there on the search goes down
+    again = precision_limit(STATE, mrac(found.at, "euler"), SHORT)  # from there on the search goes down
     assert again.at is not None and found.at / 3 < again.at <= found.at  # rounding errors are no smooth function of the gain
 
 
 @needs_gcc
 @pytest.mark.full
 def test_midpoint_steps_bear_the_gains_that_32_bits_have() -> None:
-    found = parting(STATE, mrac(5.0, "midpoint"), SHORT)
+    found = precision_limit(STATE, mrac(5.0, "midpoint"), SHORT)
     assert found.at is None and max(found.apart) == pytest.approx(5e8)
     assert "do not part" in found.sentence
 
 
 def test_refusals(capsys) -> None:
     known = Sampled(controller=KnownParameters(theta=[1.0, -0.5]), sample_time=T, discretization="euler")
-    assert "has no gain" in refusal(lambda: parting(replace(STATE), known, SHORT))
+    assert "has no gain" in refusal(lambda: precision_limit(replace(STATE), known, SHORT))
     assert main(["certify", "first-order", "--float32"]) == 2
     assert "--simulate" in capsys.readouterr().err
 

@@ -113,7 +113,7 @@ def _shown(value: Any) -> str:
 
 
 @contextmanager
-def blamed(what: Subject) -> Iterator[None]:
+def telling_user_errors(what: Subject) -> Iterator[None]:
     """Whatever the user's own lines raise becomes one sentence with the line in it."""
     try:
         yield

@@ -7,7 +7,7 @@ from typing import Any
 from barbalat.protocols import Equations, Value
 
 
-class SampledTwin:
+class SampledForm:
     """It starts as they do, and holds their control."""
 
     continuous: Equations

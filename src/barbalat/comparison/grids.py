@@ -11,7 +11,7 @@ from barbalat import validate
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import SCHEMES, Mrac
-from barbalat.controllers.knobs import Knobs, OutputReach, Reach, Tunable
+from barbalat.controllers.tuning_grid import OutputTuningScale, Tunable, TuningGrid, TuningScale
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
@@ -23,7 +23,7 @@ from barbalat.validate import Array, InputError
 
 def default_knobs(
     problem: Problem, simulation: Simulation, *, density: int = 12, own: Sequence[Controller] = ()
-) -> tuple[tuple[Knobs, ...], tuple[str, ...]]:
+) -> tuple[tuple[TuningGrid, ...], tuple[str, ...]]:
     """The knobs that the registered schemes say they have, with ``density`` values for each second one.
 
     Gains go up to the largest that this step resolves, time constants from five steps to the slowest one of the model. Also what
@@ -56,22 +56,22 @@ def default_knobs(
     return tuple(kept), (*left_out, *refused)
 
 
-def knobs_of(controller: Controller, reach: Reach) -> Knobs:
+def knobs_of(controller: Controller, reach: TuningScale) -> TuningGrid:
     """Those that it says it has; none, which is one tuning, where it says nothing."""
     if isinstance(controller, Tunable):
         return controller.knobs(reach)
-    return Knobs(scheme=controller.name, values={}, make=lambda: controller)
+    return TuningGrid(scheme=controller.name, values={}, make=lambda: controller)
 
 
-def all_knobs(reach: Reach) -> list[Knobs]:
+def all_knobs(reach: TuningScale) -> list[TuningGrid]:
     """Of every registered scheme that has some."""
     return [scheme.knobs(reach) for scheme in SCHEMES.values() if isinstance(scheme, Tunable)]
 
 
-def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[Reach, str]:
+def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[TuningScale, str]:
     """How far knobs are turned on a case, and how the largest gain was found."""
     highest, how = largest_gain(problem, simulation)
-    reach = Reach(
+    reach = TuningScale(
         highest_gain=highest,
         highest_square=_oscillator(problem, simulation).largest_g(simulation.dt),
         times=_times(np.linalg.eigvals(problem.plant.A_m), simulation, density),
@@ -89,9 +89,9 @@ def start_of(problem: Problem) -> Array | None:
     return None if known_set is None or known_set.contains(np.zeros(len(known_set.middle))) else known_set.middle
 
 
-def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: int = 12) -> OutputReach:
+def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: int = 12) -> OutputTuningScale:
     """The same where the output is fed back; no gain is among what is turned."""
-    return OutputReach(
+    return OutputTuningScale(
         times=_times(problem.known.W_m.poles, simulation, density),
         known=problem.known,
         sample_time=SHORTEST_TIME_STEPS * simulation.dt,

@@ -10,7 +10,7 @@ import numpy as np
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified
-from barbalat.comparison.search.delay_borne import Question
+from barbalat.comparison.search.tolerated_delay import Question
 from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.problem.state_feedback import Problem
@@ -23,11 +23,11 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import tail_error, tracks
 from barbalat.study.finer_step import different, refined
 from barbalat.study.ideal_benchmark import Ideals, Member, quiet
-from barbalat.study.motion import ModelMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.sweeps.statistics import Median, Share
 from barbalat.validate import Array, counted
 
-HELD_OUT_COMMANDS = 8
+VALIDATION_COMMANDS = 8
 """Of which each is followed by an equal number of plants: enough to fill the kernel's lanes."""
 AMPLITUDE_FACTORS = (0.5, 1.5)
 """Of the case's command: what a tuning on one size of it says of others is what a neutral comparison must ask."""
@@ -87,9 +87,9 @@ class Draws:
     def drawn(cls, problem: Problem, members: int, rule: Rule) -> Draws:
         """New plants of the known set, new commands, new noise."""
         assert problem.uncertainty is not None
-        seed = rule.seed + HELD_OUT_SEED
+        seed = rule.seed + VALIDATION_SEED
         plants = plants_of(problem, problem.uncertainty, members + 1, seed)[1:]
-        commands = drawn_commands(min(HELD_OUT_COMMANDS, members), seed)
+        commands = drawn_commands(min(VALIDATION_COMMANDS, members), seed)
         which = np.sort(np.arange(members) % len(commands))
         made = [with_command(problem, float(size), float(pace)) for size, pace in commands]
         problems = [replace(made[c], plant=plant.plant) for c, plant in zip(which, plants, strict=True)]
@@ -106,12 +106,12 @@ class Draws:
         return np.split(np.arange(len(self)), edges)
 
 
-HELD_OUT_SEED = 1
+VALIDATION_SEED = 1
 """After the rule's: another one, so that no plant of the tuning comes again."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class HeldOut:
+class Validation:
     """One entrant on all that was drawn.
 
     error     (M,) RMS |e| relative to the RMS of |x_m|; infinite for a run that failed
@@ -163,7 +163,7 @@ class HeldOut:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Again:
+class Remeasured:
     """Some held-out runs of one entrant once more, with a step that is FINER_BY times smaller.
 
     verdicts  runs of which another thing is said: lost, or not bearing what the rule asks
@@ -190,10 +190,10 @@ def measured_again(
     trials: Draws,
     rule: Rule,
     simulation: Simulation,
-    found: Mapping[str, HeldOut],
+    found: Mapping[str, Validation],
     *,
     threads: int | None = None,
-) -> dict[str, Again]:
+) -> dict[str, Remeasured]:
     """The first run of each command, by the entrants' names."""
     fine, first = refined(simulation), [which[:1] for which in trials.groups]
     changed = {one.name: [0, 0] for one in entrants}
@@ -207,7 +207,9 @@ def measured_again(
             changed[one.name][0] += int(np.any(verdicts, axis=0).sum())
             pairs = zip(before.error[which], again.error, strict=True)
             changed[one.name][1] += sum(np.isfinite(a + b) and different(float(a), float(b)) for a, b in pairs)
-    return {name: Again(runs=len(first), verdicts=verdicts, errors=int(errors)) for name, (verdicts, errors) in changed.items()}
+    return {
+        name: Remeasured(runs=len(first), verdicts=verdicts, errors=int(errors)) for name, (verdicts, errors) in changed.items()
+    }
 
 
 def measure(
@@ -218,9 +220,9 @@ def measure(
     *,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> dict[str, HeldOut]:
+) -> dict[str, Validation]:
     """All entrants on the same plants, commands and noise, by their names."""
-    parts: dict[str, list[HeldOut]] = {one.name: [] for one in entrants}
+    parts: dict[str, list[Validation]] = {one.name: [] for one in entrants}
     groups = trials.groups
     for g, which in enumerate(groups):
         streams = trials.streams[which]
@@ -259,10 +261,10 @@ def _measured(
     asked: _Asked,
     simulation: Simulation,
     threads: int | None,
-) -> HeldOut:
+) -> Validation:
     """Errors with the noise, what is borne without it."""
     metrics = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
-    motion = ModelMotion.of(members[0][0], simulation)  # one command, one model
+    motion = ReferenceMotion.of(members[0][0], simulation)  # one command, one model
     lost = ~tracks(tail_error(metrics), np.full(len(members), motion.largest))
     alone = simulate_ensemble(silent, simulation, numbers=streams, threads=threads).metrics
     borne = {}
@@ -270,7 +272,7 @@ def _measured(
         _find(ideals, silent)
         question = Question(silent, simulation, alone, size, asked.rule.until, streams, ideals, np.zeros(0), threads)
         borne[name] = question.bears(np.arange(len(members)), graded=False) >= size
-    return HeldOut(
+    return Validation(
         error=np.where(lost, np.inf, _relative(metrics, motion)),
         diverged=np.isfinite(metrics.diverged_at),
         lost=lost,
@@ -288,9 +290,9 @@ def _find(ideals: Ideals, members: Sequence[Member]) -> None:
         ideals.find(new)
 
 
-def _relative(metrics: Metrics, motion: ModelMotion) -> Array:
+def _relative(metrics: Metrics, motion: ReferenceMotion) -> Array:
     return np.asarray(np.linalg.norm(metrics.rms_e, axis=1) / motion.rms)
 
 
-def _joined(parts: Sequence[HeldOut]) -> HeldOut:
-    return HeldOut(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})
+def _joined(parts: Sequence[Validation]) -> Validation:
+    return Validation(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})

@@ -39,7 +39,7 @@ def in_order(made: Made) -> Made:
 
 
 @dataclass(eq=False)
-class Kept:
+class UnstoredChunks:
     """Columns in memory, or in a folder of one file for each chunk, which goes when the sweep is forgotten.
 
     Chunks are put here as into a ``Store``, but by their first members.
@@ -57,7 +57,7 @@ class Kept:
     stored: ClassVar[int] = 0
 
     @classmethod
-    def room_for(cls, chunks: list[Chunk], columns: int) -> Kept:
+    def room_for(cls, chunks: list[Chunk], columns: int) -> UnstoredChunks:
         """For so many; files of it are gone when it is."""
         if sum(chunk.size for chunk in chunks) * columns * 8 <= MOST_IN_MEMORY:
             return cls(None, chunks)

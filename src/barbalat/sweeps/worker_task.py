@@ -52,7 +52,7 @@ class Tabulated:
 
 
 @dataclass(frozen=True, eq=False)
-class Sent:
+class WorkerTask:
     """One part of a chunk, without its signals; ``made_by`` are the ``versions`` of the client."""
 
     members: tuple[Members, ...]
@@ -60,7 +60,7 @@ class Sent:
     made_by: dict[str, str]
 
     @classmethod
-    def of(cls, part: StudyPart) -> Sent:
+    def of(cls, part: StudyPart) -> WorkerTask:
         plain = tuple(replace(one, signals=()) for one in part.members)
         return cls(plain, part.setting.simulation, versions())
 
@@ -96,7 +96,7 @@ def kept(tables: Tabulated) -> Tabulated:
     return tables
 
 
-def figures(sent: Sent, tables: Tabulated) -> list[Metrics]:
+def figures(sent: WorkerTask, tables: Tabulated) -> list[Metrics]:
     """Of each controller, by one thread; InputError on a worker that would make other bits."""
     own = versions()
     clients = sent.made_by

@@ -17,7 +17,7 @@ from barbalat.validate import Array, Vector
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Knobs:
+class TuningGrid:
     """A scheme and the settings that are varied, all combinations of them; ``make`` builds the controller.
 
     traded  whether trade-offs have it where nobody says which; contests have all
@@ -38,7 +38,7 @@ class Knobs:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Reach:
+class TuningScale:
     """How far knobs are turned for a case.
 
     highest_gain  that the step resolves
@@ -78,7 +78,7 @@ class Reach:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class OutputReach:
+class OutputTuningScale:
     """What the ranges of knobs follow from, of a case whose output is fed back.
 
     times        time constants [s], from five steps to the model's slowest
@@ -97,7 +97,7 @@ class OutputReach:
 class OutputTunable(Protocol):
     """A scheme that feeds back the output and says which of its settings are tuned, like ``Tunable``."""
 
-    def output_knobs(self, reach: OutputReach) -> Knobs:
+    def output_knobs(self, reach: OutputTuningScale) -> TuningGrid:
         """Its settings that are varied, and how far."""
         ...
 
@@ -106,6 +106,6 @@ class OutputTunable(Protocol):
 class Tunable(Protocol):
     """A scheme's class that says which of its settings trade tracking for robustness; others enter trade-offs by hand only."""
 
-    def knobs(self, reach: Reach) -> Knobs:
+    def knobs(self, reach: TuningScale) -> TuningGrid:
         """Its settings that are varied, and how far."""
         ...

@@ -19,7 +19,7 @@ REST_SENTENCE = (
 
 
 @dataclass(frozen=True)
-class ModelMotion:
+class ReferenceMotion:
     """Of x_m, or of y_m where the output is measured.
 
     largest    the largest magnitude of a component
@@ -42,7 +42,7 @@ class ModelMotion:
         return self.in_tail < REST_SHARE * self.largest
 
     @classmethod
-    def of(cls, problem: TrackingProblem, simulation: Simulation) -> ModelMotion:
+    def of(cls, problem: TrackingProblem, simulation: Simulation) -> ReferenceMotion:
         """By the response of the model alone, a linear system, to the command."""
         A, B, C = problem.model.matrices
         t, moved = driven_response(A, B, C, problem.model.x0, problem.commands, simulation.t_end, simulation.steps)

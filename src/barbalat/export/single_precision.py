@@ -33,7 +33,7 @@ HALVINGS = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parting:
+class PrecisionLimit:
     """Where float32 and float64 part, of one controller.
 
     setting  the gain's name, and its value in the case
@@ -59,9 +59,9 @@ class Parting:
         return f"{here}; up to {self.setting} = {max(self.apart, default=self.gain):.3g} they do not part{ends}".lstrip("; ")
 
 
-def parting(
+def precision_limit(
     problem: TrackingProblem, controller: Controller, simulation: Simulation, *, progress: Progress | None = None
-) -> Parting:
+) -> PrecisionLimit:
     """Simulate with the export in 32 bits in the loop and, beside it, as ever, at higher and higher gains.
 
     InputError for a controller without a gain of its own, and as of ``simulate_export``.
@@ -95,7 +95,7 @@ def parting(
             at = _between(low, high, parts)
             break
         last, at = value, value if parted else None
-    return Parting(
+    return PrecisionLimit(
         setting=str(FieldPath(keys)),
         gain=gain,
         apart=dict(sorted(apart.items())),
@@ -151,7 +151,7 @@ def with_float32_gains(
         certificate = certificates[controller.name]
         part = None if progress is None else _share(progress, i, len(sampled))
         try:
-            found = parting(problem, controller, simulation, progress=part)
+            found = precision_limit(problem, controller, simulation, progress=part)
         except InputError as error:
             unmeasured = certificate.with_entries(certificate.entries, f"float32 beside float64 was not measured: {error}")
             result[controller.name] = unmeasured
@@ -167,7 +167,7 @@ def _share(progress: Progress, i: int, count: int) -> Progress:
     return told
 
 
-def _with(certificate: Certificate, found: Parting) -> Certificate:
+def _with(certificate: Certificate, found: PrecisionLimit) -> Certificate:
     said = f"measured on the case's own run, the compiled export in 32 bits beside the simulation in 64: {found.sentence}"
     if found.at is None:
         return certificate.with_entries(certificate.entries, said)

@@ -16,7 +16,7 @@ NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?![\w.]*\w)")
 """A number in a sentence."""
 
 
-class Echo(float):
+class TypedNumber(float):
     """A number whose text is that of the case file."""
 
     text: str
@@ -46,7 +46,7 @@ def _echoed(value: Any, given: Any) -> Any:
         case list(), list() if len(value) == len(given):
             return [_echoed(one, other) for one, other in zip(value, given, strict=True)]
         case float(), Typed() | int():
-            return Echo.of(value, str(given))
+            return TypedNumber.of(value, str(given))
     return value
 
 
@@ -80,7 +80,7 @@ def _texts(value: Any) -> dict[str, str]:
 
 def _shown(value: Any) -> Iterator[tuple[str, str]]:
     match value:
-        case Echo():
+        case TypedNumber():
             yield repr(float(value)), value.text
         case list():
             yield repr(_plain(value)), repr(value)
@@ -90,7 +90,9 @@ def _shown(value: Any) -> Iterator[tuple[str, str]]:
 
 
 def _plain(value: Any) -> Any:
-    return [_plain(one) for one in value] if isinstance(value, list) else float(value) if isinstance(value, Echo) else value
+    return (
+        [_plain(one) for one in value] if isinstance(value, list) else float(value) if isinstance(value, TypedNumber) else value
+    )
 
 
 def _in_these(texts: dict[str, str], sentence: str) -> str:

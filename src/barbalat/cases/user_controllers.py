@@ -21,7 +21,7 @@ from typing import Any
 from barbalat import budget
 from barbalat.budget import Estimate
 from barbalat.cases.schema import table_of
-from barbalat.loop.blame import Subject, blamed
+from barbalat.loop.user_errors import Subject, telling_user_errors
 from barbalat.protocols import Controller
 from barbalat.validate import InputError, local_path, show
 
@@ -84,7 +84,7 @@ class OwnFile:
         return tuple(self._made(one) if isinstance(one, type) else one for one in given)
 
     def _made(self, kind: type) -> Controller:
-        with blamed(Subject(f"{kind.__name__}() in {str(self.path)!r}")):
+        with telling_user_errors(Subject(f"{kind.__name__}() in {str(self.path)!r}")):
             controller: Controller = kind()
         return controller
 
@@ -113,7 +113,7 @@ def run(path: str | Path) -> OwnFile:
     folder = str(path.resolve().parent)
     sys.path.append(folder)  # for files beside it; last, so that none stands in the place of an installed package
     try:
-        with blamed(Subject(f"--controllers: {str(path)!r}")):
+        with telling_user_errors(Subject(f"--controllers: {str(path)!r}")):
             loader.exec_module(module)
     finally:
         sys.path.remove(folder)
@@ -132,7 +132,7 @@ def schemes(names: Set[str], own: OwnFile | None) -> dict[str, type]:
     found = {} if own is None else {name: kind for name, kind in own.classes.items() if name in names}
     for name in sorted(names - found.keys()):
         for entry in entry_points(group=ENTRY_POINT_GROUP, name=name):
-            with blamed(Subject(f"the scheme {name!r} of {entry.value!r}")):
+            with telling_user_errors(Subject(f"the scheme {name!r} of {entry.value!r}")):
                 found[name] = entry.load()
     for name, kind in found.items():
         _require_settings(name, kind)

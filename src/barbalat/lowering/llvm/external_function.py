@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Outside:
+class ExternalFunction:
     """``void function(double *numbers, int64_t step)`` at an address of this process, called at every sample.
 
     given  rows of the state as the list makes them at this sample: they stand first in ``numbers``

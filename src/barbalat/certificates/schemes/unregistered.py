@@ -16,8 +16,8 @@ from barbalat.certificates.linear_loops.margin_values import (
     add_margins,
     add_margins_of_each,
 )
-from barbalat.certificates.needed import is_needed
 from barbalat.certificates.quantities import EACH_INPUT
+from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.step_limits.modes import largest_step
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
