@@ -11,6 +11,7 @@ import hypothesis
 import pytest
 
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.report import drawing_process
 from barbalat.run.processes import Here
 from barbalat.signals import Sine, Sines
 

@@ -123,11 +123,11 @@ def test_a_trade_off_has_them_as_they_are_or_with_their_knobs(folder, capsys):
     """Plain has the MRAC's lines, and so its error and its delays at the same gain."""
     knobs = """
 import numpy as np
-from barbalat.controllers.tuning_grid import Knobs
+from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.controllers import Mrac
 class Tuned(Plain):
     def knobs(self, reach):
-        return Knobs(scheme="tuned", values={"gamma": np.array([1.0, 5.0])}, make=lambda gamma: Plain(gamma))
+        return TuningGrid(scheme="tuned", values={"gamma": np.array([1.0, 5.0])}, make=lambda gamma: Plain(gamma))
 CONTROLLERS = [Plain(5.0), Tuned(9.0, "tuned")]
 """
     Path("laws.py").write_text(LAWS + knobs)

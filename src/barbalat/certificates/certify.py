@@ -9,7 +9,7 @@ from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.certificates import Certificates
 from barbalat.certificates.requested_keys import needing
-from barbalat.certificates.schemes import scheme_file
+from barbalat.certificates.schemes import scheme_file, unregistered
 from barbalat.loop.binding import bound, is_sampled, numbered
 from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from barbalat.certificates.cells import PROPERTIES, Column, nothing
 from barbalat.certificates.certificate import Certificate, reason
-from barbalat.certificates.schemes import scheme_file
+from barbalat.certificates.schemes import scheme_file, unregistered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.validate import Named

@@ -18,7 +18,7 @@ from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import leaving_out
-from barbalat.certificates.schemes import HeldFile, LinearFile, SchemeFile, scheme_file
+from barbalat.certificates.schemes import HeldFile, LinearFile, SchemeFile, scheme_file, unregistered
 from barbalat.certificates.schemes.midpoint import MidpointFile
 from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop
 from barbalat.controllers import Sampled
