@@ -14,12 +14,13 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from barbalat.cases.load import CaseText
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps.chunks import chunks_of
 from barbalat.sweeps.cluster import Scheduler, Workers, connected
+from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.study import Study
-from barbalat.sweeps.varied_case import VariedCase, sampled
 from benchmarks.house import Section
 from benchmarks.table import Row
 

@@ -115,7 +115,7 @@ def brute_force(loop: ClosedLoop, signals, solver: str, dt: float, steps: int) -
         states=np.array(states),
         e=np.array([np.atleast_1d(y - y_m) for y, y_m in measured]),
         u=np.array(u),
-        theta_hat=np.array([p.controller.theta_hat for p in parts]),
+        theta_hat=np.array([loop.theta_hat(p.controller) for p in parts]),
     )
 
 

@@ -23,11 +23,12 @@ import numpy as np
 
 from barbalat import InputError
 from barbalat.cases.load import CaseText
+from barbalat.open_numbers.varied import VariedCase
+from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.stored import INDEX_FILE, StoredRows, read_index
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.sweep import run_study
-from barbalat.sweeps.varied_case import VariedCase, sampled
 
 MEMBERS, CHUNK = 6000, 100
 """Sixty files, each some hundredths of a second apart: a kill hits every stage of writing one."""

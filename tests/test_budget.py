@@ -264,9 +264,9 @@ def would_do(sentence: str) -> int:
     """The number in a refusal."""
     if found := re.search(r"at most (\d+)", sentence):
         return int(found[1])
-    if found := re.search(r"a t_end of ([\d.]+) s", sentence):
-        return int(float(found[1]) / 1e-3)
-    return round(2.0 / float(re.search(r": (\S+) would do", sentence)[1]))
+    if found := re.search(r"or a step of (\S+) s, would do", sentence):
+        return round(2.0 / float(found[1]))
+    return int(float(re.search(r"a t_end of ([\d.]+) s", sentence)[1]) / 1e-3)
 
 
 LIMITED = """
@@ -307,8 +307,13 @@ def test_the_finer_run_of_a_check_keeps_to_the_budget():
 
 
 def test_a_margin_beyond_the_budget_is_left_out_with_the_reason():
-    with Budget(seconds=1.3):
-        (found,) = certify(problem(), network(60), SHORT).values()
+    with Budget(seconds=1.1):
+        (found,) = certify(problem(), network(30), SHORT).values()
+    with Budget(seconds=2.0):
+        (large,) = certify(problem(), network(60), SHORT).values()
+    beyond = large.entry("delay_margin")
+    assert beyond is not None and beyond.value is None
+    assert "states, and its place of rest and modes would take" in beyond.why
     entry = found.entry("delay_margin_adapting")
     assert entry is not None and entry.value is None
     assert re.search(r"the linear loop has \d+ states, and \d+ frequency responses would take", entry.why)

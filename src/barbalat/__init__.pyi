@@ -1,5 +1,6 @@
 """The public names: one list, from which the package imports lazily and type checkers read."""
 
+from .adaptation.law import AdaptiveLaw as AdaptiveLaw
 from .adaptation.laws import Gradient as Gradient
 from .adaptation.laws import IntegralCost as IntegralCost
 from .adaptation.laws import LeastSquares as LeastSquares
@@ -77,9 +78,14 @@ from .problem.regressors import GaussianRBF as GaussianRBF
 from .problem.regressors import Linear as Linear
 from .problem.regressors import Polynomial as Polynomial
 from .problem.regressors import Terms as Terms
+from .problem.state_feedback import Known as Known
 from .problem.state_feedback import Problem as Problem
 from .problem.tracking import Disturbance as Disturbance
 from .protocols import Controller as Controller
+from .protocols import Equations as Equations
+from .protocols import SampledEquations as SampledEquations
+from .protocols import Signal as Signal
+from .roles import Role as Role
 from .run.check_numerics import check_numerics as check_numerics
 from .run.ensemble import EnsembleResult as EnsembleResult
 from .run.ensemble import simulate_ensemble as simulate_ensemble

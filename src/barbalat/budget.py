@@ -190,6 +190,10 @@ DENSE_OPERATIONS = 24
 """Of such a step for each entry of a plant's matrix: four stages, a product and a sum, in the plant, its model and its law."""
 OPERATION_SECONDS, OPERATION_BYTES = 1e-4, 3500.0
 """Of tracing, optimising and compiling one operation: 3.2 s and 280 MB for 40,000, 35 s and 800 MB for 220,000."""
+MODES_SECONDS = 3e-8
+"""For each cubed state: the eigenvalues of four Jacobians, 7 s for 600 states."""
+LINEARISATION_SECONDS, LINEARISATION_BYTES = 4e-7, 1500.0
+"""For each cubed and each squared state: 12 s and 0.3 GB for 300 states."""
 KERNEL_BYTES, KERNEL_SECONDS = 1e6, 0.05
 """Of the smallest loop's code."""
 STEP_OPERATION_SECONDS = 6e-10
@@ -199,14 +203,20 @@ MEMBER_OPERATION_SECONDS = 2e-11
 
 
 def operations(states: float, dense: float = 0.0) -> float:
-    """Of one step of a loop with so many states, of which ``dense`` are a plant's."""
+    """Return the operations of one step of a loop with so many states, of which ``dense`` are a plant's."""
     return STATE_OPERATIONS * states + DENSE_OPERATIONS * dense * dense
 
 
 def of_kernel(states: float, dense: float = 0.0) -> Estimate:
-    """What a loop costs before its first step: its equations are traced, optimised and compiled."""
+    """What a loop costs beside its steps: its equations are traced, optimised and compiled; after the run come its modes."""
     count = operations(states, dense)
-    return Estimate(KERNEL_BYTES + OPERATION_BYTES * count, KERNEL_SECONDS + OPERATION_SECONDS * count)
+    seconds = KERNEL_SECONDS + OPERATION_SECONDS * count + MODES_SECONDS * states**3
+    return Estimate(KERNEL_BYTES + OPERATION_BYTES * count, seconds)
+
+
+def of_linearisation(states: float) -> Estimate:
+    """What the place of rest, the modes and the margins of a linearised loop cost."""
+    return Estimate(KERNEL_BYTES + LINEARISATION_BYTES * states**2, LINEARISATION_SECONDS * states**3)
 
 
 def of_array(count: float) -> Estimate:

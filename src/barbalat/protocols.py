@@ -258,5 +258,5 @@ class Stepping(Protocol):
         ...
 
     def refined(self, factor: int) -> Controller:
-        """The same with steps shorter by ``factor``, if it takes any."""
+        """Return this with steps shorter by ``factor``, if it takes any."""
         ...

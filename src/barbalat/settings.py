@@ -54,7 +54,7 @@ def _require_known(name: str, given: Mapping[str, object], known: Mapping[str, P
 
 
 def _require_places(name: str, count: int, given: Mapping[str, object], known: Mapping[str, Parameter]) -> None:
-    """As many by position as there are places, and nothing that is needed left out."""
+    """Require no more arguments by position than there are places, and nothing that is needed left out."""
     places = [one.name for one in known.values() if one.kind is not Parameter.KEYWORD_ONLY]
     keywords = ", ".join(f"{one}=..." for one in known if one not in places)
     if count > len(places):

@@ -26,7 +26,7 @@ def names() -> dict[int, str]:
 
 
 def used(function: casadi.Function) -> frozenset[str]:
-    """Those that a function of scalar expressions is made of."""
+    """Return the operations that a function of scalar expressions is made of."""
     codes = _codes(function)
     return frozenset(name for code, name in names().items() if code in codes)
 

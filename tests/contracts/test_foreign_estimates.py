@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from barbalat.explorer.explorer import explore
 from barbalat.export.write import files, units
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.regressors import Polynomial
+from barbalat.roles import Role
 from barbalat.run.check_numerics import check_numerics
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.estimates import estimates_of
@@ -199,7 +201,7 @@ def test_tuning(folder, capsys, scheme):
 
 def test_names_that_are_not_as_many_as_the_estimates(linear):
     class Misnamed(foreign_estimates.WeighingEquations):
-        estimate_names = ("W_1", "W_2")
+        roles: ClassVar = {"theta_hat": Role.estimates("W", names=("W_1", "W_2"))}
 
     class Law:
         name = "misnamed"
@@ -218,10 +220,7 @@ def test_ideal_values_are_the_laws_own_to_know(linear):
             return OtherEquations(**vars(super().bind(known)))
 
     class OtherEquations(foreign_estimates.HighOrderEquations):
-        estimate_names = ("W_1", "W_2")
-
-        def ideal_gains(self, theta, omega):
-            return None
+        roles: ClassVar = {"theta_hat": Role.estimates("W")}
 
     (run,) = simulate(linear, [Other(5.0)], SIMULATION).values()
     assert [(one.name, one.true) for one in estimates_of(run)] == [("W_1", None), ("W_2", None)] and not run.warnings

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from barbalat.controllers import SCHEMES, Mrac
-from barbalat.estimating import Estimating, GainEstimating
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
 from barbalat.protocols import Controller
+from barbalat.roles import THETA, Estimating, roles_of
 from barbalat.run.simulate import simulate
 from barbalat.signals import Constant, Sine
 from barbalat.solvers import SOLVERS
@@ -45,10 +45,11 @@ def example(request, problems):
 def adaptive(example):
     """An example that estimates parameters, or what follows from them; what has none to estimate has nothing to owe here."""
     problem, controller = example
-    equations, theta = controller.bind(problem.known), problem.plant.theta
+    equations = controller.bind(problem.known)
     if not isinstance(equations, Estimating):
         pytest.skip("estimates nothing")
-    if isinstance(equations, GainEstimating) and equations.ideal_gains(theta, np.ones(1)) is None:
+    role = roles_of(equations)["theta_hat"]
+    if role.of != THETA and role.true is None:
         pytest.skip("its weights are no parameters: no known set holds them")
     return example
 
@@ -79,7 +80,7 @@ def test_the_flat_state_and_its_parts(example):
     parts = loop.unpack(loop.initial())
     assert parts.x.tolist() == parts.x_m.tolist() == problem.plant.x0.tolist()
     marked = np.arange(loop.size)
-    assert marked[loop.theta_hat_rows].tolist() == loop.unpack(marked).controller.theta_hat.tolist()
+    assert marked[loop.theta_hat_rows].tolist() == loop.theta_hat(loop.unpack(marked).controller).tolist()
     with pytest.raises(ValueError, match="entries"):
         loop.unpack(np.zeros(loop.size + 1))
 
@@ -143,7 +144,7 @@ def test_shapes_and_numbers_of_a_result(example):
     assert result.t[0] == 0
     assert result.t[-1] == 64
     assert (np.diff(result.t) > 0).all()
-    estimates = controller.bind(problem.known).initial().theta_hat.size
+    estimates = ClosedLoop.of(problem, controller).parameters
     for name in ("x", "x_m", "e"):
         assert getattr(result, name).shape == (count, n)
     assert result.theta_hat.shape == (count, estimates)

@@ -52,7 +52,7 @@ from barbalat.export.parameters import Opened
 from barbalat.export.plant import PlantContents
 from barbalat.export.write import files, units
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.kernel_numbers import Family
+from barbalat.open_numbers.kernel_numbers import Family
 from barbalat.run.simulate import simulate
 from barbalat.signals import SIGNALS
 from barbalat.study.tradeoff import trade_off

@@ -111,12 +111,12 @@ def test_what_its_weights_gain_is_what_e_gives_up(leakage):
     for problem, r in [(SINE, np.array(0.3)), (TWO_INPUTS, np.array([0.3, -0.7]))] * 25:
         equations, known = controller.bind(problem.known), problem.known
         x, x_m = 3 * random.normal(size=(2, 2))
-        state = equations.initial()._replace(theta_hat=random.normal(size=6 * known.inputs), memory=random.normal(size=(3, 5)))
+        state = equations.initial()._replace(theta_hat=random.normal(size=6 * known.inputs), V_hat=random.normal(size=(3, 5)))
         W, V = state
         rates = equations.derivative(state, x, x_m, r, np.zeros(r.shape))
         mu = (x - x_m) @ known.P @ known.b
         w = 0.01 if leakage is LEAKAGES[0] else 0.1 * np.sum(np.abs(mu))
-        found = 2 * W @ rates.theta_hat / 3.0 + 2 * np.sum(V * rates.memory) / 0.4
+        found = 2 * W @ rates.theta_hat / 3.0 + 2 * np.sum(V * rates.V_hat) / 0.4
         output = known.k_0 @ r - equations.control(state, x, x_m, r) if r.ndim else r - equations.control(state, x, x_m, r)
         assert found == pytest.approx(2 * np.dot(mu, output) - 2 * w * (W @ W + np.sum(V * V)), rel=1e-10, abs=1e-10)
 

@@ -12,8 +12,8 @@ from barbalat.cases.load import CaseText
 from barbalat.explorer.commands import MOST_POINTS, is_computed, points_of
 from barbalat.explorer.describe import Described
 from barbalat.explorer.source import ObjectSource, TextSource
+from barbalat.open_numbers.path import FieldPath
 from barbalat.signals import Recorded, Sine, Square
-from barbalat.sweeps.paths import FieldPath
 from explorer.in_node import figures, needs_node
 from independent import refusal
 

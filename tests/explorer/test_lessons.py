@@ -8,9 +8,9 @@ from barbalat import simulate
 from barbalat.explorer.describe import Described
 from barbalat.explorer.lessons import BoundedGoal, FigureGoal, SettingGoal
 from barbalat.explorer.section_v import PAGES, addresses, explorer
+from barbalat.open_numbers.path import FieldPath
 from barbalat.papers.claim import Claim
 from barbalat.papers.jafari_2013.paper import PAPER
-from barbalat.sweeps.paths import FieldPath
 
 LESSONS = [(file, lesson) for file, lessons in PAGES.items() for lesson in lessons]
 

@@ -28,6 +28,7 @@ from independent import refusal
 SHORT = Simulation(t_end=10.0, dt=T / 2)
 EXAMPLES = {name: (problem, controller) for name, problem, controller in sampled_examples()}
 SAMPLES = 60
+LIMITS = {f"plant.input.saturation[{side}]" for side in (0, 1)}
 
 
 def one(start: str) -> str:
@@ -135,7 +136,7 @@ slave = Slave(path, folder)
 if start:
     slave.restore((folder / "state").read_bytes())
 for k in range(start, stop):
-    slave.set({"r": float(k % 7), "gamma": 5.0 + (k > 20)})
+    slave.set({"r": float(k % 7), "controller[0].gamma": 5.0 + (k > 20)})
     slave.step(k * slave.size, slave.size)
 print([value.hex() for value in slave.get_all("plant.x") + slave.get_all("theta_hat")])
 (folder / "state").write_bytes(slave.saved())
@@ -208,8 +209,8 @@ def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:
     slave, right = Slave(paths["controller"], tmp_path), Slave(paths["controller"], tmp_path)
     for wrong in (
         lambda: slave.set({"u": 1.0}),  # an output
-        lambda: slave.set({"theta_hat0[1]": 1.0}),  # fixed since the start
-        lambda: slave.set({"gamma": float("nan")}),
+        lambda: slave.set({"controller[0].theta_hat0[0]": 1.0}),  # fixed since the start
+        lambda: slave.set({"controller[0].gamma": float("nan")}),
         lambda: slave.step(0.0, 0.4 * T),
         lambda: slave.step(0.0, 0.0),
         lambda: slave.step(0.0, -T),
@@ -246,16 +247,23 @@ def test_parameters_are_what_enters_as_it_is() -> None:
     problem, controller = EXAMPLES[one("L1Adaptive-state-midpoint")]
     opened = Opened.of(problem, controller, SHORT, tunable=True)
     names = [one.name for one in opened.parameters]
-    bounds = {f"uncertainty.{side}[{i}]" for side in ("lower", "upper") for i in (1, 2)}
+    bounds = {f"uncertainty.{side}[{i}]" for side in ("lower", "upper") for i in (0, 1)}
     assert bounds < set(names)
-    assert {"gamma", "theta_hat0[1]", "theta_hat0[2]", "u_min", "u_max", "plant.theta[1]", "plant.x0[2]"} <= set(names)
+    assert {f"controller[0].{name}" for name in ("gamma", "theta_hat0[0]", "theta_hat0[1]")} | LIMITS | {
+        "plant.theta[0]",
+        "plant.x0[1]",
+    } <= set(names)
     assert not any("filter" in name or "sample_time" in name or "delay" in name or "A_m" in name for name in names)
     assert not Opened.of(problem, controller, SHORT, tunable=False).parameters
-    others = {"Mrac-gain": "theta_hat0[3]", "MracOutput-third": "c_0_min", "NormalizedMrac-ball": "uncertainty.radius"}
+    others = {
+        "Mrac-gain": "controller[0].theta_hat0[2]",
+        "MracOutput-third": "controller[0].c_0_min",
+        "NormalizedMrac-ball": "uncertainty.radius",
+    }
     for example, name in others.items():
         opened = Opened.of(*EXAMPLES[one(example)], SHORT, tunable=True)
         assert name in [one.name for one in opened.parameters]
-        assert "theta_hat0[1]" in [one.name for one in opened.parameters]
+        assert "controller[0].theta_hat0[0]" in [one.name for one in opened.parameters]
 
 
 @needs_gcc
@@ -264,7 +272,7 @@ def test_parameters_are_what_enters_as_it_is() -> None:
 def test_a_bound_that_is_moved_past_an_estimate_brings_it_in(name, tmp_path) -> None:
     """No sample is refused for it: the estimate is at the new bound after the next one, or nearer."""
     paths = write_units(tmp_path, *EXAMPLES[one(name)], SHORT, 2)
-    slave = Slave(paths["loop"], tmp_path, {"theta_hat0[1]": 1.0})
+    slave = Slave(paths["loop"], tmp_path, {"controller[0].theta_hat0[0]": 1.0})
     ball = "uncertainty.radius" in slave.at
     slave.set({"r": 1.0})
     for k in range(40):
@@ -272,7 +280,7 @@ def test_a_bound_that_is_moved_past_an_estimate_brings_it_in(name, tmp_path) -> 
     before = slave.get_all("theta_hat")
     bound = 0.5 * (math.hypot(*before) if ball else before[0])
     assert abs(bound) > 1e-3
-    slave.set({"uncertainty.radius" if ball else f"uncertainty.{'upper' if bound > 0 else 'lower'}[1]": bound})
+    slave.set({"uncertainty.radius" if ball else f"uncertainty.{'upper' if bound > 0 else 'lower'}[0]": bound})
     slave.step(40 * T, T)
     after = slave.get_all("theta_hat")
     assert slave.whole("status") == 0
@@ -296,8 +304,8 @@ def test_of_a_strangers_settings_those_are_parameters_that_bear_a_symbol() -> No
     for kind, expected in ((Plain, True), (Branching, False)):
         controller = Sampled(controller=kind(gamma=2.0, name="own"), sample_time=T, discretization="euler")
         opened = Opened.of(FREE, controller, SHORT, tunable=True)
-        assert ("gamma" in [one.name for one in opened.parameters]) == expected
-        assert "u_max" in [one.name for one in opened.parameters]
+        assert ("controller[0].gamma" in [one.name for one in opened.parameters]) == expected
+        assert {one.name for one in opened.parameters} >= LIMITS
 
 
 def test_units_have_units(tmp_path) -> None:
@@ -311,7 +319,7 @@ def test_units_have_units(tmp_path) -> None:
             (tmp_path / name).write_bytes(content)
             described = fmpy.read_model_description(str(tmp_path / name))
             found = {one.name: one.unit for one in described.modelVariables}
-            assert (found["x[1]"], found["x[2]"], found["u"], found["gamma"]) == ("rad", "rad/s", "deg", None)
+            assert (found["x[1]"], found["x[2]"], found["u"], found["controller[0].gamma"]) == ("rad", "rad/s", "deg", None)
 
 
 @needs_gcc

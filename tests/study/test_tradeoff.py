@@ -24,13 +24,15 @@ from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import Known, ParameterBox, Problem
 from barbalat.report import documents, tradeoff, write
 from barbalat.report.files import Folder
+from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 from barbalat.study import forecast, knobs
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.knobs import default_knobs
-from barbalat.study.tradeoff import Cloud, TradeOff, pareto_front, trade_off
+from barbalat.study.tradeoff import Cloud, TradeOff, pareto_front, plants_of, trade_off
 from barbalat.validate import InputError
 from independent import refusal
 
@@ -281,3 +283,23 @@ def test_a_registered_scheme_brings_its_own_knobs(section_v, monkeypatch):
     assert [one.scheme for one in after] == [*(one.scheme for one in before), "slow"] == ["MRAC", "L1-AC", "Robust MRAC", "slow"]
     highest, _ = knobs.largest_gain(section_v, simulation)
     np.testing.assert_allclose(after[-1].values["gamma"], highest * np.array([1e-4, 1e-2, 1.0]), rtol=1e-12)
+
+
+def test_an_unknown_gain_of_one_in_the_case_makes_no_other_structure_than_the_drawn_ones():
+    """The case's plant has the default gain of 1; the drawn ones have others, and all run in one ensemble."""
+    plant = Plant(A_m=[[0.0, 1.0], [-0.3, -1.0]], b=[0.0, 1.0], theta=[1.0, -1.0])
+    box = ParameterBox(lower=[-2.0, -2.0], upper=[2.0, 2.0])
+    model = ReferenceModel(k_0=0.3)
+    problem = Problem(
+        plant=plant, reference_model=model, reference=Sine(amplitude=1.0, frequency=0.5), uncertainty=box, input_gain=[0.5, 1.5]
+    )
+    family = plants_of(problem, box, 4, 0)
+    gains = [plant.plant.paths[0].gain for plant in family]
+    assert gains[0] == 1.0
+    assert len(set(gains)) == 4
+    simulation = Simulation(t_end=2.0, dt=1e-3)
+    members = [(one, Mrac(gamma=10.0)) for one in family]
+    together = simulate_ensemble(members, simulation).metrics
+    alone = [simulate(problem, controller, simulation) for problem, controller in members]
+    for k, result in enumerate(alone):
+        assert np.allclose(together.max_abs_e[k], result["MRAC"].metrics.max_abs_e, rtol=1e-9)

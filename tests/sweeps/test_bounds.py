@@ -5,12 +5,12 @@ import pytest
 
 from barbalat import certify
 from barbalat.cases.load import CaseText
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps.bounds import Bounds
-from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.spread import Axis, Uniform
 from barbalat.sweeps.study import Study
-from barbalat.sweeps.varied_case import VariedCase
 
 TEXT = """
 name = "second order"

@@ -21,12 +21,13 @@ import pytest
 import barbalat
 from barbalat.cases.load import CaseText
 from barbalat.cli import main
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps import cluster
 from barbalat.sweeps.cluster import Scheduler
+from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.sent import SOURCES, Sent, Tabulated, digest_of, figures, versions
 from barbalat.sweeps.study import Study
-from barbalat.sweeps.varied_case import VariedCase, sampled
 from independent import refusal
 
 ANOTHER_PROCESSOR = {"OPENBLAS_CORETYPE": "Prescott", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX2_Usable"}

@@ -6,12 +6,13 @@ import pytest
 
 from barbalat.budget import Budget
 from barbalat.cases.load import CaseText
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps.costs import Costs, require_members
-from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.spread import Axis
 from barbalat.sweeps.study import Study
-from barbalat.sweeps.varied_case import VariedCase, sampled
 from barbalat.validate import InputError
 
 

@@ -5,11 +5,11 @@ import pytest
 from scipy.stats import beta
 
 from barbalat import InputError
+from barbalat.open_numbers.path import FieldPath
 from barbalat.sweeps import sensitivity
 from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.evidence import Extremes, Share, evidence
 from barbalat.sweeps.kept import Kept
-from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.spread import Axis, Uniform

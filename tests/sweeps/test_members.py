@@ -8,14 +8,14 @@ from scipy.stats import kstest, norm
 
 from barbalat import InputError, load_case, simulate
 from barbalat.cases.load import CaseText
-from barbalat.sweeps.kinds import Kind
-from barbalat.sweeps.paths import FieldPath
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.probe import Kind
+from barbalat.open_numbers.varied import VariedCase, VariedObjects
+from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import BLOCK_DRAWS, Design, Plan
 from barbalat.sweeps.replay import replay
 from barbalat.sweeps.spread import Axis, InBall, LogUniform, Normal, Uniform
 from barbalat.sweeps.study import Study
-from barbalat.sweeps.varied import VariedObjects
-from barbalat.sweeps.varied_case import VariedCase, sampled
 from independent import refusal
 
 SHORT = CaseText.read("paper").text.replace("t_end = 60.0", "t_end = 1.0").replace("dt = 1e-4", "dt = 1e-3")
@@ -79,7 +79,7 @@ def test_kinds_are_found_by_trying():
     }  # fmt: skip
     draws = sampled(CaseText(SHORT), list(given.items()))
     found = study(SHORT, Plan({FieldPath.parse("simulation.dt"): Axis(1e-3, 5e-4, 2)}, draws, 4))
-    assert found.kinds == (Kind.STRUCTURE, Kind.NUMBER, Kind.NUMBER, Kind.SIGNAL)
+    assert found.kinds == (Kind.STRUCTURE, Kind.COPIED, Kind.FOLLOWED, Kind.SIGNAL)
 
 
 def test_what_is_copied_equals_what_the_objects_give():

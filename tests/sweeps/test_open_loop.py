@@ -6,11 +6,12 @@ import pytest
 from barbalat import InputError
 from barbalat.cases.load import CaseText
 from barbalat.explorer.worst_members import explored
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps.bounds import Bounds
+from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.sweep import run_study
-from barbalat.sweeps.varied_case import VariedCase, sampled
 
 CLOSED = """name = "own"
 [plant]

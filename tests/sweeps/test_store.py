@@ -11,16 +11,16 @@ import pytest
 
 from barbalat import InputError, sweep
 from barbalat.cases.load import CaseText
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps import chunks, store
 from barbalat.sweeps.chunks import FEWEST_MEMBERS, Chunk
-from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.spread import Axis, Uniform
 from barbalat.sweeps.store import STORED_EVERY, Waiting, opened
 from barbalat.sweeps.stored import INDEX_FILE, INDEX_KEY, StoredRows, read_index, row_of
 from barbalat.sweeps.study import Study
 from barbalat.sweeps.sweep import run_study
-from barbalat.sweeps.varied_case import VariedCase
 
 parquet = pytest.importorskip("pyarrow.parquet")
 TEXT = CaseText.read("first-order").text

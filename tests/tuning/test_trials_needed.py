@@ -5,7 +5,7 @@ import pytest
 from barbalat import InputError
 from barbalat.cases.load import CaseText
 from barbalat.cli import main
-from barbalat.sweeps.paths import FieldPath
+from barbalat.open_numbers.path import FieldPath
 from barbalat.tuning.aim import Aim
 from barbalat.tuning.search import least_trials
 from barbalat.tuning.space import Range, Space

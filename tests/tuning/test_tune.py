@@ -27,6 +27,7 @@ from barbalat.study.motion import ModelMotion
 from barbalat.tuning.aim import Aim
 from barbalat.tuning.quantity import TunedQuantity
 from barbalat.tuning.search import BROKEN_CONSTRAINT_SCORE, search
+from barbalat.tuning.trial import Trial
 from barbalat.tuning.tune import Tuner
 from independent import refusal
 
@@ -363,3 +364,11 @@ def test_a_delay_that_is_asked_of_a_noisy_case_is_tolerated_without_the_noise(tm
     (alone,) = delay_margins(still.problem, [Mrac(gamma=gamma)], still.simulation).values()
     assert alone.onset.bears[0] >= 0.97 * asked  # bisection to 2 %
     assert any("without the case's measurement noise" in note for note in found.notes)
+
+
+def test_a_trial_that_diverges_on_a_plant_is_written_as_json():
+    """NumPy's own truth values are none that JSON has."""
+    aim = Aim.of("rms_e", [], maximize=False, plants=1, quantile=1.0, seed=0)
+    for value in (np.float64(np.inf), np.float64(1.0), None):
+        trial = Trial(row=np.zeros(1), value=value, complete=True)
+        assert json.loads(json.dumps(trial.meets(aim))) is (value == 1.0)

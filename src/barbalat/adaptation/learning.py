@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation.implicit import forgotten
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.settings import Settings
 from barbalat.validate import Array
 
@@ -50,6 +52,13 @@ class CompositeLearning(Settings):
     time_constant: float
     forgetting: float = 0.0
     capacity: float | None = None
+
+    roles: ClassVar[Mapping[str, Role]] = {
+        "zeta": Role.filter("filtered motion of composite learning"),
+        "phi": Role.filter("filtered regressor of composite learning"),
+        "R": Role.memory("information matrix that the law remembers"),
+        "Q": Role.memory("what the law remembers beside R"),
+    }
 
     def __post_init__(self) -> None:
         validate.freeze(self, gamma_c=validate.positive("learning.gamma_c", self.gamma_c))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -11,6 +12,7 @@ from barbalat.adaptation.modifications import dead_zone as zone
 from barbalat.adaptation.modifications import leakage as leak
 from barbalat.problem.known_set import EstimateSet, Gain, project
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError
 
 
@@ -57,6 +59,11 @@ class Modifications:
     def of(cls, settings: ModifiedSettings) -> Modifications:
         """InputError for what can't go together."""
         return cls(leakage=settings.leakage, dead_zone=settings.dead_zone, learning=settings.learning)
+
+    @property
+    def roles(self) -> Mapping[str, Role]:
+        """Of the memory of composite learning."""
+        return {} if self.learning is None else self.learning.roles
 
     def initial(self, b: Array, x0: Array, parameters: int) -> Any:
         """The memory at t = 0: () without learning."""

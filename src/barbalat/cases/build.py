@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, field, is_dataclass
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from barbalat.cases.echoes import in_the_files_words
@@ -17,6 +18,7 @@ from barbalat.cases.table_models import Table
 from barbalat.controllers import Sampled
 from barbalat.loop.binding import bound, require_controllers
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.structure import identical
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import delay
@@ -28,15 +30,23 @@ from barbalat.validate import InputError, printable, show
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Case:
-    """A problem, the controllers to compare on it, and how to simulate."""
+    """A problem, the controllers to compare on it, and how to simulate.
+
+    equations  of each controller on the problem, where they are known already
+    """
 
     problem: TrackingProblem
     controllers: tuple[Controller, ...]
     simulation: Simulation
+    equations: tuple[Any, ...] = ()
 
     @property
     def name(self) -> str:
         return self.problem.name
+
+    def member(self, i: int) -> tuple[Any, ...]:
+        """The i-th controller on the problem, with its equations where they are known, as readers of many members take it."""
+        return self.problem, self.controllers[i], *self.equations[i : i + 1]
 
     def __repr__(self) -> str:
         names = ", ".join(controller.name for controller in self.controllers)
@@ -46,7 +56,7 @@ class Case:
         """For notebooks: the problem, the controllers with their settings, the simulation."""
         from barbalat.problem.notebook import html_of, table_of
 
-        rows = {one.name: one_line(one) if is_dataclass(one) else show(one) for one in self.controllers}
+        rows = {one.name: one_line(one) if is_dataclass(one) else show(one) for one in self.controllers}  # type: ignore[redundant-expr]
         return "".join([html_of(self.problem), table_of("Controllers", rows), table_of("Simulation", given_of(self.simulation))])
 
 
@@ -60,37 +70,91 @@ def within(place: str) -> Iterator[None]:
         raise error if named else InputError(f"{place}: {error}", field=place) from None
 
 
-def build(case: Table, folder: Path, joining: Sequence[Controller] = ()) -> Case:
+Bound = tuple[Controller, Any]
+"""A controller and its equations for the problem."""
+
+
+@dataclass(eq=False)
+class Parts:
+    """What the first case was made of that is built with them: a later one, some of whose tables are others, takes the rest.
+
+    What is kept is known by the identity of the tables from which it was made, which are kept with it.
+    """
+
+    objects: Mapping[int, tuple[Any, Any]] = field(default_factory=dict)
+    problem: tuple[list[Any], TrackingProblem] | None = None
+    controllers: dict[int, tuple[Table, Bound]] = field(default_factory=dict)
+    fitting: dict[int, tuple[TrackingProblem, Controller, Simulation]] = field(default_factory=dict)
+    complete: bool = False
+
+    def problem_of(self, posed: list[Any], make: Callable[[], TrackingProblem]) -> TrackingProblem:
+        """The problem that follows from these values of the case's keys."""
+        if self.problem is not None and all(one is other for one, other in zip(posed, self.problem[0], strict=True)):
+            return self.problem[1]
+        problem = make()
+        if not self.complete:
+            self.problem = posed, problem
+        return problem
+
+
+def build(case: Table, folder: Path, joining: Sequence[Controller] = (), parts: Parts | None = None) -> Case:
     """Everything validated, controllers bound once; ``folder`` is where relative paths start.
 
-    ``joining`` are controllers beside the case's own.
+    joining  controllers beside the case's own
+    parts    of the first case that was built with them: what its tables were made into is not made again
     """
-    given = _given(case, Context(folder), "")
+    parts = Parts() if parts is None else parts
+    base = Context(folder, objects=parts.objects)
+    posed = [value for key, value in vars(case).items() if key not in ("controller", "simulation")]
+
+    given = _given(case, base, "")
     simulation = given.pop("simulation")
-    with in_the_files_words(given):
-        problem: TrackingProblem = case.recipe.make(given, Context(folder))
+
+    def pose() -> TrackingProblem:
+        with in_the_files_words(given):
+            problem: TrackingProblem = case.recipe.make(given, base)
+        return problem
+
+    problem = parts.problem_of(posed, pose)
+    found = _controllers(case, base._replace(known=problem.known), problem, parts)
+    found += [(controller, bound(problem, controller)) for controller in joining]
+    made = _assembled(problem, found, simulation, parts)
+    parts.objects, parts.complete = MappingProxyType(parts.objects), True
+    return made
+
+
+def _controllers(case: Table, context: Context, problem: TrackingProblem, parts: Parts) -> list[Bound]:
     tables: list[Table] = vars(case)["controller"]
+    asked = False
 
     def others(settings: type) -> dict[str, Callable[[], Any]]:
         """The case's controllers of a class, by name, each with what makes it."""
+        nonlocal asked
+        asked = True
         chosen = [table for table in tables if table.recipe.settings is settings]
         return {_name(table): partial(_controller, table, context) for table in chosen}
 
-    context = Context(folder, problem.known, others)
-    controllers: list[Controller] = []
+    context = context._replace(others=others)
+    same = parts.problem is not None and identical(problem.known, parts.problem[1].known)
+    controllers: list[Bound] = []
     refused: list[str] = []
     for i, table in enumerate(tables, start=1):
+        if same and id(table) in parts.controllers:
+            controllers.append(parts.controllers[id(table)][1])
+            continue
+        asked = False
         try:
             called = vars(table)["name"] if "name" in table.model_fields_set else table.recipe.choice
             with within(f"controller {i} ({printable(called)})"):
                 controllers.append(_bound(table, context, problem))
         except InputError as error:
             refused += error.sentences
+        else:
+            if not asked and not parts.complete:
+                parts.controllers[id(table)] = table, controllers[-1]
     if refused:
         raise several(refused)
-    for controller in joining:
-        bound(problem, controller)
-    return _assembled(problem, [*controllers, *joining], simulation)
+    return controllers
 
 
 def _name(table: Table) -> str:
@@ -116,8 +180,14 @@ def _value(value: Any, context: Context, place: str) -> Any:
         return tuple(_value(one, context, f"{place} {i}") for i, one in enumerate(value, start=1))
     if not isinstance(value, Table):
         return value
-    with within(place):
-        return made(value, context, place)
+    if (known := context.objects.get(id(value))) is not None:
+        found = known[1]
+    else:
+        with within(place):  # of its own keys alone, whatever the problem is
+            found = made(value, Context(context.folder, objects=context.objects), place)
+        if isinstance(context.objects, dict):
+            context.objects[id(value)] = value, found
+    return dict(found) if isinstance(found, dict) else found  # the tables of a problem are given as they are, and taken apart
 
 
 def _controller(table: Table, context: Context) -> Controller:
@@ -127,8 +197,8 @@ def _controller(table: Table, context: Context) -> Controller:
     return controller
 
 
-def _bound(table: Table, context: Context, problem: TrackingProblem) -> Controller:
-    """The controller, sampled if asked, after it was bound to the problem once to see that the two fit."""
+def _bound(table: Table, context: Context, problem: TrackingProblem) -> Bound:
+    """The controller and its equations, sampled if asked, after it was bound to the problem once to see that the two fit."""
     with in_the_files_words({key: vars(table)[key] for key in table.model_fields_set}):
         controller = _controller(table, context)
         sampling = {key: vars(table)[key] for key in sampling_of(table.recipe.keys) if key in table.model_fields_set}
@@ -136,18 +206,24 @@ def _bound(table: Table, context: Context, problem: TrackingProblem) -> Controll
             controller = Sampled(controller=controller, **sampling)
         elif sampling:
             raise InputError("discretization goes with sample_time, which is missing")
-        bound(problem, controller)
-    return controller
+        return controller, bound(problem, controller)
 
 
-def _assembled(problem: TrackingProblem, controllers: Sequence[Controller], simulation: Simulation) -> Case:
+def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Simulation, parts: Parts) -> Case:
     """The case, after what its parts must agree on was checked."""
+    controllers = tuple(controller for controller, _ in found)
     require_controllers(controllers)
     if problem.delay > 0:
         delay.lag(problem.delay, simulation.dt)  # refuses a delay that this step can't carry
     if problem.noise is not None:
         whole_steps("sensor.noise.sample_time", problem.noise.sample_time, simulation)
-    for controller in controllers:
+    for controller, equations in found:
+        fits = problem, controller, simulation
+        if all(one is other for one, other in zip(fits, parts.fitting.get(id(controller), (None,) * 3), strict=True)):
+            continue
         with within(controller.name):
-            Rhythm.of(ClosedLoop.of(problem, controller), None, simulation)  # likewise what happens between steps
-    return Case(problem, tuple(controllers), simulation)
+            loop = ClosedLoop.of(problem, controller, bind=lambda _, __, equations=equations: equations)
+            Rhythm.of(loop, None, simulation)  # likewise what happens between steps
+        if not parts.complete:
+            parts.fitting[id(controller)] = fits
+    return Case(problem, controllers, simulation, tuple(equations for _, equations in found))

@@ -71,7 +71,7 @@ def _at(field: str, given: Given) -> Any:
 
 
 def _texts(value: Any) -> dict[str, str]:
-    """As numbers and lists are shown -> as they were typed, where that is one text for all of them."""
+    """Return how numbers and lists are shown -> how they were typed, where all of them were typed alike."""
     found: dict[str, set[str]] = {}
     for plain, typed in _shown(value):
         found.setdefault(plain, set()).add(typed)

@@ -81,7 +81,7 @@ def _put_right(table: dict[str, Any], context: dict[str, Any], further_in: list[
     value = table.pop(context["key"])
     *outer, last = further_in[0].split(".") if further_in else _near(context) or [""]
     for key in outer:
-        table = table.setdefault(key, {}) if isinstance(table, dict) else {}
+        table = table.setdefault(key, {}) if isinstance(table, dict) else {}  # type: ignore[redundant-expr]
     if last and isinstance(table, dict):
         table.setdefault(last, value)
 
@@ -126,7 +126,7 @@ def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
 
 
 def _choice_missing(place: str, key: str, given: dict[str, Any]) -> str:
-    """Of a table without its ``kind`` or ``scheme``: the key that is spelt most like it may be meant."""
+    """Return the finding on a table without its ``kind`` or ``scheme``; the key that is spelt most like it may be meant."""
     near = next((one for one in given if difflib.get_close_matches(key, [one.lower()])), None)
     return f"{place}.{key} is missing" if near is None else f"unknown key {place}.{near}; did you mean {key!r}?"
 

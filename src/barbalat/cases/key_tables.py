@@ -126,7 +126,7 @@ def _registry(registry: Mapping[str, type], choice: str) -> str:
 
 
 def _plants_of_schemes() -> str:
-    """By schemes, which plants they take and whether something says what is tuned of them: as they declare it."""
+    """Return, by schemes, which plants they take and whether they say what is tuned of them, as they declare it."""
     rows = [
         (f"`{name}`", *(_mark(feature not in beyond_of(scheme)) for feature in PLANT_FEATURES), _mark(is_tunable(scheme)))
         for name, scheme in SCHEMES.items()

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
 REQUIRED = MISSING
@@ -33,6 +34,8 @@ class Context(NamedTuple):
     known: Any = None  # the problem's known part, for controllers
     others: Callable[[type], dict[str, Callable[[], Any]]] = lambda _: {}
     """The case's controllers of a class, by name, each with what makes it."""
+    objects: Mapping[int, tuple[Any, Any]] = MappingProxyType({})
+    """What tables were made into before, with the tables, by their identity; a dictionary takes further ones."""
 
 
 Make = Callable[[Given, Context], Any]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import copy
+import math
 import re
 import tomllib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -13,12 +15,14 @@ from typing import Any
 from pydantic import ValidationError
 
 from barbalat.cases import outside
-from barbalat.cases.build import Case, build
+from barbalat.cases.build import Case, Parts, build
 from barbalat.cases.echoes import echo
 from barbalat.cases.findings import Typed, findings, several
 from barbalat.cases.outside import OwnFile
 from barbalat.cases.schema import CASES, case_table, problem_posed
+from barbalat.cases.table_models import Table
 from barbalat.cases.toml_size import TEXT_BYTE, require_readable
+from barbalat.protocols import Controller
 from barbalat.reading import contents
 from barbalat.validate import InputError, hint, local_path
 
@@ -42,6 +46,43 @@ DECIMAL_COMMA = re.compile(r"^\s*([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$", 
 """A key whose value is a number with a decimal comma, alone on its line."""
 SINGLE_BRACKETS = re.compile(r"^\s*\[\s*controller\s*\]", re.MULTILINE)
 """The head of the only controller of a case: a second one makes it no TOML."""
+
+
+Keys = tuple[str | int, ...]
+"""Where a number stands in tables: keys of tables and indices of lists."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variants:
+    """Cases that differ from a first one in some numbers: what follows from none of them is not checked or made again."""
+
+    table: Table
+    folder: Path
+    joining: tuple[Controller, ...]
+    parts: Parts
+
+    def at(self, numbers: Mapping[Keys, float]) -> Case | None:
+        """The case with these numbers, refused as any other; None where one of them is no plain number of the first case."""
+        table: Any = self.table
+        for keys, value in numbers.items():
+            table = _with_number(table, keys, value)
+            if table is None:
+                return None
+        return build(table, self.folder, self.joining, self.parts)
+
+
+def _with_number(part: Any, keys: Keys, value: float) -> Any:
+    """A copy of checked tables with another number at one place; None where no such number stands there."""
+    if not keys:
+        return float(value) if type(part) is float and math.isfinite(value) else None
+    first, rest = keys[0], keys[1:]
+    if isinstance(part, list) and isinstance(first, int) and first < len(part):
+        inner = _with_number(part[first], rest, value)
+        return None if inner is None else [*part[:first], inner, *part[first + 1 :]]
+    if not isinstance(part, Table) or first not in part.model_fields_set:
+        return None
+    inner = _with_number(vars(part)[first], rest, value)
+    return None if inner is None else part.model_copy(update={str(first): inner})
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,10 +135,28 @@ class CaseText:
                 meant = f"; a number has a decimal point: {comma[1]} = {comma[2]}.{comma[3]}"
             raise InputError(f"{self.source} is not valid TOML: {error}{meant}") from None
 
+    def variants(self, data: dict[str, Any]) -> Variants:
+        """Cases that differ from the one with these tables in some numbers; InputError where there is no such case."""
+        table, joining = self._checked(data, changed=True)
+        parts = Parts()
+        build(table, self.folder, joining, parts)
+        return Variants(table, self.folder, joining, parts)
+
     def case(self, data: dict[str, Any] | None = None) -> Case:
         """The case, or the one that the text would be with these tables instead of its own."""
         changed = data is not None
         data = self.data() if data is None else data
+        table, joining = self._checked(data, changed=changed)
+        try:
+            return build(table, self.folder, joining)
+        except InputError:
+            if changed:
+                raise
+            echo(table, tomllib.loads(self.text, parse_float=Typed))
+            return build(table, self.folder, joining)  # is refused once more, in the words of the file
+
+    def _checked(self, data: dict[str, Any], *, changed: bool) -> tuple[Table, tuple[Controller, ...]]:
+        """The tables with their types checked, and the controllers that join the case's."""
         problem = problem_posed(data)
         further = outside.schemes(outside.named_in(data) - CASES[problem].keys(), self.own)
         if self.own is not None:
@@ -109,13 +168,7 @@ class CaseText:
         except ValidationError:
             as_typed = copy.deepcopy(data) if changed else tomllib.loads(self.text, parse_float=Typed)
             raise several(findings(root, data, as_typed)) from None
-        try:
-            return build(table, self.folder, joining)
-        except InputError:
-            if changed:
-                raise
-            echo(table, tomllib.loads(self.text, parse_float=Typed))
-            return build(table, self.folder, joining)  # is refused once more, in the words of the file
+        return table, joining
 
 
 def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
@@ -130,5 +183,5 @@ def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
 
 
 def parse_case(text: str, folder: Path = Path(), source: str = "the case", own: OwnFile | None = None) -> Case:
-    """The same from TOML text; relative paths in it start at ``folder``, and ``own`` is a file with the user's controllers."""
+    """Read a case from TOML text; relative paths in it start at ``folder``, and ``own`` is a file with the user's controllers."""
     return CaseText(text, folder, source, own).case()

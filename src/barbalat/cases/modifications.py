@@ -23,7 +23,7 @@ class Modification:
 
 @cache
 def _keys_of(kind: type) -> dict[str, Key]:
-    """Of a modification's own settings."""
+    """Return the keys of a modification's own settings."""
     return keys_of(kind, Differences())
 
 
@@ -53,7 +53,7 @@ def modified(given: Given, choices: Choices) -> Given:
 
 
 def named_or_modified(given: Given, choices: Choices) -> Given:
-    """The same where a modification may also have been made already, under the name of its field."""
+    """Return the modification, which may also have been made already, under the name of its field."""
     named = {name: given.pop(name) for name in choices if name in given}
     return joined(
         named, {key: value for key, value in modified(given, choices).items() if key not in choices or value is not None}

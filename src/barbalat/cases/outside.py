@@ -45,7 +45,7 @@ class OwnFile:
     kept: tuple[int, ...] | None = None
 
     def alone(self, i: int) -> OwnFile:
-        """The same file of whose controllers the i-th alone joins a case, or none where i is negative."""
+        """Return the file with its i-th controller alone joining a case, or none where i is negative."""
         return replace(self, kept=(i,) if i >= 0 else ())
 
     @property
@@ -55,7 +55,8 @@ class OwnFile:
         return {name: kind for name, kind in found.items() if kind.__module__ == self.module.__name__}
 
     def controllers(self, named: Mapping[str, type]) -> tuple[Controller, ...]:
-        """Those that join a case: the list, or all that were made at the file's top; ``named`` are classes in the case.
+        """Return the controllers that join a case: the list, or all that were made at the file's top; ``named`` are classes
+        in the case.
 
         Where neither is there and the case names none, those of the classes that need no settings.
         """

@@ -23,7 +23,7 @@ SAMPLING["discretization"] = SAMPLING["discretization"]._replace(type=Literal[DI
 
 
 def sampling_of(keys: Mapping[str, Key]) -> dict[str, Key]:
-    """Those that a scheme of these keys has; none where it acts at samples by nature and has a sample time of its own."""
+    """Return the keys of sampling that a scheme has; none where it acts at samples by nature and has a sample time of its own."""
     common = SAMPLING["sample_time"]
     return SAMPLING if keys.get("sample_time", common) is common else {}
 

@@ -61,7 +61,8 @@ class TomlSize:
 
     @property
     def pairs(self) -> int:
-        """Of parts that a parser goes through: those of each key, and for each value those of the table in which it stands."""
+        """Count the parts that a parser goes through: those of each key, and for each value those of the table in which it
+        stands."""
         return self.squares + self.equals * self.longest
 
 

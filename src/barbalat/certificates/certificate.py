@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, checked, of_finite_numbers
+from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, PlaceOfRest, checked, of_finite_numbers
 from barbalat.certificates.picture import TITLE, MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES, Quantity
 from barbalat.certificates.rounding import down, up
@@ -36,7 +36,7 @@ class Certificate:
 
     @classmethod
     def failed(cls, why: str) -> Certificate:
-        """Of what can't be certified: the reason is its finding."""
+        """Return the certificate of a controller that can't be certified, with the reason as its finding."""
         return cls(notes=(f"no certificate: {why}",), failure=why)
 
     def __post_init__(self) -> None:
@@ -123,7 +123,7 @@ class Certificate:
         return document
 
     def with_entries(self, entries: tuple[Entry, ...], *notes: str) -> Certificate:
-        """The same with other entries and further notes."""
+        """Return a copy with other entries and further notes."""
         return replace(self, entries=entries, notes=(*self.notes, *notes))
 
 
@@ -174,13 +174,13 @@ class Draft:
             raise TypeError(f"{key} is guaranteed under no assumption: name those that it rests on")
         self.entries[key] = checked(key, value, assumptions, self._quantity(key))
 
-    def exact(self, values: dict[str, Any], of: str, *assumptions: str) -> None:
-        """Values that are exact for the linear loop named."""
-        self._add(values, "exact", assumptions, of)
+    def exact(self, values: dict[str, Any], of: str, *assumptions: str, rest: PlaceOfRest | None = None) -> None:
+        """Values that are exact for the linear loop named; ``rest`` is where it was linearised, if it was."""
+        self._add(values, "exact", assumptions, of, rest)
 
-    def estimate(self, values: dict[str, Any], *assumptions: str, of: str = "") -> None:
+    def estimate(self, values: dict[str, Any], *assumptions: str, of: str = "", rest: PlaceOfRest | None = None) -> None:
         """Values without a guarantee, of the linear loop that ``of`` names."""
-        self._add(values, "estimate", assumptions, of)
+        self._add(values, "estimate", assumptions, of, rest)
 
     def advise(self, values: dict[str, Any], *assumptions: str) -> None:
         """Add facts for orientation, which guarantee nothing."""
@@ -205,7 +205,9 @@ class Draft:
         """The certificate with all that was added so far."""
         return Certificate(tuple(self.entries.values()), tuple(self.notes), tuple(self.loops))
 
-    def _add(self, values: dict[str, Any], kind: Kind, assumptions: tuple[str, ...], of: str = "") -> None:
+    def _add(
+        self, values: dict[str, Any], kind: Kind, assumptions: tuple[str, ...], of: str = "", rest: PlaceOfRest | None = None
+    ) -> None:
         for key, value in values.items():
             if value is None and key == "unlimited":
                 continue
@@ -214,7 +216,7 @@ class Draft:
                 continue
             why = NO_VALUE[kind] if value is None else ""
             self.entries[key] = Entry(
-                key=key, value=value, kind=kind, quantity=self._quantity(key), assumptions=assumptions, of=of, why=why
+                key=key, value=value, kind=kind, quantity=self._quantity(key), assumptions=assumptions, of=of, rest=rest, why=why
             )
 
     def _quantity(self, key: str) -> Quantity:

@@ -35,7 +35,7 @@ class Certificates(Named[Certificate]):
         self.problem, self.controllers, self.simulation = problem, controllers, simulation
 
     def with_changed(self, changed: Mapping[str, Certificate]) -> Certificates:
-        """The same with other certificates for some of the controllers."""
+        """Return a copy with other certificates for some of the controllers."""
         return Certificates({**self, **changed}, self.problem, self.controllers, self.simulation)
 
     @cached_property

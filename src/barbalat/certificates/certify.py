@@ -48,7 +48,7 @@ def certify_where_possible(
     simulation: Simulation,
     progress: Callable[[float], None] = lambda _: None,
 ) -> dict[str, Certificate]:
-    """The same for a report: what can't be certified, for whatever reason, has the reason as its finding."""
+    """Certify for a report: a controller that can't be certified, for whatever reason, has the reason as its finding."""
     found = {}
     for i, controller in enumerate(controllers):
         progress(i / len(controllers))

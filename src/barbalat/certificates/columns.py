@@ -15,6 +15,7 @@ def column_of(problem: TrackingProblem, controller: Controller, certificate: Cer
     file = scheme_file(controller) or stranger
     try:
         scheme, cells = file.column(problem, controller, certificate)
-        return Column(controller.name, scheme, Named.of("cell", cells))
+        limited = not all(path.is_linear for path in problem.plant.paths)
+        return Column(controller.name, scheme, Named.of("cell", cells), limited)
     except Exception as error:  # noqa: BLE001 (one column; the others stand)
         return Column(controller.name, type(controller).__name__, {key: nothing(key, reason(error)) for key in PROPERTIES})

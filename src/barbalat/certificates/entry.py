@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 from barbalat.certificates.quantities import Quantity
 
@@ -37,11 +37,63 @@ class NotApplicable:
     why: str
 
 
+MOST_SHOWN = 4
+"""Estimates in a sentence; of more their size is said."""
+
+
+class RestingEstimates(NamedTuple):
+    """Estimates where a loop rests.
+
+    name    in results: "theta_hat"
+    of      the symbol of what is estimated: "theta"
+    true    whether they are at their true values
+    """
+
+    name: str
+    of: str
+    values: tuple[float, ...]
+    true: bool
+
+    @property
+    def text(self) -> str:
+        """Where they are, as an equation."""
+        if self.true:
+            return f"{self.of}_hat = {self.of}"
+        if len(self.values) > MOST_SHOWN:
+            return f"|{self.of}_hat| = {math.hypot(*self.values):.4g}"
+        return f"{self.of}_hat = [{', '.join(f'{value:.4g}' for value in self.values)}]"
+
+
+@dataclass(frozen=True)
+class PlaceOfRest:
+    """Where the loop rests that a margin is of: under which constant commands, and with which estimates."""
+
+    command: tuple[float, ...]
+    estimates: tuple[RestingEstimates, ...] = ()
+
+    @property
+    def where(self) -> str:
+        """The estimates there, as equations; empty of a controller without any."""
+        return ", ".join(one.text for one in self.estimates)
+
+    @property
+    def text(self) -> str:
+        """The commands and the estimates, for a line."""
+        of_command = f"r = {', '.join(f'{value:.4g}' for value in self.command)}"
+        return ", ".join(filter(None, [of_command, self.where]))
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain lists and numbers."""
+        found = [one._asdict() | {"values": list(one.values)} for one in self.estimates]
+        return {"command": list(self.command), "estimates": found}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Entry:
     """A value by its key; ``value`` is ready for JSON, and None where there is none.
 
     assumptions  what it rests on, as sentences; ``rests_on`` are those of a guarantee, which were checked on the case
+    rest         where the loop rests that it is of; None of what belongs to no such place
     unsampled    whether it is of the continuous controller that a sampled one stands for
     """
 
@@ -52,6 +104,7 @@ class Entry:
     assumptions: tuple[str, ...] = ()
     rests_on: tuple[Assumption, ...] = field(default=(), repr=False)
     of: str = ""
+    rest: PlaceOfRest | None = None
     why: str = ""
     unsampled: bool = False
 
@@ -74,9 +127,10 @@ class Entry:
         return str(self.value) if self.applies else self.why
 
     def as_json(self) -> dict[str, Any]:
-        """All that is said of it; ``of`` where a linear loop is named."""
+        """All that is said of it; ``of`` where a linear loop is named, ``rest`` where that is one at a place of rest."""
         document = {"key": self.key, "value": self.value, "kind": self.kind, "unit": self.unit, "meaning": self.meaning}
-        return document | {"assumptions": list(self.assumptions)} | ({"of": self.of} if self.of else {}) | {"why": self.why}
+        document |= {"assumptions": list(self.assumptions)} | ({"of": self.of} if self.of else {})
+        return document | ({"rest": self.rest.as_json()} if self.rest is not None else {}) | {"why": self.why}
 
 
 def of_finite_numbers(entry: Entry) -> Entry:

@@ -27,7 +27,7 @@ class CertificateRow(NamedTuple):
 
 
 def rows_of(entry: Entry) -> list[CertificateRow]:
-    """Those of one entry; a guaranteed value is rounded so that the print is a bound too."""
+    """Return the rows of one entry; a guaranteed value is rounded so that what is printed is a bound too."""
     kind = KINDS.get(entry.kind, entry.kind)
     if not entry.applies:
         return [CertificateRow(entry.key, "", entry.why, kind)]
@@ -46,7 +46,9 @@ def _text(entry: Entry, value: Any) -> str:
 
 def _plain(entry: Entry, kind: str) -> list[CertificateRow]:
     unit, value = f" [{entry.unit}]" if entry.unit else "", entry.value
-    return [CertificateRow(entry.key, value if isinstance(value, str) else _text(entry, value), f"{entry.meaning}{unit}", kind)]
+    rest = "" if entry.rest is None else f", at rest under {entry.rest.text}"
+    meaning = f"{entry.meaning}{unit}{rest}"
+    return [CertificateRow(entry.key, value if isinstance(value, str) else _text(entry, value), meaning, kind)]
 
 
 def _matrix(entry: Entry, kind: str) -> list[CertificateRow]:

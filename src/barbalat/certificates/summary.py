@@ -43,7 +43,7 @@ def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Li
     return (
         _condition(column.cells.get("stability"), certificate.entry("condition")),
         _bound(certificate),
-        _margin(certificate),
+        _margin(certificate, limited=column.limited),
         _limits(certificate, dt),
         _assumed(column, certificate),
     )
@@ -74,7 +74,7 @@ def _bound(certificate: Certificate) -> Line:
     return Line("bound of e", text, bound.kind)
 
 
-def _margin(certificate: Certificate) -> Line:
+def _margin(certificate: Certificate, *, limited: bool) -> Line:
     margin, adapting = certificate.entry("delay_margin"), certificate.entry("delay_margin_adapting")
     parts = []
     searched = certificate.entry("margins_over_known_set")
@@ -85,20 +85,30 @@ def _margin(certificate: Certificate) -> Line:
     elif least:
         parts.append(f"{_delay(min(least))} in the set")
     if adapting is not None and adapting.applies:
-        parts.append(f"{_delay(adapting.value)} adapting")
+        same = margin is not None and margin.applies and margin.rest == adapting.rest
+        parts.append(f"{_delay(adapting.value)} adapting{'' if same else _at_rest(adapting)}")
     if margin is not None and margin.applies:  # alone it need not be told from others
-        parts.insert(0, f"{_delay(margin.value)} at theta" if parts else _delay(margin.value))
+        at_theta = " at theta" if parts and margin.rest is None else ""
+        parts.insert(0, f"{_delay(margin.value)}{at_theta}{_at_rest(margin)}")
     each = certificate.entry("delay_margin_each")
     if not parts and each is not None and each.applies:
         delays = ", ".join(_delay(value) for value in each.value)
-        return Line("margin", f"{'unsampled: ' * each.unsampled}{delays}: of each input, the others without delay", each.kind)
+        said = f"{'unsampled: ' * each.unsampled}{delays}: of each input, the others without delay{_at_rest(each)}"
+        return Line("margin", said, each.kind)
     if not parts:
         why = margin.why if margin is not None and margin.why else "no stable linear loop describes it"
         return Line("margin", f"none: {why}", "does not apply")
     text = ", ".join(parts)
     if margin is not None and margin.unsampled:
         text = f"unsampled: {text}"
+    if limited:
+        text = f"{text}, input limits ignored"
     return Line("margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
+
+
+def _at_rest(entry: Entry) -> str:
+    """The place of rest that a margin was taken at."""
+    return "" if entry.rest is None else f" (at {entry.rest.text})"
 
 
 def _delay(value: float | None) -> str:
@@ -130,7 +140,8 @@ def _text_of(span: list[float]) -> str:
 
 
 def _assumed(column: Column, certificate: Certificate) -> Line:
-    """Of the values and of Table 1's cells: a scheme without a bound has its assumptions there."""
+    """Return the line on assumptions, of the values and of Table 1's cells: a scheme without a bound has its assumptions
+    there."""
     stated = [*certificate.entries, *column.cells.values()]
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
     broken = ", ".join(dict.fromkeys(entry.why for entry in stated if not entry.applies and entry.assumptions))
@@ -139,4 +150,5 @@ def _assumed(column: Column, certificate: Certificate) -> Line:
     if not claimed:
         return Line("assumed", "nothing: nothing is guaranteed", "")
     kept = "one thing" if len(claimed) == 1 else f"{len(claimed)} things"
-    return Line("assumed", f"{kept}, checked on this case: none fails", "guaranteed")
+    aside = "; the margin ignores the input's limits" if column.limited else ""
+    return Line("assumed", f"{kept}, checked on this case: none fails{aside}", "guaranteed")

@@ -64,7 +64,7 @@ def _show(rows: Sequence[Row]) -> None:
 
 
 def _first_sentence(path: Path) -> str:
-    """Of the comment that opens a case file."""
+    """Return the first sentence of the comment that opens a case file."""
     lines = path.read_text("utf-8").splitlines()
     comment = " ".join(line.removeprefix("#").strip() for line in lines[: next(i for i, x in enumerate(lines) if x[:1] != "#")])
     return comment.split(". ")[0].rstrip(".") + "."

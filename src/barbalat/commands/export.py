@@ -60,6 +60,7 @@ def execute(options: argparse.Namespace) -> int:
         float32=options.float32,
         closed_loop=options.closed_loop,
         sources_only=options.sources_only,
+        place=list(found).index(controller.name),
     )
     check = _check(folder, options)
     if options.json:

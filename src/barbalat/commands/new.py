@@ -1,9 +1,13 @@
-"""``barbalat new``: a case file to start from, and the schema by which editors complete it."""
+"""``barbalat new``: a case file to start from, with the schema by which editors complete it, or a law of one's own."""
 
 from __future__ import annotations
 
 import argparse
+import keyword
 import os
+import re
+from importlib import resources
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from barbalat.commands.output import STANDARD_OUTPUT, print_json, print_text
@@ -13,13 +17,19 @@ if TYPE_CHECKING:
     from barbalat.commands import Commands
 
 SCHEMA_FILE = "barbalat.schema.json"
+LAW = ".py"
+"""The ending of a file that is to hold a law."""
+LAW_CLASS = "MyLaw"
+"""The class in the template, which is called after the file where that makes a name."""
 
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("new", help="write a commented case file to start from")
+    parser = commands.add_parser("new", help="write a commented case file to start from, or a law in Python")
     parser.add_argument(
-        "file", metavar="FILE", help=f"where the case goes; one that is there is kept; {STANDARD_OUTPUT} is standard output"
+        "file",
+        metavar="FILE",
+        help=f"where the case goes, FILE.py for a law; one that is there is kept; {STANDARD_OUTPUT} is standard output",
     )
     parser.add_argument("--from", dest="source", metavar="CASE", help="a bundled case to copy instead of the template")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
@@ -42,6 +52,8 @@ def execute(options: argparse.Namespace) -> int:
     file = local_path("FILE", options.file)
     if not options.file or os.path.lexists(file):
         raise InputError(f"{options.file!r} exists already; choose another name" if options.file else "FILE must not be empty")
+    if file.suffix == LAW:
+        return _law(file, options)
     text = text_to_start_from(options.source)
     with output_folder(file.parent) as folder:
         folder.write(file.name, f"#:schema ./{SCHEMA_FILE}\n{text}")
@@ -57,3 +69,31 @@ def execute(options: argparse.Namespace) -> int:
         say(f"and beside it {SCHEMA_FILE}, by which editors complete and check it")
     say(f"run it with: barbalat run {file}")
     return 0
+
+
+def _law(file: Path, options: argparse.Namespace) -> int:
+    """A law of one's own instead of a case."""
+    from barbalat.report.documents import as_json
+    from barbalat.report.files import output_folder
+    from barbalat.validate import InputError
+
+    if options.source is not None:
+        raise InputError(f"--from copies a case, and {file.name!r} is to be a law: give a name that ends with .toml")
+    with output_folder(file.parent) as folder:
+        folder.write(file.name, _law_for(file.name))
+        folder.commit()
+    if options.json:
+        print_json(as_json({"law": str(file)}))
+        return 0
+    say(f"written: {file}")
+    say(f"run it with: barbalat run paper --controllers {file}")
+    say(f"check it with: python {file}")
+    return 0
+
+
+def _law_for(file: str) -> str:
+    """The Python text of a law for a file of this name, which runs as it stands: its class is called after the file."""
+    text = (resources.files("barbalat.commands") / "law_template.py").read_text("utf-8")
+    name = "".join(word[0].upper() + word[1:] for word in re.findall(r"[A-Za-z0-9]+", Path(file).stem))
+    taken = not name.isidentifier() or keyword.iskeyword(name) or re.search(rf"\b{name}\b", text) is not None
+    return text.replace(LAW_CLASS, LAW_CLASS if taken else name).replace("FILE", Path(file).name)

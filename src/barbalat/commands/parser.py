@@ -20,7 +20,7 @@ KINDS = {"int": "a whole number", "float": "a number"}
 
 
 class Several(argparse.Action):
-    """Of an option with several values, which may stand after one another and after the option once more; see ``add_list``."""
+    """The action of an option with several values, given one after another or by repeating the option; see ``add_list``."""
 
     def __init__(self, *args: Any, form: str = "", commas: bool = False, **options: Any) -> None:
         super().__init__(*args, **options)
@@ -35,11 +35,12 @@ class Parser(argparse.ArgumentParser):
     """Commands are parsed by it as well."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """As argparse does, but an option with several values leaves CASE to the command where it stands nowhere else."""
+        """Parse as argparse does, but let an option with several values leave CASE to the command where it stands nowhere
+        else."""
         return super().parse_known_args(args if args is None else self._with_case_first(list(args)), namespace)
 
     def _with_case_first(self, args: list[str]) -> list[str]:
-        """The same arguments, or what an option with several values would take for one of them in front."""
+        """Return the arguments; where an option with several values would swallow CASE, with CASE in front."""
         spare = self._spare(args)
         if not spare:
             return args

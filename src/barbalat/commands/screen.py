@@ -112,7 +112,7 @@ class Work:
 
     @property
     def _stretch(self) -> float:
-        """By how much all takes longer than on a machine of its own: seconds that go by for one of computing."""
+        """Return by how much work takes longer than on an idle machine: seconds that go by for one of computing."""
         if not self.here:
             return 1.0
         computed = time.process_time() - self.computed

@@ -67,14 +67,15 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import CaseText
+    from barbalat.open_numbers.path import by_index
     from barbalat.sweeps.cluster import Scheduler, SchedulerLostError
     from barbalat.sweeps.requirement import Requirement
 
-    requirements = [Requirement.parse(text) for text in options.require]
     store = None if options.store is None else _folder(options.store)
     scheduler = None if options.scheduler is None else Scheduler.parse(options.scheduler)
     text = CaseText.read(options.case, options.controllers)
     study = _study(text, options)
+    requirements = [Requirement.parse(by_index(one, study.example.problem.labels)) for one in options.require]
     if options.member is not None:
         return _replayed(study, store, options)
     with folder_of(options.out, None if options.json else "barbalat-sweep") as folder:
@@ -149,17 +150,18 @@ def _write(folder: Folder, text: CaseText, result: SweepResult) -> None:
 
 
 def _study(text: CaseText, options: argparse.Namespace) -> Study:
-    from barbalat.sweeps.paths import FieldPath
+    from barbalat.open_numbers.path import FieldPath, by_index
+    from barbalat.open_numbers.varied import VariedCase
+    from barbalat.sweeps.known_set_draws import sampled
     from barbalat.sweeps.plan import Design, Plan, members_of
     from barbalat.sweeps.spread import Axis
     from barbalat.sweeps.study import Study
-    from barbalat.sweeps.varied_case import VariedCase, sampled
     from barbalat.validate import InputError
 
-    text.case()  # what is wrong with the file itself is said first
+    labels = text.case().problem.labels  # what is wrong with the file itself is said first
     axes = {}
     for place, spread in map(_pair, options.vary):
-        path = FieldPath.parse(place)
+        path = FieldPath.parse(by_index(place, labels))
         if path in axes:
             raise InputError(f"{path} is varied twice")
         try:
@@ -231,7 +233,7 @@ def _with_rate(running: Work, progress: Progress, members: int) -> Progress:
 
     def advanced(fraction: float) -> None:
         nonlocal start
-        start = fraction if start is None else start
+        start = fraction if start is None else start  # type: ignore[redundant-expr]
         seconds = time.perf_counter() - begun
         running.name = f"simulating, {(fraction - start) * members / max(seconds, 1e-9):.3g} members/s"
         progress(fraction)

@@ -61,6 +61,7 @@ DRAWING_SECONDS = 3.0
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import CaseText
+    from barbalat.open_numbers.path import by_index
     from barbalat.tuning.aim import Aim
     from barbalat.tuning.tune import DEFAULT_TRIALS, RUNS_EACH_TRIAL, Tuner, tune_case
 
@@ -73,8 +74,9 @@ def execute(options: argparse.Namespace) -> int:
         plants=options.plants,
         quantile=options.quantile,
         seed=options.seed,
+        labels=case.problem.labels,
     )
-    space, tuner = _space(options.vary), Tuner(text, case, aim, options.trials)
+    space, tuner = _space([by_index(one, case.problem.labels) for one in options.vary]), Tuner(text, case, aim, options.trials)
     trials = DEFAULT_TRIALS if options.trials is None else options.trials
     steps = case.simulation.steps * trials * RUNS_EACH_TRIAL * options.plants * len(case.controllers)
     expected = {"tuning": max(steps * SECONDS_EACH_STEP, 1.0), "drawing": DRAWING_SECONDS}
@@ -104,7 +106,7 @@ def _write(folder: Folder, found: Tuning, document: str, running: Work) -> None:
 
 def _space(given: list[str]) -> Space | None:
     """What ``--vary`` says; None without it."""
-    from barbalat.sweeps.paths import FieldPath
+    from barbalat.open_numbers.path import FieldPath
     from barbalat.tuning.space import Range, Space
     from barbalat.validate import InputError, show
 

@@ -13,13 +13,14 @@ from barbalat.cases.build import Case
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.knobs import Knobs, Tunable
 from barbalat.loop.binding import bound
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import Varied
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, SampledEquations
+from barbalat.roles import main_estimates, state_parts, taken_from
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.knobs import reach_of
-from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.varied import Varied
 from barbalat.tuning.space import Range, Space
 from barbalat.validate import Array, InputError
 
@@ -168,8 +169,9 @@ def _with_start(controller: Any, theta_hat0: Array) -> Any:
 
 def initial_estimates(problem: Problem, controller: Controller) -> Array:
     """theta_hat at t = 0, whatever it estimates; empty where the controller has no estimates."""
-    state: Any = bound(problem, controller).initial()
-    return np.asarray(state.theta_hat, dtype=float).reshape(-1)
+    equations = bound(problem, controller)
+    state = equations.initial()
+    return np.asarray(taken_from(state, main_estimates(state_parts(equations, state))), dtype=float)
 
 
 def start_of(problem: Problem, controller: Controller) -> Array | None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -16,13 +17,13 @@ from barbalat.controllers.tustin import Tustin
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.validate import Array, Vector
 
 
 class State(NamedTuple):
     """What the controller integrates; it estimates no parameters."""
 
-    theta_hat: Value  # (0,)
     xi: Value  # the observer's
 
 
@@ -37,8 +38,10 @@ class Equations:
     x0: Array
     limits: Array | None = None  # of the input, where the observer is fed with what is left of u
 
+    roles: ClassVar[Mapping[str, Role]] = {"xi": Role.predictor("state of the observer")}
+
     def initial(self) -> State:
-        return State(np.zeros(0), self.observer.started(self.x0))
+        return State(self.observer.started(self.x0))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
         x_hat, f_hat = self.observer.estimates(state.xi, x)
@@ -46,7 +49,7 @@ class Equations:
         return u[0] if self.theta_0.shape[1] == 1 else u
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
-        return State(state.theta_hat, self.observer.derivative(state.xi, x, self.b_0 * applied(u, self.limits).reshape(-1)))
+        return State(self.observer.derivative(state.xi, x, self.b_0 * applied(u, self.limits).reshape(-1)))
 
     def limit(self, state: State) -> State:
         return state

@@ -13,6 +13,7 @@ from barbalat.problem.known_set import Gain, KnownSet, ParameterBox, gain, limit
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError
 
 
@@ -114,14 +115,9 @@ class ControlGains:
         """k_x, by the matching condition omega k_x = theta."""
         return np.asarray(theta / np.tile(omega, len(theta) // self.inputs))
 
-    def ideal_feedforward(self, omega: Array) -> dict[str, Array]:
+    def ideal_feedforward(self, omega: Array) -> Array:
         """k_r, by the other one, omega k_r = k_0."""
-        return {"k_r_hat": self.k_0 / np.repeat(omega, len(self.k_0) // self.inputs)}
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        p = len(self.theta_hat0)
-        return tuple(f"k_x,{i + 1}" for i in range(p)) if p > 1 else ("k_x",)
+        return np.asarray(self.k_0 / np.repeat(omega, len(self.k_0) // self.inputs))
 
     def rates(self, error: Value, of_x: Value, of_r: Value, k_x_hat: Value, k_r_hat: Value) -> tuple[Value, Value]:
         """proj(Gamma of_x error) and proj(-gamma_r error of_r'), row by row."""
@@ -140,28 +136,29 @@ class GainEquations:
 
     gains: ControlGains
 
-    @property
-    def box(self) -> KnownSet | None:
-        return self.gains.box
-
     def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
         return self.gains.control(state.theta_hat, state.k_r_hat, x, r)
 
     def regressor_at(self, state: Any, x: Value, u: Value) -> Value:
         return self.gains.exciting(state.theta_hat, state.k_r_hat, x, u)
 
-    def reported(self, state: Any) -> dict[str, Value]:
-        return {"k_r_hat": state.k_r_hat}
-
-    def ideal_gains(self, theta: Array, omega: Array) -> Array:
-        return self.gains.ideal(theta, omega)
-
-    def ideal_reported(self, theta: Array, omega: Array) -> dict[str, Array]:
-        return self.gains.ideal_feedforward(omega)
+    @property
+    def box(self) -> KnownSet | None:
+        return self.gains.box
 
     @property
-    def estimate_names(self) -> tuple[str, ...]:
-        return self.gains.names
+    def roles(self) -> dict[str, Role]:
+        return {
+            "theta_hat": Role.estimates(
+                "k_x", true=self.gains.ideal, within=self.box, meaning="estimates of the feedback's gains k_x"
+            ),
+            "k_r_hat": Role.estimates(
+                "k_r",
+                true=lambda _, omega: self.gains.ideal_feedforward(omega),
+                within=self.gains.interval,
+                meaning="estimates of the feedforward's gains k_r",
+            ),
+        }
 
 
 def _feedforward(known: Known) -> Array:

@@ -73,13 +73,13 @@ class Reach:
 
     @property
     def frequencies(self) -> Array:
-        """The same as ``times`` [rad/s]."""
+        """The frequencies that correspond to ``times`` [rad/s]."""
         return 1 / self.times[::-1]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutputReach:
-    """The same of a case whose output is fed back.
+    """What the ranges of knobs follow from, of a case whose output is fed back.
 
     times        time constants [s], from five steps to the model's slowest
     known        what the designer knows
@@ -95,7 +95,7 @@ class OutputReach:
 
 @runtime_checkable
 class OutputTunable(Protocol):
-    """As ``Tunable``, of a scheme that feeds back the output."""
+    """A scheme that feeds back the output and says which of its settings are tuned, like ``Tunable``."""
 
     def output_knobs(self, reach: OutputReach) -> Knobs:
         """Its settings that are varied, and how far."""

@@ -21,6 +21,7 @@ from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
+from barbalat.roles import Role, within
 from barbalat.validate import Array, InputError, Vector
 
 
@@ -49,6 +50,10 @@ class Equations:
     box: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
     limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        return within("memory", self.modifications)
 
     def initial(self) -> State:
         inputs = self.uncertainty.inputs

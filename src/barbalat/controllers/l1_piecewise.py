@@ -6,6 +6,7 @@ sample, the whole is a linear time-invariant sampled controller: see ``realisati
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -22,6 +23,7 @@ from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample, Value, kept
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError
 
 PATENT_NOTE = (
@@ -53,6 +55,8 @@ class Equations:
     limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
     frozen: Value = None  # where it holds, sigma_hat rests; None: it never does
 
+    roles: ClassVar[Mapping[str, Role]] = {"sigma_hat": Role.estimates("sigma", meaning="sigma_hat, what acts on the plant")}
+
     def initial(self) -> State:
         return State(np.zeros(0), self.x0, np.zeros(len(self.x0)), np.zeros(len(self.filter.A)))
 
@@ -72,9 +76,6 @@ class Equations:
 
     def freezing(self, frozen: Value) -> Equations:
         return replace(self, frozen=frozen)
-
-    def reported(self, state: State) -> dict[str, Value]:
-        return {"sigma_hat": state.sigma_hat}
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
         """What passes C(s): k_0 r - sigma_hat of the inputs, and sigma_hat beside them."""

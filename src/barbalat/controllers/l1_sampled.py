@@ -12,6 +12,7 @@ from barbalat.controllers.steps import Filter, Unmoved, half_step
 from barbalat.controllers.windup import ModifiedError
 from barbalat.problem.known_set import KnownSet
 from barbalat.protocols import Sample, Value, kept
+from barbalat.roles import resting
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -84,9 +85,8 @@ class Predictor:
 
     def _remembered(self, before: Any, memory: Any) -> Any:
         """What was learnt; the filters of what is measured go on while it rests."""
-        if self.continuous.modifications.learning is None:
-            return memory
-        return memory._replace(R=kept(self.frozen, before.R, memory.R), Q=kept(self.frozen, before.Q, memory.Q))
+        learning = self.continuous.modifications.learning
+        return memory if self.frozen is None or learning is None else resting(self.frozen, learning.roles, before, memory)
 
     def _unmoved(self, state: l1.State, before: Sample, u: Value, now: Sample) -> Unmoved:
         c, T = self.continuous, self.sample_time

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar, NamedTuple
 
@@ -16,13 +17,13 @@ from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError, Vector, freeze
 
 
 class State(NamedTuple):
     """What the controller integrates; it estimates nothing."""
 
-    theta_hat: Value  # (0,)
     K: Value  # (order of K,) state of the controller K(s)
 
 
@@ -37,15 +38,17 @@ class Equations:
     L: Array  # (order of K,) by which K(s) learns what the limits keep from the plant; zero without anti_windup
     limits: Array | None = None
 
+    roles: ClassVar[Mapping[str, Role]] = {"K": Role.other("state of the linear controller K(s)")}
+
     def initial(self) -> State:
-        return State(np.zeros(0), np.zeros(self.K.order))
+        return State(np.zeros(self.K.order))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
         return self.k_0 * r - self.theta_0 @ x + self.K.output(state.K, self.c @ (x_m - x))
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         K_dot = self.K.derivative(state.K, self.c @ (x_m - x))
-        return State(state.theta_hat, K_dot if self.limits is None else K_dot + self.L * (applied(u, self.limits) - u))
+        return State(K_dot if self.limits is None else K_dot + self.L * (applied(u, self.limits) - u))
 
     def limit(self, state: State) -> State:
         return state

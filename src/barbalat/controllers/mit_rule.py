@@ -12,6 +12,7 @@ from barbalat.controllers.control_gains import ControlGains, GainEquations, chec
 from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.validate import Array, Vector
 
 
@@ -34,6 +35,11 @@ class Equations(GainEquations):
     normalization: float | None
     feedforward_only: bool
     gains: ControlGains
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        response = "the model's response to what the gains multiply"
+        return super().roles | {"Psi": Role.filter(f"{response}, phi(x)"), "psi_r": Role.filter(f"{response}, r")}
 
     def initial(self) -> State:
         n, p = len(self.b), len(self.gains.theta_hat0)

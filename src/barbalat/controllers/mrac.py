@@ -22,6 +22,7 @@ from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
+from barbalat.roles import Role, within
 from barbalat.validate import Array, InputError, Vector
 
 
@@ -49,6 +50,10 @@ class Equations:
     modifications: Modifications = field(default_factory=Modifications)
     windup: ModifiedError | None = None
     limits: Array | None = None  # of the input, where windup is cared for
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        return {"e_d": Role.other("error that the input's limit causes")} | within("memory", self.modifications)
 
     def initial(self) -> State:
         memory = self.modifications.initial(self.b, self.x0, len(self.theta_hat0))
@@ -82,7 +87,8 @@ class Equations:
         return state._replace(theta_hat=limit(state.theta_hat, self.box))
 
     def sampled(self, T: float) -> Predictor:
-        """As L1-AC with C = 1: its predictor is then the model, with ``limits`` the model adapted to them."""
+        """Return the sampled form, L1-AC's with C = 1: its predictor is then the model, adapted to ``limits`` where there are
+        any."""
         with_predictor = l1.Equations(
             A_m=self.A_m,
             b=self.b,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -14,6 +15,7 @@ from barbalat.linear.conditions import require_hurwitz
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit, project
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.validate import Array, Matrix, Vector
 
 
@@ -34,6 +36,8 @@ class Equations:
     gamma: Gain
     theta_hat0: Array
     box: EstimateSet | None
+
+    roles: ClassVar[Mapping[str, Role]] = {"x_c": Role.predictor("state of the closed-loop reference model")}
 
     def initial(self) -> State:
         return State(self.theta_hat0, self.known.x0)

@@ -15,6 +15,7 @@ from barbalat.controllers.knobs import Knobs, Reach
 from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError, Vector
 
 DEFAULT_NEURONS = 10
@@ -25,10 +26,10 @@ DOUBLE_BITS = 53
 
 
 class State(NamedTuple):
-    """What the controller integrates; the names are those of what a freeze keeps."""
+    """What the controller integrates."""
 
     theta_hat: Value  # ((1 + N) m,) W_hat, the outer weights row by row, those of the constant 1 first
-    memory: Value  # (1 + n, N) V_hat, the inner weights, those of the constant 1 in the first row
+    V_hat: Value  # (1 + n, N) the inner weights, those of the constant 1 in the first row
 
 
 def initial_inner_weights(seed: int, spread: float, shape: tuple[int, int]) -> Array:
@@ -65,9 +66,13 @@ class Equations:
         return int(self.V_0.shape[1])
 
     @property
-    def estimate_names(self) -> tuple[str, ...]:
+    def roles(self) -> dict[str, Role]:
         columns = [f",{j + 1}" for j in range(self.inputs)] if self.inputs > 1 else [""]
-        return tuple(f"W_{i}{column}" for i in range(1 + self.neurons) for column in columns)
+        names = tuple(f"W_{i}{column}" for i in range(1 + self.neurons) for column in columns)
+        return {
+            "theta_hat": Role.estimates("W", names=names, meaning="W_hat, the network's outer weights"),
+            "V_hat": Role.estimates("V", meaning="the network's inner weights"),
+        }
 
     def initial(self) -> State:
         return State(np.zeros((1 + self.neurons) * self.inputs), self.V_0)
@@ -81,21 +86,15 @@ class Equations:
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
         """What multiplies the outer weights: h, and with m inputs the matrix ((1 + N) m, m) that it makes."""
-        h = np.concatenate([np.ones(1), np.tanh(state.memory.T @ self.layer_input(x))])
+        h = np.concatenate([np.ones(1), np.tanh(state.V_hat.T @ self.layer_input(x))])
         if self.inputs == 1:
             return h
         return np.outer(h, np.eye(self.inputs).reshape(-1)).reshape(h.shape[0] * self.inputs, self.inputs)
 
-    def reported(self, state: State) -> dict[str, Value]:
-        return {"V_hat": state.memory.reshape(-1)}
-
-    def ideal_gains(self, theta: Array, omega: Array) -> None:
-        """No weights are known to be the ones."""
-
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         W, V, x_bar, mu = (
             state.theta_hat.reshape(-1, self.inputs),
-            state.memory,
+            state.V_hat,
             self.layer_input(x),
             (x - x_m) @ (self.P @ self.B),
         )

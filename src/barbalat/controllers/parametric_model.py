@@ -1,4 +1,4 @@
-"""W_m(s) of the parametric model (13), and the filter Q(s) of the auxiliary input that inverts it."""
+"""W_m(s) of the parametric model (13), the filter Q(s) of the auxiliary input that inverts it, and the filters around them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction, transfer_function
 from barbalat.problem.state_feedback import Known
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError
+
+PARAMETRIC_MODEL = {
+    "xi": Role.filter("filtered part of the parametric model (13) that is known"),
+    "Xi": Role.filter("filtered regressor of the parametric model (13)"),
+    "n_d": Role.filter("dynamic normalising signal of (16)"),
+    "swapping": Role.filter("swapping term of the auxiliary input (14)"),
+}
+"""What schemes on the parametric model keep beside the estimates and the law's memory."""
 
 
 def minimum_phase_model(c_0: Array, known: Known) -> TransferFunction:

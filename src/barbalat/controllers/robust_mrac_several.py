@@ -52,7 +52,7 @@ class AuxiliaryFilter:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations(OnParametricModel):
-    """As with one input, epsilon a vector."""
+    """The equations for several inputs: those of one input with epsilon a vector."""
 
     A_m: Array
     B: Array  # (n, m)

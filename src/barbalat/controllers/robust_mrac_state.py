@@ -8,8 +8,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from barbalat.adaptation.law import AdaptiveLaw, Estimation
+from barbalat.controllers.parametric_model import PARAMETRIC_MODEL
 from barbalat.problem.known_set import EstimateSet, limit
 from barbalat.protocols import Value
+from barbalat.roles import Role, within
 from barbalat.validate import Array
 
 
@@ -49,6 +51,10 @@ class OnParametricModel(ABC):
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
         """What -Q(s) filters to become the auxiliary input."""
 
+    @property
+    def roles(self) -> dict[str, Role]:
+        return PARAMETRIC_MODEL | within("memory", self.law)
+
     def initial(self) -> State:
         n, p = len(self.A_m), len(self.theta_hat0)
         auxiliary = np.zeros(0 if self.Q is None else n)
@@ -60,7 +66,7 @@ class OnParametricModel(ABC):
         return estimation.phi / np.sqrt(estimation.m_s_squared)
 
     def auxiliary_rates(self, state: State, x: Value, theta_hat_dot: Value) -> tuple[Value, Value]:
-        """Of the swapping term and of Q(s)."""
+        """Return the rates of the states of the swapping term and of Q(s)."""
         if self.Q is None:
             return state.swapping, state.filter
         swapping_dot = self.A_m @ state.swapping + state.Xi @ theta_hat_dot

@@ -54,7 +54,7 @@ class Sampled(Scheme):
     discretization: str = "midpoint"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.controller, Controller) or isinstance(self.controller, (type, Sampled)):
+        if not isinstance(self.controller, Controller) or isinstance(self.controller, (type, Sampled)):  # type: ignore[redundant-expr]
             raise InputError(f"controller must be a continuous controller, got {validate.show(self.controller)}")
         validate.freeze(self, sample_time=validate.positive("sample_time", self.sample_time))
         if self.discretization not in DISCRETIZATIONS:

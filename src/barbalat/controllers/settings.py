@@ -104,7 +104,7 @@ def require_taken(scheme: type[Scheme], known: Known) -> None:
     for name in scheme.beyond:
         feature = PLANT_FEATURES[name]
         if feature.found(known):
-            own = next((key for key, kind in SCHEMES.items() if issubclass(scheme, kind)), scheme.__name__)
+            own = next((key for key, kind in SCHEMES.items() if issubclass(scheme, kind)), scheme.__name__)  # type: ignore[redundant-expr]
             taking = [key for key, kind in SCHEMES.items() if name not in beyond_of(kind)]
             refusing = [key for key in SCHEMES if key not in taking]
             others = _listed(taking) if len(taking) <= len(refusing) else f"all schemes but {_listed(refusing)}"

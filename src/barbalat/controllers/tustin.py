@@ -14,7 +14,7 @@ from barbalat.protocols import Equations, Sample, Value
 
 @dataclass(frozen=True, eq=False)
 class Tustin(SampledTwin):
-    """A linear controller on the output or on the state, whose NamedTuple ends with the state of its linear system."""
+    """A linear controller on the output or on the state, whose NamedTuple is the state of its linear system."""
 
     continuous: Equations
     sample_time: float
@@ -23,6 +23,6 @@ class Tustin(SampledTwin):
     explicit: ClassVar[bool] = False
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
-        rest = type(state)(state.theta_hat, np.zeros(state[1].shape))  # at the origin the derivative is the forcing alone
-        forcings = [self.continuous.derivative(rest, *sample, u)[1] for sample in (before, now)]
-        return type(state)(state.theta_hat, self.step.end(state[1], (forcings[0] + forcings[1]) / 2))
+        rest = type(state)(np.zeros(state[0].shape))  # at the origin the derivative is the forcing alone
+        forcings = [self.continuous.derivative(rest, *sample, u)[0] for sample in (before, now)]
+        return type(state)(self.step.end(state[0], (forcings[0] + forcings[1]) / 2))

@@ -12,18 +12,18 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.controllers.l1 import Equations
-from barbalat.explorer.effects import Rows, effects_of
 from barbalat.explorer.encoded import doubles
-from barbalat.explorer.numbers import At
 from barbalat.explorer.sliders import Slider
 from barbalat.loop.packing import column, symbols
 from barbalat.lowering.operations import read
 from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.wasm.loop import loop as module_of
+from barbalat.open_numbers.kernel_numbers import Numbers
+from barbalat.open_numbers.numbers import At
+from barbalat.open_numbers.probe import Rows, effects_of
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Value
-from barbalat.run.kernel_numbers import Numbers
 from barbalat.validate import Array, InputError
 
 TAYLOR_TERMS = 4

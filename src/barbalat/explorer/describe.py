@@ -10,17 +10,17 @@ from typing import Any
 from barbalat.cases.build import Case
 from barbalat.explorer.commands import HORIZON_FACTORS, breaks_anywhere, grids_of, is_computed, points_of, smooth_module
 from barbalat.explorer.condition import condition_of
-from barbalat.explorer.effects import Target
 from barbalat.explorer.encoded import doubles
-from barbalat.explorer.numbers import DELAY_PATH, GRID_KEYS, Number
 from barbalat.explorer.outputs import delay_weights, numbers_handed, outputs
-from barbalat.explorer.sliders import Slider, Sliders, Variant
+from barbalat.explorer.slider_labels import group, label
+from barbalat.explorer.sliders import DELAY_PATH, GRID_KEYS, Slider, Sliders, Variant
 from barbalat.explorer.source import Source
 from barbalat.explorer.spectrum import WATCHING, judged, spectrum_of
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.lowering.wasm.normal import normal_module
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.probe import Target
 from barbalat.solvers import SOLVERS
-from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import InputError
 
 MOST_STEPS = 10_000_000
@@ -82,7 +82,8 @@ class Described:
             "delay": self._delay() if problem.delay > 0 else None,
             "numbers": [
                 {
-                    "path": str(one.number.path), "label": one.number.label, "group": _group_name(one.number, self.case),
+                    "path": str(one.number.path), "label": label(one.number.path),
+                    "group": _group_name(one.number.path, self.case),
                     "value": one.number.value, "values": doubles(one.number.values), "whole": one.number.whole,
                     "log": one.number.logarithmic, "without": list(one.number.without),
                     "signals": one.signals.places, "scales": one.signals.scales,
@@ -180,8 +181,8 @@ def _switches(source: Source, case: Case, i: int) -> bool:
     return programs[0] != programs[1]
 
 
-def _group_name(number: Number, case: Case) -> str:
-    first, *rest = number.group
+def _group_name(path: FieldPath, case: Case) -> str:
+    first, *rest = group(path)
     if first == "controller":
         return case.controllers[int(rest[0])].name
     known = {"plant": "Plant", "reference_model": "Model", "reference": "Command", "uncertainty": "Known set"}

@@ -17,12 +17,12 @@ from barbalat.explorer.lessons import Lesson
 from barbalat.explorer.page import html
 from barbalat.explorer.source import ObjectSource, Source
 from barbalat.loop.binding import numbered
+from barbalat.open_numbers.path import FieldPath
 from barbalat.papers.claim import Claim
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers import SOLVERS
 from barbalat.solvers.simulation import Simulation
-from barbalat.sweeps.paths import FieldPath
 from barbalat.validate import InputError
 
 FRAME_HEIGHT = 900

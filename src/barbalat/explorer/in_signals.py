@@ -9,9 +9,9 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.explorer.commands import Grid, breaks_anywhere, is_computed, is_formula
-from barbalat.explorer.effects import thinned
-from barbalat.explorer.numbers import At, Number
 from barbalat.loop.structure import identical
+from barbalat.open_numbers.numbers import At, Number
+from barbalat.open_numbers.probe import thinned
 from barbalat.protocols import InterpolatedSignal, Signal
 from barbalat.run.columns import Columns
 from barbalat.solvers import RK4

@@ -11,7 +11,7 @@ from barbalat.cases.build import Case
 from barbalat.explorer.encoded import doubles
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import unflatten
-from barbalat.loop.true_values import estimate_names, ideal_reported, reporting, true_values
+from barbalat.loop.true_values import estimate_names, true_values, truth_of
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
@@ -19,7 +19,7 @@ from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.pictures.symbols import estimated
 from barbalat.problem.command_gain import commanded, gains_at_rest
 from barbalat.run import delay
-from barbalat.run.estimates import MOST_REPORTED, reported_names
+from barbalat.run.estimates import MOST_REPORTED
 from barbalat.run.members import Members
 from barbalat.run.metrics import Accumulators
 from barbalat.solvers import SOLVERS, Tableau
@@ -48,33 +48,22 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
         "output": loop.measured_outputs > 0, "panels": panels,
         "true": None if true is None else [float(v) for v in true],
         "estimates": [estimated(name) for name in estimate_names(loop)],
-        "reported": _reported(loop), "beside": _beside(case, loop),
+        "reported": {part.name: [*range(part.rows.start, part.rows.stop)] for part in loop.other_estimates},
+        "beside": _beside(case, loop),
         "past": None if members.history is None else members.history[:, 0].tolist(),
     }  # fmt: skip
 
 
-def _reported(loop: ClosedLoop) -> dict[str, list[int]]:
-    """Rows of the state by the names of what a scheme estimates beside parameters, as far as those are parts of its state."""
-    equations = reporting(loop)
-    if equations is None:
-        return {}
-    marks = [(1 + k) * np.arange(loop.size, dtype=float) + k for k in range(2)]
-    once, twice = (equations.reported(loop.unpack(one).controller) for one in marks)
-    return {
-        name: [int(row) for row in np.asarray(rows).reshape(-1)]
-        for name, rows in once.items()
-        if np.isin(rows, marks[0]).all() and (2 * np.asarray(rows) + 1 == twice[name]).all()
-    }
-
-
 def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
-    """What of that is drawn beside the parameters' estimates, entry by entry, with what it is to become."""
-    ideal, found = ideal_reported(case.problem, loop), []
-    for key, rows in _reported(loop).items():
-        if len(rows) <= MOST_REPORTED:
-            true = [None] * len(rows) if ideal.get(key) is None else np.ravel(ideal[key]).tolist()
-            names = map(estimated, reported_names(key, len(rows)))
-            found += [{"label": name, "row": row, "true": one} for name, row, one in zip(names, rows, true, strict=True)]
+    """What is drawn beside theta_hat, entry by entry, with what it is to become."""
+    found = []
+    for part in loop.other_estimates:
+        if part.size <= MOST_REPORTED:
+            true = truth_of(case.problem, part)
+            values = [None] * part.size if true is None else true.tolist()
+            rows = range(part.rows.start, part.rows.stop)
+            names = map(estimated, part.names)
+            found += [{"label": name, "row": row, "true": one} for name, row, one in zip(names, rows, values, strict=True)]
     return found
 
 

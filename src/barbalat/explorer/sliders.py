@@ -9,20 +9,23 @@ from functools import cached_property, partial
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.explorer.effects import Effect, Rows, Target, composed, effects_of
 from barbalat.explorer.in_signals import InSignals, SignalSearch
-from barbalat.explorer.numbers import DELAY_PATH, GRID_KEYS, Number, ranged
 from barbalat.explorer.source import Source
 from barbalat.explorer.together import Outcome, Together
-from barbalat.explorer.tried_values import TRIED_TURNS, Place, places_tried, without_indices
-from barbalat.protocols import Controller
-from barbalat.sweeps.paths import FieldPath
+from barbalat.explorer.tried_values import TRIED_TURNS, Place, places_tried
+from barbalat.open_numbers.numbers import Number, ranged
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.probe import Effect, Rows, Target, composed, effects_of
 from barbalat.validate import Array, InputError
 
 MOST_SHARED_BYTES = 150_000
 """Of the tables of sliders that exclude others; in a page they take a third more."""
 MOST_NUMBERS = 80
 """Sliders of a page."""
+GRID_KEYS = ("t_end", "dt")
+"""Keys of the simulation; their sliders are the page's own."""
+DELAY_PATH = FieldPath(("plant", "input", "delay"))
+"""A slider of the page's own too: it moves how far a module looks back, in whole steps."""
 PRECEDENCE = ("controller", "reference", "simulation", "plant", "reference_model", "uncertainty", "")
 """The order in which numbers get sliders: by their part, and of a part's a number by itself before entries of vectors.
 Of two that move one row of a module the later one has fewer values."""
@@ -118,7 +121,7 @@ class Sliders:
         apart = np.array([[one is not other and one.excludes(other) for other in kept] for one in kept], dtype=bool)
         tried: list[list[Place]] = []
         search = Together(
-            [without_indices(slider.number.path) for slider in kept],
+            [slider.number.path.vector for slider in kept],
             apart.reshape(len(kept), len(kept)),
             lambda moves: self._outcome([(kept[k], tried[k][i]) for k, i in moves]),
         )
@@ -149,18 +152,19 @@ class Sliders:
         return Outcome.FITS
 
     def _followed(self, number: Number, taken: Sequence[Rows], room: int) -> Slider | None:
-        owner = self._owner(number.path)
-        followed = (number, InSignals([], [])) if owner is not None else self._signals.of(number, room)
+        of_controller = number.path.keys[0] == "controller"
+        followed = (number, InSignals([], [])) if of_controller else self._signals.of(number, room)
         if followed is None:
             return None
         number, signals = followed
         effects = [Effect.none() for _ in self.variants]
         for switched in (False, True) if self.toggles else (False,):
-            which = [k for k, one in enumerate(self.variants) if one.switched == switched and owner in (None, one.index)]
+            which = [k for k, one in enumerate(self.variants) if one.switched == switched]
             if not which:
                 continue
             targets, rows = [self.variants[k].target for k in which], [taken[k] for k in which]
-            found = effects_of(number, targets, rows, partial(self.at, switched), room)
+            known = [effects[self.variants[k].index] for k in which] if switched else None
+            found = effects_of(number, targets, rows, partial(self.at, switched), room, known)
             if found is None or (switched and len(found[0].values) != len(number.values)):
                 return None
             if signals.grids is not None and len(found[0].values) != len(number.values):
@@ -171,44 +175,21 @@ class Sliders:
         moves = signals.places or signals.scales or signals.grids or not all(effect.nothing for effect in effects)
         return Slider(number, effects, signals) if moves else None
 
-    def _owner(self, path: FieldPath) -> int | None:
-        """The controller whose number it is and nobody else's."""
-        first, *rest = path.keys
-        return int(rest[0]) if first == "controller" and self._standing_alone else None
-
-    @cached_property
-    def _standing_alone(self) -> bool:
-        """Whether each controller is what it is without the others: none of them follows from another one's numbers."""
-        for variant in self.variants:
-            if variant.switched:
-                continue
-            try:
-                case = self._with(False, variant.index, self.source.alone(variant.index, {}))
-            except InputError:
-                return False
-            if not _agrees(variant.target, case, (variant.target.base.parameters[:, 0], variant.target.base.states[:, 0])):
-                return False
-        return True
-
     @cached_property
     def _signals(self) -> SignalSearch:
-        return SignalSearch(self.case, lambda path, value: self.source.at({path: value}))
-
-    @cached_property
-    def _switched(self) -> Case:
-        return self.source.at({}, self.toggles)
-
-    def _with(self, switched: bool, i: int, controller: Controller) -> Case:
-        case = self._switched if switched else self.case
-        return replace(case, controllers=(*case.controllers[:i], controller, *case.controllers[i + 1 :]))
+        return SignalSearch(self.case, partial(self.at, False))
 
     def at(self, switched: bool, path: FieldPath, value: float) -> Case:
         """The case with another number, and with all projections switched that can be."""
-        toggled = self.toggles if switched else ()
-        owner = self._owner(path)
-        if owner is None:
-            return self.source.at({path: value}, toggled)
-        return self._with(switched, owner, self.source.alone(owner, {path: value}, toggled))
+        key = switched, path, value
+        if key not in self._cases:
+            self._cases[key] = self.source.at({path: value}, self.toggles if switched else ())
+        return self._cases[key]
+
+    @cached_property
+    def _cases(self) -> dict[tuple[bool, FieldPath, float], Case]:
+        """Those that were made: the same ones are read for several purposes."""
+        return {}
 
 
 def _agrees(target: Target, case: Case, found: tuple[Array, Array]) -> bool:

@@ -10,14 +10,11 @@ from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import numpy as np
-
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
-from barbalat.explorer.numbers import FIXED_KEYS, in_tables
-from barbalat.protocols import Controller, InterpolatedSignal
-from barbalat.sweeps.paths import FieldPath, Key, copied
-from barbalat.sweeps.varied import VariedObjects
+from barbalat.open_numbers.numbers import in_case, in_tables
+from barbalat.open_numbers.path import FieldPath, copied
+from barbalat.open_numbers.varied import VariedCase, VariedObjects
 from barbalat.validate import InputError
 
 Segment = str | dict[str, Any]
@@ -36,10 +33,6 @@ class Source(ABC):
     @abstractmethod
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
         """The case with other numbers, and the projection of some controllers switched; InputError where it can't be used."""
-
-    @abstractmethod
-    def alone(self, i: int, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Controller:
-        """The i-th controller with other numbers of its own, made without the others; InputError where it can't be used."""
 
     @abstractmethod
     def projected(self, i: int) -> bool:
@@ -85,24 +78,20 @@ class TextSource(Source):
         return in_tables(self._tables())
 
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
-        return self.text.case(self._varied(numbers, toggled))
-
-    def _varied(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int]) -> dict[str, Any]:
         tables = self._tables()
-        for path, value in numbers.items():
-            path.put(tables, value)
         for i in toggled:
             if i >= self._in_tables:
                 raise InputError("a controller from a file of one's own has no projection to switch")
             tables["controller"][i]["projection"] = not self.projected(i)
-        return tables
+        key = tuple(toggled)
+        if key not in self._varied:
+            self._varied[key] = VariedCase(self.text, (), tables)
+        return self._varied[key].with_numbers(numbers)
 
-    def alone(self, i: int, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Controller:
-        if i >= self._in_tables:
-            return self.at(numbers, toggled).controllers[i]
-        tables = self._varied(numbers, toggled)
-        tables["controller"] = [tables["controller"][i]]
-        return self.text.case(tables).controllers[0]
+    @cached_property
+    def _varied(self) -> dict[tuple[int, ...], VariedCase]:
+        """The case by the controllers whose projection is switched."""
+        return {}
 
     def projected(self, i: int) -> bool:
         return i < self._in_tables and bool(self._read["controller"][i].get("projection", True))
@@ -166,21 +155,23 @@ class ObjectSource(Source):
     case: Case
 
     def numbers(self) -> Iterator[tuple[FieldPath, float]]:
-        yield from ((FieldPath(keys), value) for keys, value in _of_object(self.case.problem, ()))
-        for i, controller in enumerate(self.case.controllers):
-            yield from ((FieldPath(keys), value) for keys, value in _of_object(controller, ("controller", i)))
-        yield from ((FieldPath(keys), value) for keys, value in _of_object(self.case.simulation, ("simulation",)))
+        return in_case(self.case)
 
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
-        case = replace(self.case, simulation=replace(self.case.simulation, fused=False))
-        controllers = list(case.controllers)
-        for i in toggled:
-            controllers[i] = _switched(controllers[i], not self.projected(i))
-        varied = VariedObjects(replace(case, controllers=tuple(controllers)), tuple(numbers))
-        return varied.at(list(numbers.values()))
+        return VariedObjects(self._switched(tuple(toggled)), tuple(numbers)).at(list(numbers.values()))
 
-    def alone(self, i: int, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Controller:
-        return self.at(numbers, toggled).controllers[i]
+    def _switched(self, toggled: tuple[int, ...]) -> Case:
+        if toggled not in self._cases:
+            simulation, controllers = replace(self.case.simulation, fused=False), list(self.case.controllers)
+            for i in toggled:
+                controllers[i] = _switched(controllers[i], not self.projected(i))
+            self._cases[toggled] = Case(self.case.problem, tuple(controllers), simulation)
+        return self._cases[toggled]
+
+    @cached_property
+    def _cases(self) -> dict[tuple[int, ...], Case]:
+        """The case by the controllers whose projection is switched."""
+        return {}
 
     def projected(self, i: int) -> bool:
         controller: Any = self.case.controllers[i]
@@ -199,22 +190,3 @@ def _switched(controller: Any, projection: bool) -> Any:
 def validate_name(controller: Any) -> str:
     """Of any object, for a message."""
     return type(controller).__name__
-
-
-def _of_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:
-    """Numbers among an object's fields, as ``VariedObjects`` finds them again."""
-    if isinstance(part, (bool, InterpolatedSignal)):  # a record is what was measured
-        return
-    if isinstance(part, (int, float)):
-        if np.isfinite(part):
-            yield keys, part
-    elif isinstance(part, np.ndarray) and part.dtype.kind == "f":
-        for index in np.ndindex(part.shape):
-            yield (*keys, *index), float(part[index])
-    elif isinstance(part, (tuple, list)):
-        for i, inner in enumerate(part):
-            yield from _of_object(inner, (*keys, i))
-    elif is_dataclass(part) and not isinstance(part, type):
-        for one in fields(part):
-            if one.init and one.name not in FIXED_KEYS:
-                yield from _of_object(vars(part).get(one.name), (*keys, one.name))

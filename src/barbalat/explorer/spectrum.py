@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.explorer.effects import Target
 from barbalat.loop.packing import column, symbols
 from barbalat.lowering.operations import read
 from barbalat.lowering.shape import WATCH_EVERY, LoopShape
 from barbalat.lowering.wasm.loop import loop as module_of
+from barbalat.open_numbers.probe import Target
 from barbalat.protocols import DiscretizedEquations
 from barbalat.run.diagnosis.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
 from barbalat.run.template import Template

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.explorer.numbers import Number
-from barbalat.sweeps.paths import FieldPath, Key
+from barbalat.open_numbers.numbers import Number
 
 Place = tuple[float, int]
 """A value of a slider, and where it stands among those that are tabulated, if it does."""
@@ -37,11 +36,3 @@ def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: boo
     if turn > 0 and copied and not number.whole:
         values = [number.value + GOLDEN_RATIO * (value - number.value) for value in values]
     return [(float(value), int(np.searchsorted(number.values, value))) for value in values]
-
-
-def without_indices(path: FieldPath) -> tuple[Key, ...]:
-    """Of a number's place: that of the vector or matrix that it stands in."""
-    keys = path.keys
-    while isinstance(keys[-1], int):
-        keys = keys[:-1]
-    return keys

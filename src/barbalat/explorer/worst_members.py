@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from barbalat.cases.load import CaseText
 from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.source import TextSource, toml
+from barbalat.open_numbers.varied import VariedCase
 from barbalat.report.file_names import file_name
 from barbalat.report.sweep import WorstMember
 from barbalat.sweeps.result import SweepResult
-from barbalat.sweeps.varied_case import VariedCase
 from barbalat.validate import InputError
 
 MOST_PAGES = 6

@@ -68,7 +68,7 @@ class Contents:
                 f"{controller.name} diverges on this case within {len(vectors.states)} samples: an export would have no test "
                 "vectors, and nobody should fly it"
             )
-        made = cls(problem, controller, loop, program, Layout.of(program, initial_acting(loop)), vectors, real, opened)
+        made = cls(problem, controller, loop, program, Layout.of(program, loop), vectors, real, opened)
         if len(vectors.states) < FEWEST_VECTORS:
             raise InputError(
                 f"the self-test of an export needs {FEWEST_VECTORS} samples, and this simulation has {len(vectors.states)}: let "

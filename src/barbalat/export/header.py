@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.export.meanings import meaning
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.validate import Array
 
@@ -15,8 +14,7 @@ def header(printed: Printed) -> str:
     y, q, m, p = contents.sizes
     sizes = {"MEASURED": y, "COMMANDS": q, "INPUTS": m, "ESTIMATES": p}
     members = [
-        f"{printed.real} {part.name}[{part.size}]; /* {shape(part.shape)}{meaning(part.path)} */"
-        for part in contents.layout.parts
+        f"{printed.real} {part.name}[{part.size}]; /* {shape(part.shape)}{part.meaning} */" for part in contents.layout.parts
     ]
     if contents.parameters:
         names = ", ".join(one.name for one in contents.parameters)

@@ -5,16 +5,17 @@ The last good measurement and command are among them, whatever the law: they sta
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from barbalat.export.names import distinct
-from barbalat.loop.blame import leaves
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.sampling import Acting
 from barbalat.lowering.operations import Program, sliced, sources
-from barbalat.run.sampled_part import STATE
+from barbalat.roles import MEANINGS, Role, leaves
+from barbalat.run.sampled_part import STATE, initial_acting
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,14 @@ class StatePart:
     path   in the state: "controller.x_hat", "held.x_m"
     shape  row by row in C
     start  of its entries in the flat state
+    meaning  one phrase
     """
 
     name: str
     path: str
     shape: tuple[int, ...]
     start: int
+    meaning: str
 
     @property
     def size(self) -> int:
@@ -65,11 +68,13 @@ class Layout:
     r: StatePart
 
     @classmethod
-    def of(cls, program: Program, initial: Acting) -> Layout:
-        """``program`` is the controller's whole list; what nothing depends on is left out."""
-        every = tuple(_parts(initial))
-        paths = ("held.u", "controller.theta_hat", "held.started", "held.measured", "held.r")
-        named = [next(part for part in every if part.path == path) for path in paths]
+    def of(cls, program: Program, loop: ClosedLoop) -> Layout:
+        """``program`` is the whole list of the loop's controller; what nothing depends on is left out."""
+        every = tuple(_parts(initial_acting(loop), {f"controller.{part.path}": part.role for part in loop.parts}))
+        estimates = "" if loop.estimates is None else f"controller.{loop.estimates.path}"
+        paths = ("held.u", estimates, "held.started", "held.measured", "held.r")
+        none = StatePart("theta_hat", "", (0,), 0, "")  # of a controller that estimates nothing
+        named = [next((part for part in every if part.path == path), none) for path in paths]
         needed = {part.path: part for part in named}
         while True:
             rows = [row for part in needed.values() for row in part.rows]
@@ -94,12 +99,22 @@ class Layout:
         return {row: part.entry(row) for part in self.parts for row in part.rows}
 
 
-def _parts(initial: Acting) -> Iterator[StatePart]:
+HELD = {
+    "held.u": "control, held since the last sample",
+    "held.measured": "measurement at the last sample",
+    "held.x_m": "state of the reference model (2), exact for a held r",
+    "held.r": "command at the last sample",
+    "held.started": "0 before the first sample, then 1",
+}
+"""What the members are that every exported controller has; the scheme's own say it by their roles."""
+
+
+def _parts(initial: Acting, roles: Mapping[str, Role]) -> Iterator[StatePart]:
     """All arrays, in the order of the flat state; the scheme's own by their names, what is held with a prefix."""
     found = [(path, np.shape(array)) for path, array in leaves(initial)]
     names = distinct(path.removeprefix("controller.") for path, _ in found)
     start = 0
     for name, (path, shape) in zip(names, found, strict=True):
-        part = StatePart(name, path, shape, start)
+        part = StatePart(name, path, shape, start, roles[path].comment if path in roles else HELD.get(path, MEANINGS["other"]))
         yield part
         start += part.size

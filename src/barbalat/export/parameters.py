@@ -1,65 +1,78 @@
 """Numbers of a case that stay open in an export: gains, limits, initial estimates that enter the operations as they are.
 
-A setting is tried with another value. Where the numbers of the loop and of its initial state that follow it are that value, to
-the last bit, and no other number moves, it is a parameter; where more follows from it, as P from A_m or a filter's matrices from
-its poles, it is compiled in. The lists are those of an ensemble whose members differ in these numbers.
+A number that stands in the loop and in its initial state as it is becomes a parameter; one from which others follow, as P from
+A_m or a filter's matrices from its poles, is compiled in. The
+lists are those of an ensemble whose members differ in these numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, is_dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from barbalat.export.limits import estimate_limits
-from barbalat.export.settings import Rebuild, numbers, settable
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.structure import comes_from_outside, parts_of
-from barbalat.problem.state_feedback import Problem
+from barbalat.loop.structure import comes_from_outside
+from barbalat.open_numbers.kernel_numbers import Family, Member
+from barbalat.open_numbers.numbers import beside, in_case
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.probe import examined
+from barbalat.open_numbers.varied import VariedObjects
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run import breaks
 from barbalat.run.columns import Columns, StructureError
-from barbalat.run.members import Members, Reader
-from barbalat.run.template import Member, Template
+from barbalat.run.members import Members
+from barbalat.run.template import Template
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
-Case = tuple[TrackingProblem, Controller]
+if TYPE_CHECKING:
+    from barbalat.cases.build import Case
 
-BUMPS: tuple[Callable[[float], float], ...] = (
-    lambda value: 1.125 * value + 0.0625 * (value == 0),
-    lambda value: 0.875 * value - 0.0625 * (value == 0),
-)
-"""Other values that a setting is tried with, up or else down; never the value itself."""
-NOT_OFFERED = frozenset({"sample_time", "delay", "history"})
-"""Settings that more follows from than a loop's numbers: how often a controller is called, what a delay remembers."""
+START = "theta_hat0"
+"""The field of settings that says where estimates begin."""
+OFFERED = ("controller", "uncertainty", "plant")
+"""First keys of the numbers that are offered: of the controller, of its known set, of the plant, in this order."""
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One open number.
 
-    name     in the structured names of FMI: "gamma", "theta_hat0[1]", "u_max"
-    value    in this case
-    limit    (input, side) of a limit of u, side 0 for the lower one
+    path   in the case; the controller is there at the place of which it is told
+    value  in this case
     """
 
-    name: str
+    path: FieldPath
     value: float
-    meaning: str
-    limit: tuple[int, int] | None = None
 
+    @property
+    def name(self) -> str:
+        """The path as FMI writes it."""
+        return self.path.structured
 
-@dataclass(frozen=True)
-class Candidate:
-    """A setting, and the case with another value of it; ``InputError`` from ``changed`` where that can't be."""
+    @property
+    def meaning(self) -> str:
+        """A phrase for the descriptions of variables."""
+        first, last = self.path.keys[0], self.path.vector[-1]
+        if first == "controller":
+            return "initial estimate" if last == START else "setting of the controller"
+        if first == "uncertainty":
+            return "of the known set"
+        return "setting of the plant" if self.limit is None else "limit of the control"
 
-    parameter: Parameter
-    changed: Callable[[float], Case]
+    @property
+    def limit(self) -> tuple[int, int] | None:
+        """(input, side) of a limit of u, side 0 for the lower one; None for any other number."""
+        keys = self.path.keys
+        if keys[:2] != ("plant", "input") or "saturation" not in keys:
+            return None
+        return (int(keys[2]) if isinstance(keys[2], int) else 0), int(keys[-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,31 +86,33 @@ class Opened:
 
     parameters: tuple[Parameter, ...]
     tried: tuple[float, ...]
-    cases: tuple[Case, ...]
+    cases: tuple[Member, ...]
     members: Members
     template: Template
     feeds: tuple[int | None, ...]
     starts: dict[int, int]
 
     @classmethod
-    def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, *, tunable: bool) -> Opened:
-        """InputError where the controller does not fit the problem; without ``tunable`` every number is compiled in."""
-        controller = _explicit_estimates(problem, controller)
-        reader = Reader.of((problem, controller), simulation, adjustable=False)
-        candidates = _candidates(problem, controller) if tunable else ()
-        every = ((one, _tried(problem, controller, one)) for one in candidates)
-        found = [(one.parameter, *other) for one, other in every if other is not None]
-        for _, _, case in found:
-            reader.add(*case)
-        members = reader.members(0)
+    def of(
+        cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, *, tunable: bool, place: int = 0
+    ) -> Opened:
+        """InputError where the controller does not fit the problem; without ``tunable`` every number is compiled in.
+
+        place  of the controller in its case, as paths tell it
+        """
+        case = VariedObjects.around(problem, _explicit_estimates(problem, controller), simulation).case
+        found = list(_copied(case)) if tunable else []
+        members = [(one.problem, one.controllers[0]) for one in (case, *(other for _, _, other in found))]
+        family = Family.of(members, simulation)
+        read = family.members
         return cls(
-            tuple(one for one, _, _ in found),
-            tuple(value for _, value, _ in found),
-            ((problem, controller), *(case for _, _, case in found)),
-            members,
-            Template.of(reader.columns, opened=not simulation.fused),
-            tuple(_followed(row) for row in members.parameters),
-            {row: k for row, values in enumerate(members.states) if (k := _followed(values)) is not None},
+            tuple(Parameter(_placed(path, place), value) for (path, value), _, _ in found),
+            tuple(tried for _, tried, _ in found),
+            tuple(members),
+            read,
+            Template.of(family.reader.columns, opened=not simulation.fused),
+            tuple(_followed(row) for row in read.parameters),
+            {row: k for row, values in enumerate(read.states) if (k := _followed(values)) is not None},
         )
 
     @cached_property
@@ -128,6 +143,44 @@ def _followed(row: Array) -> int | None:
     return int(moved[0]) - 1 if len(moved) else None
 
 
+def _placed(path: FieldPath, place: int) -> FieldPath:
+    """The path in a case in which the controller, the only one here, stands at this place."""
+    return FieldPath(("controller", place, *path.keys[2:])) if path.keys[0] == "controller" else path
+
+
+def _copied(case: Case) -> Iterator[tuple[tuple[FieldPath, float], float, Case]]:
+    """The numbers that stand in the loop as they are, each with another value of it and the case with that."""
+    offered = [(path, value) for path, value in in_case(case) if path.keys[0] in OFFERED and isinstance(value, float)]
+    for path, value in sorted(offered, key=lambda one: OFFERED.index(str(one[0].keys[0]))):
+        if (found := _other(case, path, value)) is not None:
+            yield (path, value), *found
+
+
+def _other(case: Case, path: FieldPath, value: float) -> tuple[float, Case] | None:
+    """Another value of the number and the case with it; None where it does not stand in the loop as it is."""
+    base, varied = (case.problem, case.controllers[0]), VariedObjects(case, (path,))
+    for tried in beside(value):
+        try:
+            other = varied.at([tried])
+            effect, family = examined([base, (other.problem, other.controllers[0])], np.array([value, tried]), case.simulation)
+        except (InputError, StructureError):
+            continue
+        copied = effect is not None and effect.copied and not effect.nothing
+        return (tried, other) if copied and _bears_symbols(family) else None
+    return None
+
+
+def _bears_symbols(family: Family) -> bool:
+    """Whether equations from outside the package compute with a symbol what they do with a number: none branches on it."""
+    if not comes_from_outside(family.reader.loop.equations):
+        return True
+    try:
+        Template.of(family.reader.columns)
+    except InputError:
+        return False
+    return True
+
+
 def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Controller:
     """With the initial estimates written out, where the settings have none."""
     loop = ClosedLoop.of(problem, controller)
@@ -136,11 +189,10 @@ def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Con
     def written(part: Any) -> Any:
         if not is_dataclass(part) or isinstance(part, type):
             return part
-        found = parts_of(part) or {}
-        changed = {name: written(value) for name, value in found.items() if is_dataclass(value) and settable(part, name)}
-        changed = {name: value for name, value in changed.items() if value is not found[name]}
-        if "theta_hat0" in found and found["theta_hat0"] is None and initial.size:
-            changed["theta_hat0"] = initial
+        given = {one.name: getattr(part, one.name) for one in fields(part) if one.init}
+        changed = {name: inner for name, value in given.items() if (inner := written(value)) is not value}
+        if initial.size and given.get(START, initial) is None:
+            changed[START] = initial
         return replace(part, **changed) if changed else part
 
     explicit = written(controller)
@@ -150,84 +202,3 @@ def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Con
     except (StructureError, InputError):
         return controller
     return controller if same.differing()[0].any() else explicit
-
-
-def _tried(problem: TrackingProblem, controller: Controller, candidate: Candidate) -> tuple[float, Case] | None:
-    """Another value of the setting, and the case with it, if the setting is a parameter."""
-    loop = ClosedLoop.of(problem, controller)
-    for bump in BUMPS:
-        value = bump(candidate.parameter.value)
-        columns, initial = Columns(loop), Columns(loop.initial())
-        try:
-            other = candidate.changed(value)
-            changed = ClosedLoop.of(*other)
-            columns.add(changed)
-            initial.add(changed.initial())
-        except (InputError, StructureError):
-            continue
-        moved = [found.differing()[1] for found in (columns, initial)]
-        direct = all((rows[:, 1] == value).all() for rows in moved) and any(len(rows) for rows in moved)
-        return (value, other) if direct and _bears_symbols(loop, changed) else None
-    return None
-
-
-def _bears_symbols(loop: ClosedLoop, other: ClosedLoop) -> bool:
-    """Whether equations from outside the package compute with a symbol what they do with a number: none branches on it."""
-    if not comes_from_outside(loop.equations):
-        return True
-    columns = Columns(Member(loop, None))
-    columns.add(Member(other, None))
-    try:
-        Template.of(columns)
-    except InputError:
-        return False
-    return True
-
-
-def _candidates(problem: TrackingProblem, controller: Controller) -> Iterator[Candidate]:
-    """Settings of the controller, the known set's bounds, limits of u, then settings of the plant."""
-    for name, value, rebuilt in numbers(controller):
-        plain = name.removeprefix("controller.")
-        if plain not in NOT_OFFERED:
-            meaning = "initial estimate" if "theta_hat0" in plain else "setting of the controller"
-
-            def changed(v: float, rebuilt: Rebuild = rebuilt) -> Case:
-                return problem, rebuilt(v)
-
-            yield Candidate(Parameter(plain, value, meaning), changed)
-    case: Any = problem
-    yield from _bounds(case, controller)
-    for name, value, rebuilt in numbers(problem.plant):
-        if name.rpartition(".")[2] in NOT_OFFERED:
-            continue
-
-        def other(v: float, rebuilt: Rebuild = rebuilt) -> Case:
-            return replace(case, plant=rebuilt(v)), controller
-
-        limit = _limit(name)
-        if limit is None:
-            yield Candidate(Parameter(f"plant.{name}", value, "setting of the plant"), other)
-        else:
-            which = f"[{limit[0] + 1}]" if len(problem.plant.paths) > 1 else ""
-            yield Candidate(Parameter(f"{('u_min', 'u_max')[limit[1]]}{which}", value, "limit of the control", limit), other)
-
-
-def _bounds(case: Any, controller: Controller) -> Iterator[Candidate]:
-    """Numbers of the known set, of a problem that has one."""
-    if not isinstance(case, Problem) or case.uncertainty is None:
-        return
-    for name, value, rebuilt in numbers(case.uncertainty):
-
-        def changed(v: float, rebuilt: Rebuild = rebuilt) -> Case:
-            return replace(case, uncertainty=rebuilt(v)), controller
-
-        yield Candidate(Parameter(f"uncertainty.{name}", value, "of the known set"), changed)
-
-
-def _limit(name: str) -> tuple[int, int] | None:
-    """(input, side) for a plant's setting that is a limit of u."""
-    first, _, last = name.partition(".")
-    if not first.startswith("input") or not last.startswith("saturation["):
-        return None
-    which = 0 if first == "input" else int(first.removeprefix("input[").removesuffix("]")) - 1
-    return which, int(last.removeprefix("saturation[").removesuffix("]")) - 1

@@ -11,8 +11,10 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.certificates import Certificates
 from barbalat.export.compiler import require_compiler
 from barbalat.export.in_the_loop import simulate_export
-from barbalat.export.settings import gain_of
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.open_numbers.numbers import in_object
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import VariedObjects
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.progress import Progress
@@ -24,6 +26,8 @@ VISIBLE_SHARE = 0.01
 """Of the largest |x|: what shows in a figure, and far above what rounding to 24 bits does by itself, 6e-8 of each number."""
 DECADES = 8
 """Above the case's gain, or below it where they have parted there: at most; more than 24 bits can tell apart."""
+GAINS = ("gamma", "covariance0")
+"""What laws call the gain that they begin with."""
 HALVINGS = 3
 """Of the decade in which they part: the gain is found within a factor of 10^(1/8) = 1.33."""
 
@@ -62,15 +66,16 @@ def parting(
 
     InputError for a controller without a gain of its own, and as of ``simulate_export``.
     """
-    found = gain_of(controller)
+    found = next((one for one in in_object(controller, ()) if one[0][-1] in GAINS), None)
     if found is None:
         raise InputError(f"{controller.name} has no gain, gamma or covariance0, that is one number")
-    setting, gain, rebuilt = found
+    keys, gain = found
+    varied = VariedObjects.around(problem, controller, simulation, (FieldPath(("controller", 0, *keys)),))
     apart: dict[float, float] = {}
     diverges: list[float] = []
 
     def parts(value: float) -> bool:
-        difference = _difference(problem, rebuilt(value), simulation)
+        difference = _difference(problem, varied.at([value]).controllers[0], simulation)
         if difference is None:
             diverges.append(value)
             return False
@@ -91,7 +96,7 @@ def parting(
             break
         last, at = value, value if parted else None
     return Parting(
-        setting=setting.removeprefix("controller."),
+        setting=str(FieldPath(keys)),
         gain=gain,
         apart=dict(sorted(apart.items())),
         at=at,

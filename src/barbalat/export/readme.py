@@ -5,7 +5,6 @@ from __future__ import annotations
 from barbalat.controllers.settings import PatentNamed
 from barbalat.export.contents import is_explicit
 from barbalat.export.header import shape
-from barbalat.export.meanings import meaning
 from barbalat.export.texts import Printed, comment, filled
 
 
@@ -15,7 +14,7 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
     layout, macro = contents.layout, printed.macro
     y, q, _, _ = contents.sizes
     functions = sorted({op.name for op in contents.step.operations} & LIBRARY)
-    members = "\n".join(f"| `{part.name}` | {part.size} | {shape(part.shape)}{meaning(part.path)} |" for part in layout.parts)
+    members = "\n".join(f"| `{part.name}` | {part.size} | {shape(part.shape)}{part.meaning} |" for part in layout.parts)
     euler = is_explicit(contents) and any(part.path == "controller.swapping" for part in layout.parts)
     return filled(
         "README.md",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.export.meanings import meaning
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering import c99
 from barbalat.lowering.operations import sources
@@ -78,7 +77,7 @@ def _operations(printed: Printed) -> str:
     lines = c99.statements(program, inputs, contents.real)
     results = iter(program.outputs[0])
     for part in contents.layout.parts:
-        lines.append(f"/* {meaning(part.path)} */")
+        lines.append(f"/* {part.meaning} */")
         lines += [f"{part.entry(row)} = {printer.number(next(results))};" for row in part.rows]
     return indented(lines)
 

@@ -57,10 +57,11 @@ def units(
     float32: bool = False,
     closed_loop: bool = False,
     compiled: bool = True,
+    place: int = 0,
 ) -> dict[str, bytes]:
     """The units of an export by their names, in version 2 or 3 of FMI; InputError as of ``export_controller``."""
     _require(problem, simulation)
-    opened = Opened.of(problem, controller, simulation, tunable=True)
+    opened = Opened.of(problem, controller, simulation, tunable=True, place=place)
     printed = Printed(Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE, opened=opened))
     made = [Unit(printed, True, None)]
     if closed_loop:
@@ -79,6 +80,7 @@ def export_controller(
     float32: bool = False,
     closed_loop: bool = False,
     sources_only: bool = False,
+    place: int = 0,
 ) -> Path:
     """Write a sampled controller as source that computes what the simulation computes, bit for bit; returns the folder.
 
@@ -89,6 +91,7 @@ def export_controller(
                          Co-Simulation by FMI 2.0 or 3.0, whose gains, limits and initial estimates are parameters
     float32              numbers of 32 bits; the test vectors are then its own, rounded operation by operation
     closed_loop          the plant and the whole loop as well: ``plant.h``, ``plant.c`` and ``loop.c``, or a unit of each
+    place                of the controller in its case: the parameters of units go by the case's paths, ``controller[0].gamma``
     sources_only         units without a binary for this machine, for which a C compiler is needed
 
     Raises InputError, and leaves nothing behind, where that can't be.
@@ -109,6 +112,7 @@ def export_controller(
             float32=float32,
             closed_loop=closed_loop,
             compiled=not sources_only,
+            place=place,
         )
     with output_folder(Path(out)) as folder:
         for name, content in made.items():

@@ -15,7 +15,7 @@ from barbalat.validate import Array
 
 
 class Crossings:
-    """Of one loop; its response over frequency is computed once."""
+    """The crossings of one loop, whose response over frequency is computed once."""
 
     def __init__(self, loop: StateSpace) -> None:
         self.loop = loop

@@ -38,7 +38,7 @@ def largest_from(
     within: float = NEIGHBOUR_GAP,
     least: float = SMALLEST_FLOAT,
 ) -> float:
-    """The same without known ends: by steps of ``factor`` from ``start`` down to what is borne, then up to what is not.
+    """Search without known ends: by steps of ``factor`` from ``start`` down to what is tolerated, then up to what is not.
 
     0 where nothing is borne down to ``least``; infinite where every float is.
     """

@@ -24,7 +24,7 @@ bits of what cancels in L, or on a theta that is as good as zero, and no actuato
 
 @dataclass(frozen=True)
 class Margins:
-    """Of the loop L e^(-s d) with u = -L v around it; infinite where nothing of that kind destabilises.
+    """The margins of the loop L e^(-s d) closed by u = -L v; infinite where no change of that kind destabilises it.
 
     gain_up, gain_down  factors > 1 and < 1 at which the loop loses stability; infinite and 0 where none up to ``LARGEST_FACTOR``,
                         or down to its inverse, does

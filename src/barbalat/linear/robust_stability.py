@@ -66,7 +66,7 @@ class RobustStability:
 
     @property
     def scale(self) -> float:
-        """By what factor the uncertainty may grow; infinite where nothing destabilises."""
+        """The factor by which the uncertainty may grow before the loop can lose stability; infinite where it never does."""
         return 1 / self.peak if self.peak > 0 else np.inf
 
 

@@ -58,7 +58,7 @@ class Rotation:
         return np.asarray(self._each(w) @ self._sense - w * self.delay)
 
     def phase(self, w: Array) -> Array:
-        """Of L(j w) e^(-j w d), without jumps [rad]."""
+        """Return the phase of L(j w) e^(-j w d), without jumps [rad]."""
         return self._start + self._arcs(w)
 
     def swing(self, left: Array, right: Array) -> tuple[Array, Array]:
@@ -96,7 +96,7 @@ class Rotation:
         return np.unique([*found, *right])
 
     def _crossed(self, left: Array, right: Array, levels: Array) -> Iterator[tuple[float, float, float]]:
-        """Of the intervals in which the phase is monotone those whose ends may lie on both sides of their level: few of many."""
+        """Return those intervals of monotone phase whose ends may lie on both sides of their level: few of many."""
         wanted = (2 * levels + 1) * np.pi
         off = np.array([self.phase(end) - wanted for end in (left, right)])
         clear = (np.abs(off) > CLEAR_OF_A_LEVEL * np.maximum(1.0, np.abs(wanted))).all(axis=0)

@@ -25,7 +25,8 @@ from barbalat.validate import Array
 
 
 class Effects(NamedTuple):
-    """Of delays of l samples and a share f of one: what u[k-l] and u[k-l-1] make of X by the next sample; a column per input."""
+    """What u[k-l] and u[k-l-1] make of X by the next sample, for a delay of l samples and a share f of one; a column per
+    input."""
 
     whole: Array
     part: Array

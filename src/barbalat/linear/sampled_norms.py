@@ -26,7 +26,7 @@ TOO_CLOSE = "the loop is too close to losing stability from sample to sample, or
 
 @dataclass(frozen=True, eq=False)
 class SampledNorms:
-    """Of M (s, s) and C (p, s)."""
+    """Norms of the sampled system with the matrices M (s, s) and C (p, s)."""
 
     M: Array
     C: Array

@@ -20,7 +20,7 @@ class HeldSystem:
 
     @classmethod
     def of(cls, A: Array, B: Array, T: float) -> HeldSystem:
-        """Of x' = A x + B r with B (n,) or (n, q), over samples of length T [s]."""
+        """Return the exact sampled form of x' = A x + B r, with B (n,) or (n, q), for samples of length T [s]."""
         A, B = (np.ascontiguousarray(matrix, dtype=float) for matrix in (A, B))
         return _discretised(A.tobytes(), B.tobytes(), B.shape, T)
 
@@ -31,7 +31,7 @@ class HeldSystem:
 
 @lru_cache(maxsize=64)  # the members of an ensemble mostly share the model
 def _discretised(A: bytes, B: bytes, shape: tuple[int, ...], T: float) -> HeldSystem:
-    """By one exponential of [[A, B], [0, 0]] T (Van Loan 1978, IEEE TAC 23(3))."""
+    """Discretise by one exponential of [[A, B], [0, 0]] T (Van Loan 1978, IEEE TAC 23(3))."""
     from scipy.linalg import expm
 
     n = shape[0]

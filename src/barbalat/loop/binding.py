@@ -115,7 +115,7 @@ def ports_of(problem: TrackingProblem) -> Ports:
 def require_controllers(controllers: Sequence[Any]) -> None:
     """InputError for what is no controller, and for two that share a name."""
     for controller in controllers:
-        if not isinstance(controller, Controller) or isinstance(controller, type):
+        if not validate.is_instance(controller, Controller) or isinstance(controller, type):
             raise InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
         validate.label(f"the name of a {type(controller).__name__}", controller.name)
     names = [controller.name for controller in controllers]

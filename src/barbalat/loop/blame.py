@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.roles import Role, leaves, names_of
 from barbalat.validate import InputError
 
 PACKAGE = Path(__file__).parents[1]
@@ -45,35 +46,20 @@ class Subject:
         return InputError(f"{self.said}{what}", controller=self.controller)
 
 
-def require_state(state: Any, what: Subject) -> None:
-    """InputError where ``initial`` gives no NamedTuple of arrays with the field theta_hat."""
+def require_state(state: Any, what: Subject, declared: Mapping[str, Role] | None) -> None:
+    """InputError where ``initial`` gives no NamedTuple of arrays, or one of which nothing says what is estimated."""
     if not isinstance(state, tuple) or type(state) is tuple:
         raise what.error(f" must return a NamedTuple of arrays, got {validate.show(state)}")
-    if "theta_hat" not in names_of(state):
+    if "theta_hat" not in names_of(state) and declared is None:
         raise what.error(
             f" returns a {type(state).__name__} without the field theta_hat: give it one, the estimates, or np.zeros(0) "
-            "where nothing is estimated"
+            "where nothing is estimated; or declare in a mapping `roles` what its fields are, {} where nothing is estimated"
         )
     for place, leaf in leaves(state):
         if not isinstance(leaf, (np.ndarray, np.generic)) or leaf.dtype.kind not in "iuf":
             raise what.error(f": {place} must be an array of real numbers, as np.zeros(2) is, got {validate.show(leaf)}")
         if not np.isfinite(leaf).all():
             raise what.error(f": {place} must be finite, got {validate.show(leaf)}")
-
-
-def names_of(state: tuple[Any, ...]) -> tuple[str, ...]:
-    """The fields of a NamedTuple, which is a tuple with names and has no class of its own to ask for; places of another tuple."""
-    named: Any = type(state)
-    return tuple(named._fields) if "_fields" in dir(named) else tuple(map(str, range(len(state))))
-
-
-def leaves(state: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """The arrays of a nested NamedTuple with their names."""
-    if not isinstance(state, tuple):
-        yield place, state
-        return
-    for name, part in zip(names_of(state), state, strict=True):
-        yield from leaves(part, f"{place}.{name}" if place else name)
 
 
 def require_array(found: Any, shape: tuple[int, ...], what: Subject, name: str) -> None:

@@ -6,7 +6,7 @@ was turned into) would be frozen into the run, or be NaN, without a word; so eac
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -14,10 +14,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat import vocabulary
-from barbalat.estimating import NamingEstimates
 from barbalat.loop.blame import Subject, blamed, require_array, require_like, require_state
 from barbalat.loop.packing import column, flatten, map_arrays, symbols, unflatten
 from barbalat.protocols import DiscretizedEquations, Dynamics, Equations, Sample, SampledEquations
+from barbalat.roles import Role, declared_roles, leaves, names_of, state_parts
 from barbalat.validate import Array, counted, show
 
 POINTS_TRIED = 4
@@ -37,7 +37,7 @@ class Ports(NamedTuple):
 
     @classmethod
     def of(cls, plant: Dynamics, model: Dynamics, commands: int | None, inputs: int) -> Ports:
-        """Of a loop at t = 0, commands and inputs at zero; ``commands`` as of ``ClosedLoop``."""
+        """Return the values of a loop at t = 0 with commands and inputs at zero; ``commands`` is that of ``ClosedLoop``."""
         y, y_m = (np.asarray(part.output(part.x0), dtype=float) for part in (plant, model))
         return cls(y, y_m, np.zeros(() if commands is None else commands), np.zeros(() if inputs == 1 else inputs))
 
@@ -61,26 +61,39 @@ def check_equations(equations: Equations | SampledEquations, ports: Ports, whose
     whose = whose.part(f": {type(equations).__name__}")
     with blamed(whose.part(".initial")):
         initial = equations.initial()
-    require_state(initial, whose.part(".initial"))
-    _require_names(equations, initial, whose)
+    require_state(initial, whose.part(".initial"), declared_roles(equations))
+    _require_roles(equations, initial, whose)
     numbers = TrialCall(whose, equations, Arguments(initial, ports, ports))
     for equation in numbers.equations:
         numbers.compare(equation, numbers.equations[equation])
 
 
-def _require_names(equations: Any, initial: Any, whose: Subject) -> None:
-    """InputError for estimates that are called by more names, or fewer, than there are of them."""
-    if not isinstance(equations, NamingEstimates):
+def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
+    """InputError for roles of fields that the state does not have, and for names that are not as many as the estimates."""
+    declared, whose = declared_roles(equations), whose.part(".roles")
+    if declared is None:
         return
-    names, count = equations.estimate_names, int(np.size(initial.theta_hat))
-    if not isinstance(names, tuple) or len(names) != count or not all(isinstance(name, str) for name in names):
+    if not isinstance(declared, Mapping) or not all(isinstance(role, Role) for role in declared.values()):
+        raise whose.error(f" must be a mapping from the names of fields to roles, as Role.estimates(), got {show(declared)}")
+    paths = [path for path, _ in leaves(initial)]
+    places = {path.rsplit(".", depth)[0] for path in paths for depth in range(path.count(".") + 1)}
+    if unknown := [path for path in declared if path not in places and path.partition(".")[0] not in names_of(initial)]:
         raise whose.error(
-            f".estimate_names must be a tuple of {counted(count, 'text')}, one for each estimate, got {show(names)}"
+            f" names {show(unknown[0])}, which {type(initial).__name__} has not; it has {', '.join(names_of(initial))}"
         )
+    for part in state_parts(equations, initial):
+        names = part.role.names
+        if names is not None and (
+            not isinstance(names, tuple) or len(names) != part.size or not all(isinstance(name, str) for name in names)
+        ):
+            raise whose.error(
+                f": the names of {part.path} must be a tuple of {counted(part.size, 'text')}, one for each estimate, "
+                f"got {show(names)}"
+            )
 
 
 def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Array]) -> None:
-    """The same for the equations of an ensemble, where symbols stand for settings: a column of them, and numbers (p,) for it."""
+    """Check an ensemble's equations, where symbols stand for settings: a column of them, and numbers (p,) for it."""
     whose = Subject(f"an ensemble: {type(numbers).__name__}")
     trial = TrialCall(whose, numbers, Arguments(numbers.initial(), ports, ports), *values)
     others = TrialCall(whose, varied, trial.arguments).equations

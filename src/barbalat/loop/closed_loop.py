@@ -18,6 +18,7 @@ from barbalat.loop.sampling import Acting, SampledController, held_model
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, DiscretizedEquations, Dynamics, Equations, SampledEquations, Value
+from barbalat.roles import StatePart, main_estimates, state_parts, taken_from
 from barbalat.validate import Array
 
 
@@ -53,7 +54,7 @@ class ClosedLoop:
             problem.dynamics,
             problem.model,
             equations,
-            paths=tuple(path.path for path in problem.plant.paths),
+            paths=problem.input_paths,
             commands=commands,
             lag=sensor if sensor is not None and sensor.lag > 0 else None,
             noise_std=None if noise is None else noise.std * np.ones(problem.dynamics.outputs),
@@ -143,15 +144,34 @@ class ClosedLoop:
         return 0 if self.plant.output(self.plant.x0).ndim else 1
 
     @cached_property
+    def parts(self) -> tuple[StatePart, ...]:
+        """The arrays of the controller's own state with their roles, and where they stand in a flat state."""
+        own = flatten((self._initial.controller, self._initial.held, np.zeros(0)))  # they stand last in a flat state
+        return state_parts(self.equations, self._initial.controller, self.size - len(own))
+
+    @cached_property
+    def estimates(self) -> StatePart | None:
+        """What results have as theta_hat: see ``main_estimates``; None of a controller that estimates nothing."""
+        return main_estimates(self.parts)
+
+    @cached_property
+    def other_estimates(self) -> tuple[StatePart, ...]:
+        """The estimates that results have beside theta_hat, by names of their own."""
+        return tuple(part for part in self.parts if part.role.kind == "estimates" and part is not self.estimates)
+
+    @cached_property
     def parameters(self) -> int:
         """Components of the estimate theta_hat."""
-        return int(self._initial.controller.theta_hat.size)
+        return 0 if self.estimates is None else self.estimates.size
 
     @cached_property
     def theta_hat_rows(self) -> slice:
-        """Where the estimates stand in a flat state."""
-        marked = self.unpack(np.arange(self.size)).controller.theta_hat.reshape(-1)
-        return slice(int(marked[0]), int(marked[-1]) + 1) if len(marked) else slice(0, 0)
+        """Where these stand in a flat state."""
+        return slice(0, 0) if self.estimates is None or not self.parameters else self.estimates.rows
+
+    def theta_hat(self, controller: Any) -> Value:
+        """The estimates in the controller's own state, (p,)."""
+        return taken_from(controller, self.estimates)
 
     def unpack(self, flat: Value) -> LoopState:
         """The named parts of a flat state, numbers or symbols."""
@@ -233,19 +253,19 @@ class ClosedLoop:
         """The state with the estimates limited to the known set; applied at every stage and at a step's end."""
         state = self.unpack(flat)
         if isinstance(self.equations, SampledEquations):  # the estimates have moved and are counted
-            return flatten(state._replace(held=state.held._replace(theta_hat=state.controller.theta_hat)))
+            return flatten(state._replace(held=state.held._replace(theta_hat=self.theta_hat(state.controller))))
         return flatten(state._replace(controller=self.equations.limit(state.controller)))
 
     def estimates_moved(self, flat: Value, following: Value) -> Value:
         """|change of theta_hat| by a step from ``flat`` to ``following``, a sample at its start included, (n,)."""
         state = self.unpack(flat)
-        now = state.controller.theta_hat
-        moved = now - state.held.theta_hat if self.sampled else self.unpack(following).controller.theta_hat - now
-        return np.abs(moved.reshape(-1))
+        now = self.theta_hat(state.controller)
+        moved = now - state.held.theta_hat if self.sampled else self.theta_hat(self.unpack(following).controller) - now
+        return np.abs(moved)
 
     def outputs(self, flat: Value, signals: Value) -> Outputs:
         state, given = self.unpack(flat), self.signals.named(signals)
         u, y = self._control(state, given), self._output(state, given)
         e = (y - self.model.output(state.x_m)).reshape(-1)
         y = y.reshape(-1)[: self.measured_outputs]
-        return Outputs(e, u.reshape(-1), state.controller.theta_hat.reshape(-1), state.x, state.x_m, y)
+        return Outputs(e, u.reshape(-1), self.theta_hat(state.controller), state.x, state.x_m, y)

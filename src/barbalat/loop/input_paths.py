@@ -38,7 +38,7 @@ def output(paths: Paths, states: States, u: Value) -> Value:
 
 
 def following_within(paths: Paths, time: Value) -> Paths:
-    """The same for a solver whose step is ``time`` [s], which rate limiters are given to follow their demand."""
+    """Return the paths for a solver whose step is ``time`` [s], which rate limiters are given to follow their demand."""
     if all(path is None or path.rate_limit is None for path in paths):
         return paths
     return tuple(path and replace(path, following=time) for path in paths)

@@ -39,7 +39,7 @@ def jacobian_function(loop: ClosedLoop) -> ca.Function:
 
 
 def sampled_jacobian_function(loop: ClosedLoop) -> ca.Function:
-    """The same of what a sampled controller makes of a state."""
+    """Return the Jacobian of what a sampled controller makes of a state."""
     return _jacobian(loop, loop.sample)
 
 

@@ -14,11 +14,9 @@ import numpy as np
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.loop.packing import as_array, flatten, unflatten
 from barbalat.loop.parts import Held
-from barbalat.protocols import Dynamics, Freezable, Sample, SampledEquations, Value, kept
+from barbalat.protocols import Dynamics, Freezable, Sample, SampledEquations, Value
+from barbalat.roles import main_estimates, resting, roles_of, state_parts, taken_from
 from barbalat.validate import Array
-
-RESTING = ("theta_hat", "k_r_hat", "memory")
-"""Fields of a scheme's state that a freeze keeps, unless its equations know better; k_r_hat is an adapted feedforward gain."""
 
 
 class Acting(NamedTuple):
@@ -62,7 +60,7 @@ class SampledController:
             x_m=self.model.x0,
             r=np.zeros(() if self.commands is None else self.commands),
             started=np.zeros(()),
-            theta_hat=controller.theta_hat,
+            theta_hat=self._theta_hat(controller),
         )
         return Acting(controller, held)
 
@@ -79,7 +77,7 @@ class SampledController:
         chosen = np.where(started, flatten(advanced), flatten(controller))
         following, _ = unflatten(controller, chosen, 0)
         u = as_array(self.equations.control(following, *now))
-        return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, controller.theta_hat))
+        return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, self._theta_hat(controller)))
 
     def _advance(self, controller: Any, before: Sample, u: Value, now: Sample, freeze: Value) -> Any:
         if freeze is None:
@@ -87,6 +85,8 @@ class SampledController:
         frozen = freeze > 0
         if isinstance(self.equations, Freezable):
             return self.equations.freezing(frozen).advance(controller, before, u, now)
-        advanced = self.equations.advance(controller, before, u, now)
-        old, new = controller._asdict(), advanced._asdict()
-        return advanced._replace(**{name: kept(frozen, old[name], new[name]) for name in RESTING if name in new})
+        return resting(frozen, roles_of(self.equations), controller, self.equations.advance(controller, before, u, now))
+
+    def _theta_hat(self, controller: Any) -> Value:
+        """The estimates whose motion is counted."""
+        return taken_from(controller, main_estimates(state_parts(self.equations, controller)))

@@ -131,12 +131,13 @@ def comes_from_outside(part: Any, depth: int = 0) -> bool:
     kind = type(part)
     if kind is FunctionType:
         return not (part.__module__ or "").startswith(_PACKAGE)
-    parts = parts_of(part) if kind not in _WHOLE and depth < DEEPEST_NESTING else None
-    if parts is None:
+    if kind in _WHOLE or depth >= DEEPEST_NESTING or (_field_names(kind) is None and parts_of(part) is None):
         return False
-    if kind not in (tuple, list, dict) and not kind.__module__.startswith(_PACKAGE):
-        return True
-    return any(comes_from_outside(inner, depth + 1) for inner in parts.values())
+    if kind not in _OWN:
+        _OWN[kind] = kind in (tuple, list, dict) or kind.__module__.startswith(_PACKAGE)
+    return not _OWN[kind] or any(comes_from_outside(inner, depth + 1) for inner in values_of(part))
 
 
+_OWN: dict[type, bool] = {}
+"""Whether a class is the package's own, or one of Python's that hold parts; asked for every member of an ensemble."""
 _PACKAGE = __name__.partition(".")[0] + "."

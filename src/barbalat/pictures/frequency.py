@@ -95,7 +95,8 @@ MARKS = {"o": "where the phase margin is measured: |L| = 1", "s": "where the gai
 
 
 def _width(k: int, count: int) -> float:
-    """Of the k-th line [points]: wider than those drawn after it, to be seen where they coincide, and without colours."""
+    """Return the k-th line's width [points]: wider than those drawn after it, to show where they coincide, even without
+    colours."""
     return 1.2 + 0.9 * (min(count, MOST_WIDTHS) - 1 - k % MOST_WIDTHS)
 
 

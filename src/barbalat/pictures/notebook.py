@@ -11,7 +11,7 @@ from barbalat.pictures.render import render
 
 
 def image_of(figure: Figure, description: str) -> str:
-    """As an HTML element, with a text for those who cannot see it."""
+    """Return the picture as an HTML element, with a text for those who cannot see it."""
     svg = base64.b64encode(render(figure, "svg")).decode("ascii")
     return f'<img style="max-width: 100%" alt="{escape(description)}" src="data:image/svg+xml;base64,{svg}">'
 

@@ -17,7 +17,8 @@ LEVEL_WIDTH = 0.9
 
 @dataclass(frozen=True)
 class Sizes:
-    """Of everything on a page or on a phone [in], [points]; fixed, for Matplotlib's own layouts take longer than the drawing."""
+    """Sizes of everything on a page or a phone [in], [points]; fixed, since Matplotlib's own layouts take longer than the
+    drawing."""
 
     width: float
     left: float
@@ -67,14 +68,14 @@ class Mark(NamedTuple):
 
 
 def entries(panel: Panel) -> list[Mark]:
-    """Of the legend."""
+    """The legend's entries."""
     levels = {level.label: level.dash for level in panel.levels if level.label}
     lines = [Mark(one.label, one.colour, one.dash, one.width) for one in panel.series]
     return [*lines, *(Mark(text, "quiet", dash, LEVEL_WIDTH) for text, dash in levels.items())]
 
 
 def legend_columns(panel: Panel, sizes: Sizes) -> int:
-    """As many as fit above the panel."""
+    """Return how many of the legend's columns fit above the panel."""
     labels = [one.text for one in entries(panel)]
     longest = max(map(_length, labels), default=1)
     return max(min(sizes.characters(panel) // (longest + 7), len(labels)), 1)  # 7: the line before it, the gap behind

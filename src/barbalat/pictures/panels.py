@@ -18,7 +18,7 @@ for everybody (a distance of 12 in CIELAB), ochre to vermilion for the red-green
 
 
 def width_of(k: int, count: int) -> float:
-    """Of the k-th line: wider than those that are drawn after it, to be seen where they coincide, and on a grey print.
+    """Return the k-th line's width: wider than those drawn after it, to show where they coincide, and on a grey print.
 
     Those with dashes all have one width: what is below is seen through their gaps, and wide dashes outgrow a legend's line.
     """

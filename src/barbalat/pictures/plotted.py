@@ -14,7 +14,7 @@ class Plotted(ABC):
 
     @abstractmethod
     def plot(self, *, shown: bool = True) -> Figure:
-        """As a Matplotlib figure; ``shown`` to a person at once, by pyplot where that is in use."""
+        """Draw a Matplotlib figure; if ``shown``, show it at once, by pyplot where that is in use."""
 
     def _repr_html_(self) -> str:
         """For notebooks: the line that stands at a prompt, and the plot."""

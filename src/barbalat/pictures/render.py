@@ -59,7 +59,8 @@ def _laid_out(figure: Figure) -> Iterator[None]:
 
 
 def _packed(png: io.BytesIO) -> bytes:
-    """The same picture with fewer colours, the palette's among them: of a line that others cover too few pixels are seen."""
+    """Return the picture with fewer colours, the palette's among them, since too few pixels of a covered line are seen
+    otherwise."""
     from PIL import Image
 
     buffer = io.BytesIO()

@@ -49,17 +49,17 @@ class Theme:
         return cls(ON_DARK, DARK_INK, DARK_QUIET_INK) if dark else cls()
 
     def colour(self, k: int) -> str:
-        """Of the k-th thing that is compared; see ``dash_of`` and ``mark_of``, which tell it apart from others of this colour."""
+        """Return the colour of the k-th thing compared; ``dash_of`` and ``mark_of`` tell it apart from others of this colour."""
         return self.colours[k % len(self.colours)]
 
 
 def dash_of(k: int) -> Dash:
-    """Of the k-th thing that is compared: with its colour it tells ``len(DASHES) * SHARING`` lines apart."""
+    """Return the dash of the k-th thing compared: with its colour it tells ``len(DASHES) * SHARING`` lines apart."""
     return DASHES[k // SHARING % len(DASHES)]
 
 
 def mark_of(k: int) -> Mark:
-    """Of the k-th thing that is compared, beside its colour and dash: none but where those come again."""
+    """Return the marker of the k-th thing compared: none unless its colour and dash have been used before."""
     return MARKS[k // (SHARING * len(DASHES)) % len(MARKS)]
 
 

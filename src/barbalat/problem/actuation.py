@@ -85,10 +85,17 @@ class PlantInput(Settings):
     @cached_property
     def path(self) -> InputPath | None:
         """The equations of everything but the delay; ``None`` where u reaches the plant as it is."""
-        dynamics = None if self.dynamics is None else self.dynamics.realise()
-        if dynamics is None and self.is_linear:
+        if self.dynamics is None and self.is_linear:
             return None
-        return InputPath(self.quantization, self.saturation, self.rate_limit, dynamics)
+        return self._path_through(self.dynamics)
+
+    @cached_property
+    def path_of_unknown_gain(self) -> InputPath:
+        """The input's equations with the gain in them even where it is 1, so that plants with any gain have one structure."""
+        return self._path_through(self.dynamics or TransferFunction([1.0], [1.0]))
+
+    def _path_through(self, dynamics: TransferFunction | None) -> InputPath:
+        return InputPath(self.quantization, self.saturation, self.rate_limit, None if dynamics is None else dynamics.realise())
 
 
 class InputState(NamedTuple):

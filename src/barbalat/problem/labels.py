@@ -40,11 +40,11 @@ class Labels(Settings):
                 raise InputError.of(f"labels.{field}", f"must have {validate.counted(wanted, 'entry')}, got {len(given)}")
 
     def name(self, i: int) -> str:
-        """Of the i-th state or the output; empty where none is given."""
+        """Return the name of the i-th state or of the output; empty where none is given."""
         return self.names[i] if self.names else ""
 
     def unit(self, i: int) -> str:
-        """As it stands behind a name, "[rad/s]"; empty where none is given."""
+        """Return the unit as it stands behind a name, such as "[rad/s]"; empty where none is given."""
         return bracketed(self.units[i : i + 1])
 
     @property
@@ -59,7 +59,7 @@ class Labels(Settings):
 
     @property
     def every_input_unit(self) -> str:
-        """The same of the inputs."""
+        """The units of all inputs, as they stand behind names."""
         return self.input_unit or (f"[{', '.join(unit or '1' for unit in self.input_units)}]" if any(self.input_units) else "")
 
     @property

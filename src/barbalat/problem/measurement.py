@@ -62,5 +62,5 @@ class Sensor(Settings):
             validate.instance("sensor.noise", self.noise, Noise)
 
     def derivative(self, state: Value, y: Value) -> Value:
-        """Of the lagged measurement, for the true y; both (n,)."""
+        """Return the rate of the lagged measurement for the true y; both are (n,)."""
         return (y - state) / self.lag

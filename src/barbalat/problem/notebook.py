@@ -20,10 +20,10 @@ def html_of(problem: TrackingProblem) -> str:
 def rows_of(problem: TrackingProblem) -> dict[str, str]:
     """What is given of a problem beside its name, its plant's numbers each by itself."""
     found: dict[str, str] = {}
-    given: dict[str, str] = given_of(problem) if is_dataclass(problem) else {}
+    given: dict[str, str] = given_of(problem) if is_dataclass(problem) else {}  # type: ignore[redundant-expr]
     for name, text in given.items():
         plant = problem.plant if name == "plant" else None
-        found |= {f"plant.{inner}": value for inner, value in given_of(plant).items()} if is_dataclass(plant) else {name: text}
+        found |= {f"plant.{inner}": value for inner, value in given_of(plant).items()} if is_dataclass(plant) else {name: text}  # type: ignore[redundant-expr]
     found.pop("name", None)
     return found
 

@@ -119,7 +119,7 @@ class Terms(Settings):
     terms: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        if not isinstance(self.terms, (list, tuple)) or not self.terms or not all(isinstance(term, str) for term in self.terms):
+        if not isinstance(self.terms, (list, tuple)) or not self.terms or not all(isinstance(term, str) for term in self.terms):  # type: ignore[redundant-expr]
             raise InputError.of(
                 "plant.regressor.terms", f"must be a list of formulas such as 'abs(x1)*x2', got {validate.show(self.terms)}"
             )

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from barbalat import validate
+from barbalat.problem.actuation import InputPath
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, with_gains
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
@@ -157,13 +158,20 @@ class Problem(TrackingProblem, Settings):
         if shape != wanted:
             asked = f"a matrix {wanted[0]} x {wanted[1]} (inputs x commands)" if wanted else "a number"
             raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(self.reference_model.k_0)}")
-        freeze(self, reference=commands if wanted else commands[0])  # one command of several inputs is a list of one
+        freeze(self, reference=commands if wanted else commands[0])  # one command of several inputs is a list of one  # type: ignore[redundant-expr]
 
     @property
     def in_brief(self) -> str:
         n, m, p = self.plant.n, self.plant.inputs, len(self.parameters)
         known_set = "" if self.known.box is None else " in a known set"
         return f"{n} state{'s' * (n > 1)}, {m} input{'s' * (m > 1)}; {p} unknown parameter{'s' * (p > 1)}{known_set}"
+
+    @property
+    def input_paths(self) -> tuple[InputPath | None, ...]:
+        """The equations before each input; an unknown gain is in them even where it is 1, so that all plants have one
+        structure."""
+        known = self.input_gain is None
+        return tuple(path.path if known else path.path_of_unknown_gain for path in self.plant.paths)
 
     @property
     def known(self) -> Known:

@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
-from barbalat.problem.actuation import PlantInput
+from barbalat.problem.actuation import InputPath, PlantInput
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Dynamics, Signal
@@ -141,6 +141,11 @@ class TrackingProblem:
         return self.reference if isinstance(self.reference, tuple) else (self.reference,)
 
     @property
+    def input_paths(self) -> tuple[InputPath | None, ...]:
+        """The equations of what lies before each input, without delays; None where u reaches the plant as it is."""
+        return tuple(path.path for path in self.plant.paths)
+
+    @property
     def delay(self) -> float:
         """The delay at the plant's input [s]."""
         return float(self.plant.paths[0].delay)
@@ -173,5 +178,5 @@ class TrackingProblem:
 
 def require_signal(field: str, signal: Any) -> None:
     """InputError, naming the field, for what is no signal."""
-    if not isinstance(signal, Signal) or isinstance(signal, type):
+    if not validate.is_instance(signal, Signal) or isinstance(signal, type):
         raise InputError.of(field, f"must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")

@@ -40,7 +40,7 @@ def held_out(found: Contest) -> str:
 
 
 def failures(found: Contest) -> list[list[str]]:
-    """Of those that meet the rule: runs that failed, with the upper end of their share's interval; runs that diverged; those that
+    """Return rows of those that meet the rule: runs that failed, with their share's upper end; runs that diverged; those that
     do not bear what the rule asks."""
     rows = []
     for name, held in found.held_out.items():
@@ -52,7 +52,7 @@ def failures(found: Contest) -> list[list[str]]:
 
 
 def margins(found: Contest) -> list[list[str]]:
-    """Of all: error on the worst plant of the tuning relative to the model's motion, margins there, the least slack."""
+    """Return rows of all: the error on the worst tuning plant relative to the model's motion, margins there, the least slack."""
     rows = []
     for one in found.entrants:
         kept = one.margins[found.rule.until]
@@ -64,7 +64,8 @@ def margins(found: Contest) -> list[list[str]]:
 
 
 def errors(found: Contest) -> list[list[str]]:
-    """Of those that meet the rule, over all held-out runs: quantiles of the error, and the median of max |u|."""
+    """u|.|Return rows of those that meet the rule, over all held-out runs: quantiles of the error, and the median of max
+    |u|.|u|."""
     rows = []
     for name, held in found.held_out.items():
         of = held.quantiles
@@ -80,7 +81,7 @@ def pairs(found: Contest, *, neighbours: bool) -> list[list[str]]:
 
 
 def own(found: Contest) -> list[list[str]]:
-    """Of all: the tuning, what its designers look at, by how much the second half of the trials changed the error."""
+    """Return rows of all: the tuning, what its designers look at, by how much the second half of the trials changed the error."""
     return [[one.name, tuning(one), _own(one), _settled(one)] for one in found.entrants]
 
 

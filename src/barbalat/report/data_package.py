@@ -21,7 +21,7 @@ MEANINGS = {
     "r": "command",
     "y": "output",
 }
-"""Of columns by what stands before their number; a scheme's own are named by it alone."""
+"""Of columns by what stands before their number; what a controller's own are follows from their roles."""
 
 
 def data_package(case: str, results: Sequence[Result]) -> dict[str, Any]:
@@ -52,8 +52,8 @@ def _field(column: str, result: Result) -> dict[str, str]:
     assert found is not None  # column names are words
     symbol, number = found[1], int(found[2] or 1)
     field = {"name": column, "type": "number"}
-    if symbol in MEANINGS:
-        field["title"] = MEANINGS[symbol]
+    if title := MEANINGS.get(symbol) or result.column_meanings().get(column):
+        field["title"] = title
     name, unit = _label(symbol, number - 1, result)
     return field | ({"description": name} if name else {}) | ({"unit": unit} if unit else {})
 

@@ -148,7 +148,7 @@ class BlockDiagram:
 
 
 def transfer_function_text(system: TransferFunction) -> str:
-    """As mathtext, four digits, a denominator of 1 left out."""
+    """Return the transfer function as mathtext with four digits, without a denominator of 1."""
     num, den = polynomial_text(system.num), polynomial_text(system.den)
     return f"${num}$" if den == "1" else rf"$\dfrac{{{num}}}{{{den}}}$"
 

@@ -134,7 +134,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _least(several: tuple[Flown, ...]) -> str:
-    """By the median, with those whose paired difference from it may be chance."""
+    """Return the least by its median, with those whose paired difference from it may be chance."""
     best = min(several, key=lambda one: one.error.value)
     alike = [pairing.other for pairing in best.pairings if pairing.follows != 1]
     return best.controller + (f" (not beyond chance against {_listed(alike)})" if alike else "")

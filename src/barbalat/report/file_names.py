@@ -23,7 +23,7 @@ LONGEST_NAME = 80
 
 
 def table_names(names: Sequence[str]) -> list[str]:
-    """Of the controllers' CSVs; the number makes them different."""
+    """Return the names of the controllers' CSV files; the number keeps them apart."""
     return [f"{i}-{file_name(name)}.csv" for i, name in enumerate(names, start=1)]
 
 
@@ -38,7 +38,7 @@ def diagram_names(names: Sequence[str]) -> list[str]:
 
 
 def loop_names(count: int) -> list[str]:
-    """Of so many pictures of loops."""
+    """Return the names of so many pictures of loops."""
     return [f"{LOOPS}{f'-{i}' if i > 1 else ''}" for i in range(1, count + 1)]
 
 

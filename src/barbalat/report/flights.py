@@ -70,7 +70,7 @@ def _delay(found: FlightComparison, seconds: float) -> str:
 
 
 def best_and_worst(found: FlightComparison, failure: Failing) -> str:
-    """Of those that kept control."""
+    """Return the best and the worst of the flights that kept control."""
     kept = [flight for flight in found.through(failure) if not flight.lost]
     if not kept:
         return "nobody kept control"
@@ -87,7 +87,7 @@ def facts(found: FlightComparison) -> list[tuple[str, str]]:
 
 
 def _in_the_loop(found: FlightComparison) -> list[str]:
-    """Of the exported C: a sentence of all that equal their lists, one of each that does not."""
+    """Return a sentence on all exported controllers that equal their lists, and one on each that does not."""
     agreements = found.agreements or {}
     equal = {name: one for name, one in agreements.items() if one.equal and not one.refused}
     several = "every controller" if len(equal) == len(agreements) else f"{len(equal)} of {len(agreements)} controllers"

@@ -36,7 +36,7 @@ from barbalat.run.outcome import about_u, ends_of, units_of
 from barbalat.run.result import Result
 from barbalat.study.tradeoff import TradeOff
 from barbalat.study.tradeoff_picture import TITLES, panels
-from barbalat.sweeps.evidence import EXAMINED
+from barbalat.sweeps.evidence import DIVERGES, EXAMINED
 from barbalat.sweeps.result import SweepResult
 from barbalat.tuning.result import Tuning
 from barbalat.vehicles.comparison import FlightComparison
@@ -142,7 +142,9 @@ def linked(text: Markup, names: Sequence[str]) -> Markup:
 def sweep(found: SweepResult, pictures: Mapping[str, ReportFigure], worst: Sequence[WorstMember] = ()) -> str:
     """The page of ``barbalat sweep``; ``worst`` are members of which there are explorers beside it, or why there are none."""
     tables = {"shares": _symbols(shares(found)), "extremes": _symbols(extremes(found))}
-    return _render("sweep.html", found=found, examined=EXAMINED, pictures=pictures, worst=worst, varied=varied, **tables)
+    return _render(
+        "sweep.html", found=found, diverges=DIVERGES, examined=EXAMINED, pictures=pictures, worst=worst, varied=varied, **tables
+    )
 
 
 @dataclass(frozen=True)

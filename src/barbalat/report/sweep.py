@@ -18,7 +18,7 @@ SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "dive
 
 @dataclass(frozen=True, kw_only=True)
 class WorstMember:
-    """Of a controller, by a figure: the ``file`` of a page that simulates it, or why there is none."""
+    """A controller's worst member by a figure: the ``file`` of a page that simulates it, or the reason why there is none."""
 
     controller: str
     figure: str

@@ -79,7 +79,7 @@ def ranking(found: TradeOff, which: str) -> str:
 
 
 def orders(found: TradeOff, which: str) -> tuple[str, list[str]]:
-    """The same as what it says in all, and what it says of each error."""
+    """Return the sentence for all errors, and the sentences for each error."""
     orders = {error: [_order(found, which, name, error) for name in ("onset", "loss")] for error in ERRORS}
     known = {error: pair for error, pair in orders.items() if len(pair[0]) > 1}
     parts = [

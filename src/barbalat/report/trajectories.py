@@ -13,8 +13,8 @@ from barbalat.report.file_names import table_names
 from barbalat.report.files import Folder
 from barbalat.run.result import Result
 
-MOST_NUMBERS = 36_000
-"""In all CSVs of a folder: 17 bytes each, some 600 kB of its 2 MB. Results in Python have all that was recorded."""
+MOST_NUMBERS = 60_000
+"""In all CSVs of a folder: 17 bytes each, some 1 MB of its 2 MB. Results in Python have all that was recorded."""
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:
@@ -22,13 +22,13 @@ def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool
 
     With ``whole`` every recorded instant.
     """
-    for name, result in zip(table_names([result.name for result in results]), results, strict=True):
-        buffer = io.StringIO()
-        columns = {"t": result.t} | result.columns()
+    tables = [{"t": result.t} | result.columns() for result in results]
+    numbers = sum(len(columns) * len(columns["t"]) for columns in tables)
+    every = 1 if whole else max(math.ceil(numbers / MOST_NUMBERS), 1)
+    for name, columns in zip(table_names([result.name for result in results]), tables, strict=True):
+        buffer, last = io.StringIO(), len(columns["t"]) - 1
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow(columns)
-        every = 1 if whole else max(math.ceil(len(result.t) * len(columns) * len(results) / MOST_NUMBERS), 1)
-        rows = np.unique([*range(0, len(result.t), every), len(result.t) - 1])
-        numbers = np.column_stack(list(columns.values()))[rows]
-        writer.writerows(numbers.tolist())
+        rows = np.unique([*range(0, last + 1, every), last])
+        writer.writerows(np.column_stack(list(columns.values()))[rows].tolist())
         folder.write(name, buffer.getvalue())

@@ -36,7 +36,7 @@ def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, par
     slope: Value = column(twin.derivative(state[: twin.size], signals))
     own, crossed = _cycles(ca.jacobian(slope, given[0][: twin.size]))
     quantity = ca.array(own + ca.fabs(crossed)).reshape(-1)
-    measure = divergence_measure(twin.outputs(state[: twin.size], signals), twin.unpack(state[: twin.size]))
+    measure = divergence_measure(twin, twin.outputs(state[: twin.size], signals), state[: twin.size])
     watched = np.where(measure <= DIVERGENCE_LIMIT, quantity, -np.inf)
     return ca.Function("coupling", given, [column(watched)], {"cse": True})
 

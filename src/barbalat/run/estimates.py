@@ -5,9 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from barbalat.loop.true_values import estimate_names, ideal_reported
+from barbalat.loop.true_values import estimate_names, truth_of
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -61,20 +59,12 @@ def estimates_of(result: Result) -> list[Estimate]:
         )
         for i, name in enumerate(estimate_names(result.loop))
     ]  # fmt: skip
-    ideal = ideal_reported(result.problem, result.loop)
-    for key, values in result.reported.items():
-        entries, becomes = values.reshape(len(result.t), -1), ideal.get(key)
-        if entries.shape[1] > MOST_REPORTED:
+    for part in result.loop.other_estimates:
+        if part.size > MOST_REPORTED:
             continue
+        entries, becomes = result.states[:, part.rows], truth_of(result.problem, part)
         found += [
-            Estimate(name=one, value=entries[:, i], true=None if becomes is None else float(np.ravel(becomes)[i]))
-            for i, one in enumerate(reported_names(key, entries.shape[1]))
+            Estimate(name=one, value=entries[:, i], true=None if becomes is None else float(becomes[i]))
+            for i, one in enumerate(part.names)
         ]
     return found
-
-
-def reported_names(key: str, count: int) -> list[str]:
-    """Of the entries of what is reported as ``key``, without a hat."""
-    name = key.removesuffix("_hat")
-    between = "," if "_" in name else "_"
-    return [name] if count == 1 else [f"{name}{between}{i + 1}" for i in range(count)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -99,7 +100,7 @@ class Members:
         return Watch(self.loop.size, 0, steps + 1, window_of(steps, self.windows)) if self.windows else None
 
 
-class _OtherRhythmError(InputError):
+class OtherRhythmError(InputError):
     """A member that acts at other instants."""
 
 
@@ -121,6 +122,7 @@ class Reader:
     columns: Columns
     initial: Columns
     weights: Columns | None = None
+    delays: list[float] = field(default_factory=list)
     lags: list[int] = field(default_factory=list)
     history: list[Array] = field(default_factory=list)
     seeds: list[int] = field(default_factory=list)
@@ -146,13 +148,14 @@ class Reader:
             raise InputError(f"all members must share their signals, this one has {validate.show(problem.signals)}")
         self.take(problem, controller)
 
-    def take(self, problem: TrackingProblem, controller: Controller) -> None:
-        loop = ClosedLoop.of(problem, controller, bind=self.bind)
+    def take(self, problem: TrackingProblem, controller: Controller, equations: Any = None) -> None:
+        """Take up a member, whatever its signals, with its equations where they are known; errors as of ``add``."""
+        loop = ClosedLoop.of(problem, controller, bind=self.bind if equations is None else lambda _, __: equations)
         noise, first_noise = problem.noise, self.problem.noise
         if noise is not None and first_noise is not None and noise.sample_time != first_noise.sample_time:
-            raise _OtherRhythmError("all members must share the noise's sample time")
+            raise OtherRhythmError("all members must share the noise's sample time")
         if loop.sampled and loop.sample_time != self.loop.sample_time:
-            raise _OtherRhythmError("all members must share the controller's sample time")
+            raise OtherRhythmError("all members must share the controller's sample time")
         if loop.delayed != self.loop.delayed:
             raise StructureError
         weights = self._apart(problem)
@@ -161,17 +164,9 @@ class Reader:
         if self.weights is not None:
             self.weights.add(weights)
 
-    def like(self, problem: TrackingProblem, controller: Controller) -> bool:
-        """Whether such a member differs from the first in no more than numbers of the kernel; of signals, see ``add``."""
-        fresh = Reader.of((self.problem, self.controller), self.simulation, adjustable=self.adjustable)
-        try:
-            fresh.take(problem, controller)
-        except (StructureError, _OtherRhythmError):
-            return False
-        return True
-
     def _apart(self, problem: TrackingProblem) -> Array | None:
         """Keep what is no part of the loop; the weights of the delay."""
+        self.delays.append(problem.delay)
         if problem.noise is not None:
             self.seeds.append(problem.noise.seed)
         if not self.loop.delayed:

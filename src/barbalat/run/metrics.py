@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from barbalat.loop.parts import LoopState, Outputs
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.parts import Outputs
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
@@ -25,9 +26,10 @@ with powers of the bandwidth."""
 _RESETS = {"min": np.inf, "max": -np.inf, "sum": 0.0, "steps": 0.0, "alive": 1.0}
 
 
-def divergence_measure(outputs: Outputs, state: LoopState) -> Value:
-    """What diverges. What else is integrated may be large by its unit or by choice (u^2, a covariance)."""
-    fed_back = (outputs.y, outputs.e) if outputs.y.shape[0] else (state.x, state.x_m, state.controller.theta_hat)
+def divergence_measure(loop: ClosedLoop, outputs: Outputs, flat: Value) -> Value:
+    """What diverges, of a flat state. What else is integrated may be large by its unit or by choice (u^2, a covariance)."""
+    state = loop.unpack(flat)
+    fed_back = (outputs.y, outputs.e) if outputs.y.shape[0] else (state.x, state.x_m, loop.theta_hat(state.controller))
     first, *others = (np.sum(np.abs(part)) for part in fed_back)
     return sum(others, first)
 
@@ -70,7 +72,7 @@ class Accumulators:
         self,
         old: Value,
         outputs: Outputs,
-        after: LoopState,
+        size: Value,
         state_next: Value,
         moved: Value,
         *,
@@ -79,10 +81,12 @@ class Accumulators:
     ) -> Value:
         """The accumulators after one step; ``outputs`` are those at its start, ``moved`` is |change of theta_hat|.
 
+        ``size`` is the ``divergence_measure`` after it.
+
         After a piece of a step: ``begins`` is 1 for its first, ``ends`` 1 for its last piece, else 0.
         """
         at = self.slices()
-        good = np.where(divergence_measure(outputs, after) <= DIVERGENCE_LIMIT, 1.0, 0.0)
+        good = np.where(size <= DIVERGENCE_LIMIT, 1.0, 0.0)
         good = good * np.where(np.sum(np.abs(state_next)) < np.inf, 1.0, 0.0)
         alive = old[at["good", "alive"]] * good
         values = {"e": outputs.e, "u": outputs.u, "theta_hat": outputs.theta_hat, "y": outputs.y}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -10,10 +11,11 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.true_values import not_the_parameters, reporting, true_values
+from barbalat.loop.true_values import not_the_parameters, true_values
 from barbalat.problem.command_gain import command_warning
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.roles import StatePart, column_names, entry_names
 from barbalat.run.breaks import LostOrder
 from barbalat.run.diagnosis.adapting import Adapting, adapting, regressor_along
 from barbalat.run.diagnosis.damping import SolverDamping
@@ -32,6 +34,10 @@ if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.figure import Figure
+
+
+SERIES = ("x", "x_m", "e", "theta_hat", "u", "r", "y")
+"""What every result has over time, by the names of its fields and columns."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -102,12 +108,8 @@ class Result:
 
     @cached_property
     def reported(self) -> dict[str, Array]:
-        """(K, ...) by name, what a scheme estimates beside parameters; empty for most schemes."""
-        loop, equations = self.loop, reporting(self.loop)
-        if equations is None:
-            return Named.of("reported quantity", {})
-        rows = [equations.reported(loop.unpack(state).controller) for state in self.states]
-        return Named.of("reported quantity", {name: np.array([row[name] for row in rows]) for name in rows[0]})
+        """(K, q) by name, what a scheme estimates beside theta_hat; empty for most schemes."""
+        return Named.of("reported quantity", {part.name: self.states[:, part.rows] for part in self.loop.other_estimates})
 
     @property
     def true_values(self) -> Array | None:
@@ -204,13 +206,38 @@ class Result:
 
         return step_info(self, component)
 
+    @cached_property
+    def controller_states(self) -> dict[str, Array]:
+        """(K, ...) by name, what the controller integrates beside its estimates: a predictor, filters, a covariance."""
+        found = {name: self.states[:, part.rows].reshape(-1, *part.shape) for name, part in self._own_parts.items()}
+        return Named.of("state of the controller", found)
+
+    @cached_property
+    def _own_parts(self) -> dict[str, StatePart]:
+        """The parts of the controller's state that are no estimates, by the names of their columns."""
+        parts = [part for part in self.loop.parts if part.role.kind != "estimates" and part.size]
+        return {name: part for part, name in column_names(parts, {"t", *SERIES, *self.reported}).items()}
+
     def columns(self) -> dict[str, Array]:
-        """Scalar time series by name: x_1 ... u, r, theta_hat_1 ..., each (K,)."""
-        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r", "y")} | self.reported
+        """Scalar series by name, each (K,): x_1 ... theta_hat_1 ... u, r, then the controller's own states: x_hat_1, P_1_1 ..."""
+        series = {name: getattr(self, name) for name in SERIES} | self.reported
         vectors = {name: value for name, value in series.items() if value is not None and value.ndim > 1}
         result = {f"{name}_{i + 1}": value[:, i] for name, value in vectors.items() for i in range(value.shape[1])}
         scalars = {name: value for name, value in series.items() if value is not None and value.ndim == 1}
-        return Named.of("column", result | scalars)
+        own = {
+            column: self.states[:, part.start + i]
+            for name, part in self._own_parts.items()
+            for i, column in enumerate(entry_names(name, part.shape))
+        }
+        return Named.of("column", result | scalars | own)
+
+    def column_meanings(self) -> dict[str, str]:
+        """What the columns are that hold the controller's own state, by their names; the others are those of docs/notation.md."""
+        others = {part.name: part for part in self.loop.other_estimates}
+        found = {f"{name}_{i + 1}": part.role.comment for name, part in others.items() for i in range(part.size)}
+        return found | {
+            column: part.role.comment for name, part in self._own_parts.items() for column in entry_names(name, part.shape)
+        }
 
     def to_pandas(self) -> pandas.DataFrame:
         """A table with the time [s] as its index and one column for each scalar series."""
@@ -220,19 +247,24 @@ class Result:
         return pd.DataFrame(self.columns(), index=pd.Index(self.t, name="t"))
 
     def to_xarray(self) -> xarray.Dataset:
-        """A dataset over the coordinates t [s], component (1 ... n) and parameter (1 ... p); solver and step are attributes."""
+        """A dataset over the coordinates t [s], component (1 ... n) and parameter (1 ... p); solver and step are attributes.
+
+        What else the controller integrates has dimensions of its own: x_hat over (t, x_hat_row), P over (t, P_row, P_column).
+        """
         validate.require_extra("xarray", "tables", "to_xarray")
         import xarray as xr
 
         second = {"theta_hat": "parameter", "u": "input", "r": "command"}
         if self.y is not None:  # plant and model have states of their own
             second |= {"x": "state", "x_m": "model_state", "e": "error"}
-        series = {name: getattr(self, name) for name in ("x", "x_m", "e", "theta_hat", "u", "r", "y")}
+        series = {name: getattr(self, name) for name in SERIES}
         variables: dict[str, Any] = {
             name: (("t", second.get(name, "component"))[: value.ndim], value)
             for name, value in series.items()
             if value is not None
         }
+        for name, value in (self.reported | self.controller_states).items():
+            variables[name] = ("t", *(f"{name}_{way}" for way in ("row", "column", "layer")[: value.ndim - 1])), value
         s = self.simulation
         return xr.Dataset(
             variables,
@@ -258,6 +290,6 @@ class Result:
             np.vstack([self.r.T, self.u.T]),
             output_labels=[f"x_{i}" for i in numbers],
             state_labels=[*(f"x_{i}" for i in numbers), *(f"x_m_{i}" for i in numbers)],
-            input_labels=[name for name in self.columns() if name.split("_")[0] in ("r", "u")],
+            input_labels=[name for name in self.columns() if re.fullmatch(r"[ru](_\d+)?", name)],
             title=self.name,
         )

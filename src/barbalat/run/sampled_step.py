@@ -67,7 +67,7 @@ class SampledList:
             initial=initial,
             u=np.reshape(places.held.u, -1),
             x_m=np.reshape(places.held.x_m, -1),
-            theta_hat=np.reshape(places.controller.theta_hat, -1),
+            theta_hat=np.asarray(loop.theta_hat(places.controller), dtype=int),
             measured=measured,
             signals=measured + commands + 1,
         )

@@ -22,7 +22,7 @@ from barbalat.run.coupling import coupling_function
 from barbalat.run.delay import CHANNELS_PER_INPUT
 from barbalat.run.grid import WHOLE_STEP, StepPiece
 from barbalat.run.kernels import compiled
-from barbalat.run.metrics import Accumulators
+from barbalat.run.metrics import Accumulators, divergence_measure
 from barbalat.run.sampled_part import parameters_column, sample_program
 from barbalat.solvers import Tableau
 from barbalat.solvers.simulation import Simulation
@@ -124,10 +124,10 @@ def step_function(
     if figures:
         accumulators = accumulators_of(loop)
         outputs = loop.outputs(state, signals[solver.nodes[0]])
-        after = loop.unpack(following)
+        size = divergence_measure(loop, outputs, following)
         old_column, old = symbols("accumulators", len(accumulators.resets))
         moved = loop.estimates_moved(state, following)
-        new = column(accumulators.update(old, outputs, after, following, moved, begins=piece.begins, ends=piece.ends))
+        new = column(accumulators.update(old, outputs, size, following, moved, begins=piece.begins, ends=piece.ends))
     inputs = [state_column, old_column, parameters_column(parameters), signal_column, past_column, noise_column]
     return ca.Function("step", inputs, [column(following), new, remembered], {"cse": True}), accumulators
 

@@ -107,7 +107,8 @@ def _numbers(name: str, value: Any) -> Iterator[tuple[str, Array]]:
 
 
 def times_and_values(path: Path, found: dict[str, Array], times: str, values: str | None) -> tuple[Array, Array]:
-    """Those that are named, or that can only be meant; InputError with the variables' names where that is none or several."""
+    """Return the variables that are named or the only ones that can be meant; InputError, with the names, where none or several
+    can."""
     there = f"its variables are: {', '.join(sorted(found)) or 'none'}"
     if times not in found and times == TIMES[0]:
         named = [name for name in found if name.rpartition(".")[2].lower() in TIMES]

@@ -16,7 +16,7 @@ MOST_BREAKS = 10_000_000
 
 
 def between(start: float, stop: float, instants: Array) -> Array:
-    """Those of the instants that lie in (start, stop)."""
+    """Return the instants that lie in (start, stop)."""
     return instants[(instants > start) & (instants < stop)]
 
 

@@ -24,7 +24,9 @@ def _require_steps(t_end: float, dt: float) -> None:
     budget.require(
         "simulation.dt", int(min(steps, 1e30)), STEP.times,
         given=f"= {dt:g} makes {steps:.3g} steps up to t_end = {t_end:g}, which",
-        fits=lambda most: f"{t_end / _round_number(most)!r}",
+        fits=lambda most: (
+            f"a t_end of {dt * _round_number(most):g} s with this step, or a step of {t_end / _round_number(most)!r} s,"
+        ),
     )  # fmt: skip
 
 

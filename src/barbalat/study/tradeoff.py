@@ -340,14 +340,14 @@ def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> 
     """The case's plant, and others, drawn from its known set and, where the input's gain is unknown, from its interval."""
     random = np.random.default_rng(seed)
     thetas = known_set.drawn(random, plants - 1)
-    others = [replace(problem.plant, theta=theta) for theta in thetas]
-    if problem.known.gains is not None:
-        gains = problem.known.gains.drawn(random, plants - 1)
-        others = [_with_gains(plant, gain) for plant, gain in zip(others, gains, strict=True)]
-    return [problem, *(replace(problem, plant=plant) for plant in others)]
+    found = [problem.plant, *(replace(problem.plant, theta=theta) for theta in thetas)]
+    if problem.known.gains is not None:  # the case's own gain is written out too: all plants then have one structure
+        gains = [[path.gain for path in problem.plant.paths], *problem.known.gains.drawn(random, plants - 1)]
+        found = [_with_gains(plant, gain) for plant, gain in zip(found, gains, strict=True)]
+    return [replace(problem, plant=plant) for plant in found]
 
 
-def _with_gains(plant: Plant, gains: Array) -> Plant:
+def _with_gains(plant: Plant, gains: Sequence[float] | Array) -> Plant:
     paths = tuple(replace(path, gain=float(gain)) for path, gain in zip(plant.paths, gains, strict=True))
     return replace(plant, input=paths if len(paths) > 1 else paths[0])
 

@@ -14,6 +14,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import Varied
 from barbalat.run import delay
 from barbalat.run.batch import Batch
 from barbalat.run.diagnosis.rails import rail_to_rail
@@ -23,10 +25,8 @@ from barbalat.run.metrics import Metrics
 from barbalat.study.finer_step import FINER_BY
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.evidence import Evidence, largest_error, verdicts
-from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.study import Columns, Study, StudyPart
-from barbalat.sweeps.varied import Varied
 from barbalat.validate import Array, InputError
 
 MOST_AUDITED = 32

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from barbalat.certificates.certify import certify
+from barbalat.open_numbers.path import FieldPath
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Problem
-from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.study import Study
 from barbalat.validate import Array
 

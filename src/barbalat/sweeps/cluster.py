@@ -14,10 +14,10 @@ from threading import Event, Thread
 from typing import TYPE_CHECKING
 
 from barbalat import validate
+from barbalat.open_numbers.members import Setting
 from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.sent import Sent, Tabulated, figures, kept
-from barbalat.sweeps.setting import Setting
 from barbalat.sweeps.study import Columns, Study, StudyPart
 from barbalat.validate import InputError
 

@@ -13,10 +13,10 @@ from pathlib import Path
 from barbalat import budget, validate
 from barbalat.budget import Estimate, of_kernel
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.open_numbers.probe import Kind
 from barbalat.run.costs import MEMBER, of_members, of_steps
 from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
-from barbalat.sweeps.kinds import Kind
 from barbalat.sweeps.sent import Sent, Tabulated, figures
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
+from barbalat.cases.load import CaseText
+from barbalat.open_numbers.path import FieldPath, by_index
+from barbalat.open_numbers.varied import VariedObjects, tables_with
 from barbalat.problem.known_set import ParameterBall
 from barbalat.problem.state_feedback import Problem
-from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.spread import Distribution, InBall, Uniform
+from barbalat.sweeps.spread import Distribution, InBall, Uniform, parse_distribution
 from barbalat.validate import InputError
 
 KNOWN_SET = "known-set"
@@ -57,3 +59,34 @@ def _of_gain(problem: object, path: FieldPath) -> Uniform:
     if which >= gains.size:
         raise InputError(f"{path} names no field: the plant has {gains.size} inputs, counted from 0")
     return Uniform(float(gains.lower[which]), float(gains.upper[which]))
+
+
+def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distribution]]) -> dict[FieldPath, Distribution]:
+    """Pairs of path and distribution; a vector over the case's known set becomes a distribution for each entry."""
+    labels = (source if isinstance(source, Case) else source.case()).problem.labels if given else None
+    found: dict[FieldPath, Distribution] = {}
+    for place, distribution in given:
+        path = FieldPath.parse(by_index(place, labels))
+        if not isinstance(distribution, str):
+            drawn: Mapping[FieldPath, Distribution] = {path: distribution}
+        elif distribution == KNOWN_SET:
+            drawn = _over_known_set(source, path)
+        else:
+            drawn = {path: _named(path, distribution)}
+        if twice := [str(one) for one in drawn if one in found]:
+            raise InputError(f"{twice[0]} is sampled twice")
+        found |= drawn
+    return found
+
+
+def _over_known_set(source: CaseText | Case, path: FieldPath) -> Mapping[FieldPath, Distribution]:
+    if isinstance(source, Case):
+        return over_known_set(source, path, VariedObjects(source, (path,)).standing(path))
+    return over_known_set(source.case(), path, path.of(tables_with(source, [path])))
+
+
+def _named(path: FieldPath, distribution: str) -> Distribution:
+    try:
+        return parse_distribution(distribution)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None

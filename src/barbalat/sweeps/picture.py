@@ -10,10 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from barbalat.open_numbers.path import FieldPath
 from barbalat.pictures.panels import SHARING, width_of
 from barbalat.pictures.theme import NARROW, WIDE, Theme, dash_of, new_figure
 from barbalat.sweeps.bounds import ERROR_BOUND
-from barbalat.sweeps.paths import FieldPath
 from barbalat.sweeps.sensitivity import Sensitivity
 from barbalat.validate import Array
 

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from barbalat import validate
-from barbalat.sweeps.paths import FieldPath
+from barbalat.open_numbers.path import FieldPath
 from barbalat.sweeps.spread import LARGEST_SHARE, SMALLEST_SHARE, Axis, Distribution, InBall
 from barbalat.validate import Array, InputError
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from barbalat import validate
 from barbalat.sweeps.audit import Audit
-from barbalat.sweeps.evidence import EXAMINED, Evidence
+from barbalat.sweeps.evidence import DIVERGED, DIVERGES, EXAMINED, Evidence
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.study import OSCILLATED
@@ -91,7 +91,7 @@ class SweepResult:
             "design": self.plan.as_json(),
             "metrics": {name: {c: one.as_json() for c, one in by.items()} for name, by in found.metrics.items()},
             "shares": {name: {c: one.as_json() for c, one in by.items()} for name, by in found.shares.items()},
-            "examined": {OSCILLATED: {"what": EXAMINED, "not_examined": found.unexamined}},
+            "examined": {DIVERGED: {"what": DIVERGES}, OSCILLATED: {"what": EXAMINED, "not_examined": found.unexamined}},
             "redesigned": {path: list(designs) for path, designs in self.redesigned.items()},
             "audit": self.audit.as_json(),
             "sensitivity": [one.as_json() for one in found.sensitivities],

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from barbalat.sweeps.paths import FieldPath
+from barbalat.open_numbers.path import FieldPath
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.spread import InBall

@@ -10,6 +10,9 @@ from functools import cached_property
 import numpy as np
 
 from barbalat.cases.build import Case
+from barbalat.open_numbers.members import RefusedError, Setting
+from barbalat.open_numbers.probe import Kind, Tried, kinds_of
+from barbalat.open_numbers.varied import Varied
 from barbalat.run import delay
 from barbalat.run.batch import Batch
 from barbalat.run.breaks import can_be_split
@@ -19,10 +22,9 @@ from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress, part_of
 from barbalat.study.criteria import Expected, Onset, tail_error
 from barbalat.study.ideal_benchmark import known_width
-from barbalat.sweeps.kinds import Kind, Tried, kinds_of, redesigned
+from barbalat.study.motion import ModelMotion
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.setting import RefusedError, Setting
-from barbalat.sweeps.varied import Varied
+from barbalat.sweeps.redesigned import redesigned
 from barbalat.validate import Array, InputError
 
 Columns = dict[str, Array]
@@ -30,6 +32,8 @@ Columns = dict[str, Array]
 
 OSCILLATED = "oscillated"
 """A controller's column: whether its estimates swing, by ``Onset``; NaN where it has none, or where their range is not known."""
+TRIED_SHARES = (0.03, 0.4, 0.97)
+"""Of a distribution, from one end to the other without its far tails, which may lie beyond what a constructor takes."""
 MOST_SETTINGS = 64
 """Kernels that are kept for members to come."""
 
@@ -56,9 +60,10 @@ class Study:
     kinds: tuple[Kind, ...] = field(init=False)
     example: Case = field(init=False)
     settings: dict[bytes, Setting] = field(init=False, default_factory=dict)
+    _motions: dict[Setting, ModelMotion] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.tried = Tried.of(self.plan)
+        self.tried = _tried(self.plan)
         self.kinds = kinds_of(self.varied, self.tried)
         self.example = self.varied.at(self.tried.middle)
 
@@ -131,7 +136,7 @@ class Study:
 
     def _groups(self, rows: Array) -> Iterator[Array]:
         """The rows that run together: those of one structure with one set of signals."""
-        shared = [column for column, kind in enumerate(self.kinds) if kind is not Kind.NUMBER]
+        shared = [column for column, kind in enumerate(self.kinds) if not kind.is_number]
         if not shared:
             yield np.arange(len(rows))
             return
@@ -156,11 +161,19 @@ class Study:
                 self.settings.clear()
             self.settings[key] = Setting.of(self.varied, self.kinds, self.tried, base, windows=windows)
         found = self.settings[key]
-        return found.driven_by(base) if driven else found
+        return found.driven_by(base, case) if driven else found
+
+    def _motion(self, setting: Setting) -> ModelMotion:
+        """The motion of a setting's model, computed once."""
+        if setting not in self._motions:
+            if len(self._motions) >= MOST_SETTINGS:
+                self._motions.clear()
+            self._motions[setting] = ModelMotion.of(setting.example.problem, setting.simulation)
+        return self._motions[setting]
 
     def _oscillated(self, setting: Setting, metrics: Sequence[Metrics]) -> list[Array]:
         """Of each controller (M,): 1 where its estimates swing, NaN where nothing says what is much."""
-        problem, motion = setting.example.problem, setting.motion
+        problem, motion = setting.example.problem, self._motion(setting)
         found = []
         for controller, one in zip(setting.example.controllers, metrics, strict=True):
             width, count = known_width(problem, controller), len(one.diverged_at)
@@ -179,7 +192,7 @@ class Study:
 
     @cached_property
     def redesigned(self) -> dict[str, tuple[str, ...]]:
-        """Which controllers are made anew for each member, by the paths from which they follow; see ``kinds.redesigned``."""
+        """Which controllers are made anew for each member, by the paths from which they follow; see ``redesigned``."""
         return redesigned(self.varied, self.tried)
 
     @cached_property
@@ -212,6 +225,17 @@ class Study:
     def identity(self) -> dict[str, object]:
         """What a store must have been made with to be gone on with."""
         return {"case": self.varied.source, "plan": self.plan.as_json(), "equations": self.equations()}
+
+
+def _tried(plan: Plan) -> Tried:
+    """Values of what varies in a plan that are tried to see what each number does."""
+    found, drawn = [axis.values for axis in plan.axes.values()], list[Array]()
+    for one in plan.draws.values():
+        found.append(one.at(np.array(TRIED_SHARES), drawn))
+        drawn.append(np.full(len(TRIED_SHARES), found[-1][len(TRIED_SHARES) // 2]))
+    middle = np.array([values[len(values) // 2] for values in found])
+    ends = [values[[0, len(values) // 3, -1]] for values in found]
+    return Tried(middle, tuple(np.unique(v[v != m]) for v, m in zip(ends, middle, strict=True)))
 
 
 def _simulated(setting: Setting, members: Sequence[Members], threads: int | None, progress: Progress | None) -> list[Metrics]:

@@ -11,6 +11,8 @@ from pathlib import Path
 from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
+from barbalat.open_numbers.path import FieldPath, by_index
+from barbalat.open_numbers.varied import VariedCase, VariedObjects
 from barbalat.run.progress import Progress
 from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
@@ -19,7 +21,7 @@ from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
 from barbalat.sweeps.costs import require_members
 from barbalat.sweeps.evidence import evidence
 from barbalat.sweeps.kept import Kept, Made, in_order
-from barbalat.sweeps.paths import FieldPath
+from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Design, Plan, design_of, members_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
@@ -27,8 +29,6 @@ from barbalat.sweeps.spread import Axis, Distribution
 from barbalat.sweeps.store import Store, Waiting, opened
 from barbalat.sweeps.stored import require_parquet
 from barbalat.sweeps.study import Columns, Study
-from barbalat.sweeps.varied import VariedObjects
-from barbalat.sweeps.varied_case import VariedCase, sampled
 
 Told = Callable[[str], None]
 """Takes a sentence for the person who waits."""
@@ -66,13 +66,16 @@ def sweep(
              sweep's solver steps affords
     Raises InputError.
     """
-    requirements = [Requirement.parse(text) for text in require]
     folder = None if store is None else validate.local_path("store", store)
-    axes = {FieldPath.parse(path): one if isinstance(one, Axis) else Axis.parse(one) for path, one in (vary or {}).items()}
-    draws = sampled(case if isinstance(case, Case) else CaseText.read(case), list((sample or {}).items()))
+    source = case if isinstance(case, Case) else CaseText.read(case)
+    labels = (source if isinstance(source, Case) else source.case()).problem.labels
+    requirements = [Requirement.parse(by_index(text, labels)) for text in require]
+    paths = {place: FieldPath.parse(by_index(place, labels)) for place in vary or {}}
+    axes = {paths[place]: one if isinstance(one, Axis) else Axis.parse(one) for place, one in (vary or {}).items()}
+    draws = sampled(source, list((sample or {}).items()))
     known = design_of(design)
     plan = Plan(axes, draws, members_of(members, known, drawn=bool(draws)), known, seed)
-    varied = VariedObjects(case, plan.paths) if isinstance(case, Case) else VariedCase(CaseText.read(case), plan.paths)
+    varied = VariedObjects(source, plan.paths) if isinstance(source, Case) else VariedCase(source, plan.paths)
     return run_study(
         Study(varied, plan),
         requirements=requirements,

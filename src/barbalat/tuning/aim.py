@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 from barbalat import validate
 from barbalat.cases.build import Case
+from barbalat.open_numbers.path import by_index
+from barbalat.problem.labels import Labels
 from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -41,12 +43,22 @@ class Aim:
             raise InputError(f"quantile must be above 0 and at most 1, got {self.quantile:g}")
 
     @classmethod
-    def of(cls, objective: str, subject_to: Sequence[str], *, maximize: bool, plants: int, quantile: float, seed: int) -> Aim:
-        """From what a person writes."""
+    def of(
+        cls,
+        objective: str,
+        subject_to: Sequence[str],
+        *,
+        maximize: bool,
+        plants: int,
+        quantile: float,
+        seed: int,
+        labels: Labels | None = None,
+    ) -> Aim:
+        """The aim that a person writes; components may go by their ``labels``."""
         return cls(
-            quantity=TunedQuantity(objective, larger_is_worse=not maximize),
+            quantity=TunedQuantity(by_index(objective, labels), larger_is_worse=not maximize),
             maximize=maximize,
-            constraints=tuple(Constraint.parse(text) for text in subject_to),
+            constraints=tuple(Constraint.parse(by_index(text, labels)) for text in subject_to),
             plants=plants,
             quantile=quantile,
             seed=seed,

@@ -10,8 +10,8 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.certificates.certificate import Certificate
+from barbalat.open_numbers.path import FieldPath
 from barbalat.pictures.plotted import Plotted
-from barbalat.sweeps.paths import FieldPath
 from barbalat.tuning.aim import Aim
 from barbalat.tuning.quantity import Constraint
 from barbalat.tuning.space import Space

@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.knobs import Knobs
-from barbalat.sweeps.paths import FieldPath, Key
+from barbalat.open_numbers.path import FieldPath, Key
 from barbalat.validate import Array, InputError
 
 SIGNIFICANT_DIGITS = 4

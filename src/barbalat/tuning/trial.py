@@ -42,7 +42,7 @@ class Trial:
 
     def meets(self, aim: Aim) -> bool:
         """Every constraint, and the quantity has a value."""
-        whole = self.complete and self.value is not None and np.isfinite(self.value)
+        whole = self.complete and self.value is not None and bool(np.isfinite(self.value))
         return whole and all(one.holds(self.found[one]) for one in aim.constraints)
 
 

@@ -9,14 +9,14 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.certificates.certify import certify
+from barbalat.open_numbers.probe import Tried, kinds_of
+from barbalat.open_numbers.varied import Varied
 from barbalat.problem.modelling_error import ModellingError
 from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.metrics import Metrics
 from barbalat.study.finer_step import PlainRun, different, refined
 from barbalat.study.ideal_benchmark import Member
-from barbalat.sweeps.kinds import Kind, Tried, kinds_of
-from barbalat.sweeps.varied import Varied
 from barbalat.tuning.aim import Aim
 from barbalat.tuning.probing import Probing
 from barbalat.tuning.quantity import PROBES, Constraint, Origin, TunedQuantity
@@ -47,7 +47,7 @@ def in_one_kernel(varied: Varied, space: Space) -> bool:
     """Whether tunings differ in numbers of the kernel alone, so that they run side by side."""
     ends = tuple(np.array([one.low, one.high]) for one in space.ranges.values())
     middle = space.rows(np.full((1, len(space)), 0.5))[0]
-    return all(kind is Kind.NUMBER for kind in kinds_of(varied, Tried(middle, ends)))
+    return all(kind.is_number for kind in kinds_of(varied, Tried(middle, ends)))
 
 
 @dataclass(eq=False)

@@ -17,6 +17,8 @@ from barbalat.certificates.certify import certify
 from barbalat.controllers import Sampled
 from barbalat.controllers.knobs import Knobs, OutputTunable, Tunable
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.open_numbers.path import FieldPath, by_index
+from barbalat.open_numbers.varied import Varied, VariedCase, VariedObjects
 from barbalat.problem.modelling_error import DelayError
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
@@ -29,9 +31,6 @@ from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE
 from barbalat.study.finer_step import FINER_BY
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
 from barbalat.study.knobs import output_reach_of, reach_of
-from barbalat.sweeps.paths import FieldPath
-from barbalat.sweeps.varied import Varied, VariedObjects
-from barbalat.sweeps.varied_case import VariedCase
 from barbalat.tuning.aim import DEFAULT_PLANTS, Aim
 from barbalat.tuning.chosen import choose
 from barbalat.tuning.quantity import LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
@@ -78,10 +77,12 @@ def tune(
     Raises InputError.
     """
     text = None if isinstance(case, Case) else CaseText.read(case)
-    aim = Aim.of(objective, subject_to, maximize=maximize, plants=plants, quantile=quantile, seed=seed)
-    spaces = {FieldPath.parse(path): one if isinstance(one, Range) else Range.parse(one) for path, one in (vary or {}).items()}
     whole = text.case() if text is not None else case
     assert isinstance(whole, Case)
+    labels = whole.problem.labels
+    aim = Aim.of(objective, subject_to, maximize=maximize, plants=plants, quantile=quantile, seed=seed, labels=labels)
+    paths = {place: FieldPath.parse(by_index(place, labels)) for place in vary or {}}
+    spaces = {paths[place]: one if isinstance(one, Range) else Range.parse(one) for place, one in (vary or {}).items()}
     return tune_case(
         Tuner(text, whole, aim, trials, threads), Space(spaces) if spaces else None, controller=controller, progress=progress
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from barbalat.sweeps.paths import FieldPath
+from barbalat.open_numbers.path import FieldPath
 
 
 def with_numbers(text: str, numbers: Mapping[FieldPath, float]) -> str:

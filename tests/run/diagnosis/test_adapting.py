@@ -1,9 +1,11 @@
 """Excitation, distance moved, time on the bounds: against closed forms, and against records of every step."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import trapezoid
 from scipy.signal import lsim
 
 from barbalat import (
@@ -24,7 +26,7 @@ from barbalat import (
 )
 from barbalat.problem.known_set import ParameterBall
 from barbalat.run.diagnosis.adapting import UNEXCITED_RATIO, share_text
-from barbalat.run.diagnosis.excitation import excitation
+from barbalat.run.diagnosis.excitation import _gram, excitation
 
 CHATTERING = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
 
@@ -173,3 +175,17 @@ def test_shares_are_rounded_outward():
     assert share_text(0.0, 0.0) == "0 %"
     assert share_text(0.5201, 0.5399) == "52 to 54 %"
     assert share_text(1.0, 1.0) == "100 %"
+
+
+def test_the_excitation_of_a_large_regressor_takes_no_outer_products_and_is_the_integral():
+    """Against SciPy's trapezoidal rule entry by entry, for two inputs on an uneven grid."""
+    random = np.random.default_rng(1)
+    t = np.sort(random.uniform(0.0, 3.0, 60))
+    phi = random.normal(size=(60, 5, 2))
+    products = phi @ phi.transpose(0, 2, 1)
+    expected = np.array([[trapezoid(products[:, i, j], t) for j in range(5)] for i in range(5)]) / (t[-1] - t[0])
+    assert np.allclose(_gram(t, phi), expected, rtol=1e-12, atol=1e-14)
+    tracemalloc.start()
+    _gram(np.linspace(0.0, 1.0, 400), random.normal(size=(400, 300, 1)))
+    assert tracemalloc.get_traced_memory()[1] < 8 * 400 * 300 * 300 / 4  # four copies of the regressor, not its products
+    tracemalloc.stop()

@@ -9,6 +9,7 @@ Source: Ioannou and Sun, section 4.3.6.
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar, NamedTuple
 
@@ -23,6 +24,7 @@ from barbalat.adaptation.modifications import leakage as leak
 from barbalat.adaptation.modifications.dead_zone import DeadZone
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError
 
 NORM_TOLERANCE = 2.0**-46
@@ -43,6 +45,8 @@ class Memory(NamedTuple):
 
 class CovarianceLaw(ModifiedLaw):
     """A least-squares law: what all of them do alike. Its fields are the law's own."""
+
+    roles: ClassVar[Mapping[str, Role]] = {"covariance": Role.memory("covariance P of the least squares (15)", symbol="P")}
 
     @abstractmethod
     def covariance_rate(self, P: Value, taken: Value) -> Value:
@@ -108,7 +112,7 @@ def initial(covariance0: float | Array, n: int, bound: float | None = None) -> M
     require_room(n)
     P = Gain(covariance0).as_matrix(n)
     exceeds = bound is not None and np.linalg.norm(P) > bound
-    if isinstance(exceeds, (bool, np.bool_)) and exceeds:  # no number where an ensemble varies it; its members were checked
+    if isinstance(exceeds, (bool, np.bool_)) and exceeds:  # no number where an ensemble varies it; its members were checked  # type: ignore[redundant-expr]
         raise InputError.of(
             "law.covariance0",
             f"must not exceed law.covariance_bound = {bound:g} in the Frobenius norm, but {validate.show(P)} "

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData, gram, 
 from barbalat.adaptation.modifications.leakage import Borne, Leakage, accept
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.settings import Settings
 from barbalat.validate import Array
 
@@ -49,6 +51,11 @@ class IntegralCost(Settings):
     _: KW_ONLY
     forgetting: float
     leakage: Leakage | None = None
+
+    roles: ClassVar[Mapping[str, Role]] = {
+        "R": Role.memory("information matrix that the law remembers"),
+        "Q": Role.memory("what the law remembers beside R"),
+    }
 
     def __post_init__(self) -> None:
         validate.freeze(self, gamma=gain.accept("law.gamma", self.gamma))

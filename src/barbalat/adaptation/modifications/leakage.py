@@ -66,7 +66,7 @@ def accept(leakage: Leakage | None, law: str, borne: Borne = Borne.ALL, reason: 
     """InputError for what is no leakage, and, with the reason, for one that the law does not bear."""
     if leakage is None:
         return
-    if not isinstance(leakage, Leakage) or isinstance(leakage, type):
+    if not isinstance(leakage, Leakage) or isinstance(leakage, type):  # type: ignore[redundant-expr]
         raise InputError(f"leakage must be a {Borne.ALL.value}, got {show(leakage)}")
     if not borne.includes(leakage):
         raise InputError(f"{type(leakage).__name__} can't go with {law}: {reason}; {borne.value} can")

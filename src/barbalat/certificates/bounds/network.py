@@ -45,7 +45,8 @@ NO_BOUND = (
 
 @dataclass(frozen=True)
 class WeightBounds:
-    """Of every component of e, of a neuron's outer weights together, of |V_hat|; None where none is found, and why."""
+    """V_hat|; None where none is found, and why.|Bounds of every component of e, of a neuron's outer weights together and of
+    |V_hat|; None, with the reason, where none is found.|V_hat|; None where none is found, and why."""
 
     error: float | None = None
     W_hat: float | None = None
@@ -90,7 +91,7 @@ class NetworkLaw:
 
     @property
     def whatever_acts(self) -> WeightBounds | None:
-        """Of the weights alone, by the e-modification."""
+        """Return the bounds of the weights that the e-modification gives whatever else acts on the loop."""
         if self.nu is None:
             return None
         far = math.sqrt(self.rows) / self.nu  # U falls where omega^2 > far |W_hat|
@@ -152,7 +153,9 @@ class ErrorBoundCase:
         return math.sqrt(level / smallest_eigenvalue(self.problem.known.P)) * OUTWARD_FACTOR
 
     def driven(self, A: Array, F: Array) -> float:
-        """By ||(sI - A)^-1 b_j||_1, with the network's outputs as bounded disturbances: the e-modification's alone."""
+        """|(sI - A)^-1 b_j||_1, with the network's outputs as bounded disturbances: the e-modification's alone.|Bound e by ||(sI
+        - A)^-1 b_j||_1 with the network's outputs as bounded disturbances, which needs the e-modification.||(sI - A)^-1 b_j||_1,
+        with the network's outputs as bounded disturbances: the e-modification's alone."""
         bound = self.law.whatever_acts
         if bound is None or bound.W_hat is None:
             return math.inf
@@ -175,7 +178,8 @@ class ErrorBoundCase:
         return min(finite, key=lambda each: each[0]) if finite else None
 
     def trapped(self) -> tuple[float, float | None] | None:
-        """The same for any phi: a bound E such that |e| <= E, while it lasts, keeps |e| below E."""
+        """e| <= E, while it lasts, keeps |e| below E.|Bound e for any phi: return an E such that |e| stays below E for as long as
+        |e| <= E holds.|e| <= E, while it lasts, keeps |e| below E."""
         A, reach = self.problem.known.A_m, 0.0
         for _ in range(MOST_TRIALS):
             F = self.uncertainty(reach)
@@ -208,7 +212,9 @@ def bounds(problem: Problem, equations: Equations) -> WeightBounds:
 
 
 def control_bound(problem: Problem, equations: Equations, W_hat: float) -> float:
-    """Of every entry of |u|, from that of a neuron's outer weights, or of all of them together by the sigma-modification."""
+    """u|, from that of a neuron's outer weights, or of all of them together by the sigma-modification.|Return a bound of every
+    entry of |u|, from the bound of a neuron's outer weights or, with the sigma-modification, of all of them.|u|, from that of a
+    neuron's outer weights, or of all of them together by the sigma-modification."""
     together = equations.leakage.per_error is None
     weights = math.sqrt(1 + equations.neurons) if together else 1 + equations.neurons
     return (weights * W_hat + float(command_bounds(problem).max())) * OUTWARD_FACTOR**2

@@ -33,11 +33,14 @@ from barbalat.signals.piecewise import rounding_of
 from barbalat.validate import Array
 
 PARTS = 16
-"""Of a sample, in which d is bounded: finer ones change no digit that is shown where the plant is slow in a sample."""
+"""e| at all times: against the model under the command as it is sampled, and against the model under r.|Bounds of |e| at all
+times, against the model driven by the sampled command and against the model driven by r.a sample, in which d is bounded: finer
+ones change no digit that is shown where the plant is slow in a sample."""
 
 
 class ErrorBound(NamedTuple):
-    """Of |e| at all times: against the model under the command as it is sampled, and against the model under r."""
+    """C z + D r| at the samples.|Return the largest |C z + D r| at the samples.|e| at all times: against the model under the
+    command as it is sampled, and against the model under r."""
 
     held: float
     error: float | NotApplicable

@@ -54,7 +54,8 @@ def distance(problem: Problem, controller: L1PiecewiseConstant, levels: Array) -
     command = np.vstack([N, held.Gamma])
 
     def largest(C: Array, D: Array) -> Array:
-        """Of |C z + D r| at the samples, z what stands in ``whole``."""
+        """C z + D r| at the samples, z what stands in ``whole``.|Return the largest |C z + D r| at the samples, where z is the
+        state of ``whole``.|C z + D r| at the samples, z what stands in ``whole``."""
         norms = SampledNorms(whole, C)
         driven = norms.summed(command) + norms.largest(first) + np.abs(D)
         return np.asarray(driven @ levels + norms.largest(free[:, None])[:, 0])

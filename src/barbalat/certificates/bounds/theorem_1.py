@@ -90,7 +90,7 @@ def initial_parameter_error(theta_hat0: Array, theta: Array) -> float:
 
 
 def largest_parameter_error(theta_hat0: Array, known_set: KnownSet) -> float:
-    """The same for the worst theta in the known set."""
+    """Return the largest |theta_hat - theta| for the worst theta in the known set."""
     return known_set.farthest(theta_hat0) * OUTWARD_FACTOR
 
 

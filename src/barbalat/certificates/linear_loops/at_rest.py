@@ -2,30 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.entry import NotApplicable
-from barbalat.estimating import IdealReporting
+from barbalat import budget
+from barbalat.certificates.entry import NotApplicable, PlaceOfRest, RestingEstimates
 from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.loop.packing import column, flatten, symbols
-from barbalat.loop.sampling import RESTING
-from barbalat.loop.true_values import ideal_reported, reporting, true_values
+from barbalat.loop.true_values import truth_of
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal
-from barbalat.validate import Array
+from barbalat.roles import StatePart
+from barbalat.validate import Array, InputError
 
 MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
 REST_TOLERANCE = 1e-9
 """Relative to the state: a step of Newton's below this part of it is rounding."""
-MOST_SHOWN = 4
-"""Estimates in a sentence; of more their size is said."""
 SHIFT = 0.1
 """Of the state's size: how far along a line of places of rest another one is looked at."""
 RANK_TOLERANCE = 1e-12
@@ -38,34 +36,35 @@ class Rest:
 
     loop   the case's, without delay, limits and quantisation at the plant's input
     level  the commands, at the largest value that they take; zero where that is not known
-    ideal  whether the estimates rest at the parameters
+    ideal  the estimates that rest at their true values
     """
 
     loop: ClosedLoop
     state: Array
     signals: Array
     level: Array
-    ideal: bool = False
+    ideal: tuple[StatePart, ...] = ()
 
     @property
     def place(self) -> str:
         """Where the estimates rest; empty without estimates."""
-        if not self.loop.parameters:
-            return ""
-        if self.ideal:
-            return ", where theta_hat = theta"
-        found = self.state[self.loop.theta_hat_rows]
-        if len(found) > MOST_SHOWN:
-            return f", where |theta_hat| = {np.linalg.norm(found):.4g}"
-        return f", where theta_hat = [{', '.join(f'{value:.4g}' for value in found)}]"
+        return f", where {self.found.where}" if self.found.estimates else ""
+
+    @property
+    def found(self) -> PlaceOfRest:
+        """The commands and the estimates there."""
+        estimates = (
+            RestingEstimates(part.name, part.symbol, tuple(self.state[part.rows].tolist()), true=part in self.ideal)
+            for part in _estimates(self.loop)
+        )
+        return PlaceOfRest(tuple(self.level.tolist()), tuple(estimates))
 
     @cached_property
     def is_one_of_many(self) -> bool:
-        """Whether it rests beside this place too and has another Jacobian there; estimates at theta stay at theta."""
+        """Whether it rests beside this place too and has another Jacobian there; estimates at their true values stay there."""
         jacobian = jacobian_function(self.loop)
         J = np.asarray(jacobian(self.state, self.signals))
-        estimates = np.arange(self.loop.size)[self.loop.theta_hat_rows] if self.ideal else np.zeros(0, dtype=int)
-        others = np.setdiff1d(np.arange(self.loop.size), estimates)
+        others = np.setdiff1d(np.arange(self.loop.size), _rows(self.loop, self.ideal))
         shift, atol = SHIFT * max(1.0, float(np.linalg.norm(self.state))), REST_TOLERANCE * np.abs(J).max()
         for direction in _moved_by(J[:, others].T, left_over=True).T:
             moved = self.state.copy()
@@ -122,11 +121,9 @@ def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateS
     """
     A, B, C = (np.array(part) for part in jacobians)
     marked = loop.unpack(np.arange(loop.size))
-    out, no_rows = [*marked.x_m], np.zeros(0)
+    out = [*marked.x_m]
     if frozen:
-        out += [row for name, part in marked.controller._asdict().items() if name in RESTING for row in flatten((part, no_rows))]
-        if isinstance(loop.continuous, IdealReporting):  # the gains that it adapts beside theta_hat
-            out += [row for part in loop.continuous.reported(marked.controller).values() for row in part.reshape(-1)]
+        out += _rows(loop, _resting(loop)).tolist()
     kept = np.setdiff1d(np.arange(loop.size), np.array(out, dtype=int))
     kept = kept[_acting(A[np.ix_(kept, kept)], C[0, kept])]
     A, B, C = A[np.ix_(kept, kept)], B[kept], C[:, kept]
@@ -158,27 +155,39 @@ def _moved_by(rates: Array, *, left_over: bool = False) -> Array:
 
 
 def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest | NotApplicable:
-    """Where the loop rests; with the estimates ``frozen`` their own rates are left aside.
+    """Where the loop rests; with the estimates ``frozen`` they, and what the law remembers, keep their values.
 
-    Newton's steps, the shortest where there are many places of rest, from x = x_m and theta_hat = theta, where both fit.
+    Newton's steps, the shortest where there are many places of rest, from x = x_m and from estimates at their true values, where
+    both fit.
     """
     if loop.sampled:
         return NotApplicable("it acts at samples, and no continuous form of it is known")
     if loop.clocked:
         return NotApplicable("the plant depends on time, so that nothing rests")
+    try:
+        budget.require(
+            "the closed loop",
+            loop.size,
+            budget.of_linearisation,
+            given=f"has {loop.size} states, and its place of rest and modes",
+            fits=lambda most: f"at most {most} states",
+            what=f"the linearised loop of {loop.size} states",
+        )
+    except InputError as beyond:  # what else is certified stands
+        return NotApplicable(str(beyond))
     loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
     bounds = [command.bound if isinstance(command, BoundedSignal) else 0.0 for command in problem.commands]
     level = np.array(bounds, dtype=float)
     signals = np.concatenate([level, np.zeros(loop.signal_count - len(level))])
-    estimates = np.arange(loop.size)[loop.theta_hat_rows]
-    adapts = _adapts(loop, signals)
-    held = estimates if frozen or not adapts else np.zeros(0, dtype=int)
-    start, everything = _start(problem, loop, signals, adapts), np.arange(loop.size)
-    parameters = true_values(problem, loop) if adapts else None
-    state = None
-    if parameters is not None and not frozen:  # of many places of rest the one at which the estimates are right, if it is one
-        state = _solved(loop, signals, start, np.setdiff1d(everything, estimates), everything)
-    ideal = state is not None
+    adapting = _adapting(loop, signals)
+    true = {part: value for part in adapting if (value := truth_of(problem, part)) is not None}
+    held = _rows(loop, _resting(loop) if frozen else [part for part in _estimates(loop) if part not in adapting])
+    start, everything, state = _start(loop, signals, true), np.arange(loop.size), None
+    ideal: tuple[StatePart, ...] = ()
+    if true and not frozen:  # of many places of rest the one at which the estimates are right, if it is one
+        free = np.setdiff1d(everything, np.union1d(held, _rows(loop, true)))
+        state = _solved(loop, signals, start, free, everything)
+        ideal = tuple(true) if state is not None else ()
     if state is None:
         state = _solved(loop, signals, start, np.setdiff1d(everything, held))
     under = f"under the constant command {', '.join(f'{value:g}' for value in level)}"
@@ -186,19 +195,35 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
         return NotApplicable(f"no state was found at which the loop rests {under}")
     if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
         return NotApplicable(f"where the loop would rest {under}, its own limit acts")
-    ideal = ideal or (parameters is not None and bool(np.array_equal(state[loop.theta_hat_rows], parameters)))
+    ideal = ideal or tuple(part for part, value in true.items() if np.array_equal(state[part.rows], value))
     return Rest(loop, state, signals, level, ideal)
 
 
-def _adapts(loop: ClosedLoop, signals: Array) -> bool:
-    """False where the estimates' rates are zero whatever the state: they are settings then, other numbers than the plant's."""
+def _estimates(loop: ClosedLoop) -> list[StatePart]:
+    """All that is estimated, what results have as theta_hat first."""
+    found = [*(() if loop.estimates is None else (loop.estimates,)), *loop.other_estimates]
+    return [part for part in found if part.size]
+
+
+def _resting(loop: ClosedLoop) -> list[StatePart]:
+    """What a freeze keeps."""
+    return [part for part in loop.parts if part.role.rests]
+
+
+def _rows(loop: ClosedLoop, parts: Iterable[StatePart]) -> Array:
+    """Where the parts stand in the flat state."""
+    return np.concatenate([np.zeros(0, dtype=int), *(np.arange(loop.size)[part.rows] for part in parts)])
+
+
+def _adapting(loop: ClosedLoop, signals: Array) -> list[StatePart]:
+    """The estimates that move; those whose rates are zero whatever the state are settings, other numbers than the plant's."""
     _, state = symbols("state", loop.size)
-    rates = column(loop.derivative(state, signals))[loop.theta_hat_rows]
-    return not rates.is_zero()
+    rates = column(loop.derivative(state, signals))
+    return [part for part in _estimates(loop) if not rates[part.rows].is_zero()]
 
 
-def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array, adapts: bool) -> Array:
-    """The initial state with the model at rest, the plant there too, and the estimates at the parameters, where these fit."""
+def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) -> Array:
+    """The initial state with the model at rest, the plant there too, and the estimates at their true values, where these fit."""
     start = np.array(loop.initial(), dtype=float)
     places = loop.unpack(np.arange(loop.size))
     solved = _solved(loop, signals, start, places.x_m)
@@ -209,12 +234,8 @@ def _start(problem: TrackingProblem, loop: ClosedLoop, signals: Array, adapts: b
         start[places.x] = start[places.x_m]
     if loop.lag is not None:  # settled, so that nothing else has to move for its sake
         start[places.sensor] = loop.plant.output(start[places.x])
-    parameters = true_values(problem, loop)
-    if adapts and parameters is not None:
-        start[loop.theta_hat_rows] = parameters
-        for name, rows in (reporter.reported(places.controller) if (reporter := reporting(loop)) else {}).items():
-            if name in (ideal := ideal_reported(problem, loop)):
-                start[rows.reshape(-1)] = ideal[name]
+    for part, value in true.items():
+        start[part.rows] = value
     return start
 
 

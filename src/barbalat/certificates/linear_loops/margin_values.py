@@ -10,6 +10,7 @@ import numpy as np
 from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.bounds.laws import is_modified
 from barbalat.certificates.certificate import Draft
+from barbalat.certificates.entry import PlaceOfRest, RestingEstimates
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.certificates.needed import is_left_out, is_needed
 from barbalat.certificates.picture import MarginLoop
@@ -23,6 +24,7 @@ from barbalat.linear.systems import StateSpace
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal
+from barbalat.roles import THETA
 from barbalat.validate import InputError
 
 KEYS_OF_MARGINS = {
@@ -34,26 +36,37 @@ KEYS_OF_MARGINS = {
 """The certificate's names of what ``Margins`` holds."""
 
 
-def add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which: str, assumed: str = LINEAR_LOOP_ONLY) -> None:
+def add_margins(
+    draft: Draft,
+    problem: TrackingProblem,
+    loop: StateSpace,
+    which: str,
+    assumed: str = LINEAR_LOOP_ONLY,
+    rest: PlaceOfRest | None = None,
+) -> None:
     """Margins and peaks of the loop, with the plant's input dynamics and delay in it, and which loop that is."""
     if is_left_out("delay_margin"):
         return
     with draft.part("delay_margin"):
-        _add_margins(draft, problem, loop, which, assumed)
+        _add_margins(draft, problem, loop, which, assumed, rest)
 
 
-def _add_margins(draft: Draft, problem: TrackingProblem, loop: StateSpace, which: str, assumed: str) -> None:
+def _add_margins(
+    draft: Draft, problem: TrackingProblem, loop: StateSpace, which: str, assumed: str, rest: PlaceOfRest | None
+) -> None:
     found = margins_of(problem, loop, which, draft.notes)
     if not found:
         return
     name = f"{which}, broken at the plant input{_beside(problem)}"
-    draft.exact(found, name, assumed)
+    draft.exact(found, name, assumed, rest=rest)
     draft.loops.append(MarginLoop(which, with_dynamics(problem, loop), problem.delay))
     draft.advise({"margins_of": f"the linear loop {name}"})
 
 
-def add_margins_of_each(draft: Draft, problem: TrackingProblem, loops: Sequence[StateSpace], which: str) -> None:
-    """Of loops that are broken at one input each, with the dynamics of all inputs in them."""
+def add_margins_of_each(
+    draft: Draft, problem: TrackingProblem, loops: Sequence[StateSpace], which: str, rest: PlaceOfRest | None = None
+) -> None:
+    """Add the margins of each input: each loop is broken at one input and has the dynamics of all inputs in it."""
     if is_left_out("delay_margin_each"):
         return
     if problem.delay > 0:
@@ -70,9 +83,9 @@ def add_margins_of_each(draft: Draft, problem: TrackingProblem, loops: Sequence[
             draft.missing("delay_margin_each", f"linear loop {which}: {error}")
             return
         values = {EACH_INPUT[key]: [finite(getattr(one, field)) for one in found] for field, key in KEYS_OF_MARGINS.items()}
-        draft.exact(values, name, LINEAR_LOOP_ONLY)
+        draft.exact(values, name, LINEAR_LOOP_ONLY, rest=rest)
         peaks = [peak_gain(sensitivity(loop)).gain for loop in loops]
-        draft.exact({EACH_INPUT["sensitivity_peak"]: peaks}, name, LINEAR_LOOP_ONLY)
+        draft.exact({EACH_INPUT["sensitivity_peak"]: peaks}, name, LINEAR_LOOP_ONLY, rest=rest)
         draft.loops.extend(MarginLoop(f"{which}, at input {i + 1}", loop) for i, loop in enumerate(loops))
 
 
@@ -124,10 +137,14 @@ def add_adapting_margins(draft: Draft, problem: Problem, controller: Mrac | L1Ad
         return
     at = f"linearised at the constant command {level:g}"
     with draft.part("delay_margin_adapting"):
-        add_delay_margin_adapting(draft, problem, around_equilibrium(problem, controller, level), at)
+        found = RestingEstimates("theta_hat", THETA, tuple(problem.parameters.tolist()), true=True)
+        rest = PlaceOfRest((level,), (found,))
+        add_delay_margin_adapting(draft, problem, around_equilibrium(problem, controller, level), at, rest)
 
 
-def add_delay_margin_adapting(draft: Draft, problem: TrackingProblem, loop: StateSpace, at: str) -> None:
+def add_delay_margin_adapting(
+    draft: Draft, problem: TrackingProblem, loop: StateSpace, at: str, rest: PlaceOfRest | None
+) -> None:
     """The delay margin of the loop with its law inside, which was ``linearised at`` a command."""
     try:
         found = margins(with_dynamics(problem, loop), problem.delay)
@@ -135,7 +152,8 @@ def add_delay_margin_adapting(draft: Draft, problem: TrackingProblem, loop: Stat
         draft.missing("delay_margin_adapting", f"linear loop {at}: {error}")
         return
     draft.loops.append(MarginLoop(f"{at}, its law included", with_dynamics(problem, loop), problem.delay))
-    draft.exact({"delay_margin_adapting": finite(found.delay)}, f"{at}, its law included{_beside(problem)}", LINEAR_LOOP_ONLY)
+    name = f"{at}, its law included{_beside(problem)}"
+    draft.exact({"delay_margin_adapting": finite(found.delay)}, name, LINEAR_LOOP_ONLY, rest=rest)
 
 
 def with_dynamics(problem: TrackingProblem, loop: StateSpace) -> StateSpace:

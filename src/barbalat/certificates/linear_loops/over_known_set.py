@@ -26,7 +26,7 @@ LOOP_OF_FAST_ADAPTATION = "in the limit of fast adaptation"
 
 
 def add_at_rest(draft: Draft, problem: Problem) -> None:
-    """Of the loop that every scheme with C = 1 becomes; nothing without a known set."""
+    """Add the margins over the known set of the loop that every scheme with C = 1 becomes; nothing without a known set."""
     known_set = problem.uncertainty
     if known_set is not None and is_needed(MARGINS_KEY):
         with draft.part(MARGINS_KEY):
@@ -34,7 +34,7 @@ def add_at_rest(draft: Draft, problem: Problem) -> None:
 
 
 def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
-    """Of L1-AC's two readings: in the limit of fast adaptation, and with the estimates at rest."""
+    """Add the margins over the known set for L1-AC's two readings: the limit of fast adaptation, and the estimates at rest."""
     known_set = problem.uncertainty
     if known_set is not None and is_needed(MARGINS_KEY):
         with draft.part(MARGINS_KEY):
@@ -42,7 +42,7 @@ def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
 
 
 def add_fixed(draft: Draft, problem: Problem, family: LoopsOverTheta) -> None:
-    """Of a linear controller's loop."""
+    """Add the margins over the known set of a linear controller's loop."""
     known_set = problem.uncertainty
     if known_set is not None and is_needed(MARGINS_KEY):
         with draft.part(MARGINS_KEY):
@@ -50,7 +50,7 @@ def add_fixed(draft: Draft, problem: Problem, family: LoopsOverTheta) -> None:
 
 
 def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
-    """Of a linear controller's loop from sample to sample, for one input with phi(x) = x."""
+    """Add the margins over the known set of a linear controller's loop from sample to sample, for one input and phi(x) = x."""
     known_set, plant = problem.uncertainty, problem.plant
     if known_set is None or not is_needed(MARGINS_KEY):
         return

@@ -67,7 +67,7 @@ class LoopsOverTheta:
         return lambda thetas: (origin + _combined(thetas, slopes), 1 - _combined(thetas, W_b))
 
     def largest_real_parts(self, thetas: Array) -> Array:
-        """Of the closed loop's eigenvalues, (M,)."""
+        """Return the largest real parts of the closed loop's eigenvalues, (M,)."""
         origin = sensitivity(self.loop(np.zeros(self.plant.n))).A
         slopes = np.array([sensitivity(self.loop(unit)).A - origin for unit in np.eye(self.plant.n)])
         return np.asarray(np.linalg.eigvals(origin + np.tensordot(thetas, slopes, 1)).real.max(axis=1))

@@ -109,7 +109,7 @@ def _add_bound(draft: Draft, problem: Problem, loop: FixedLoop, d: float) -> Non
 
 
 def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) -> dict[str, Entry]:
-    """Of Table 1; no loop is known of a plant with several inputs or another regressor."""
+    """Return the cells of Table 1; the loop is not known for a plant with several inputs or another regressor."""
     values, bound = certificate.values, certificate.entry("error_bound")
     condition, mu = values.get("condition"), values.get("mu_parameters")
     norm = "" if loop is None else loop.norm

@@ -80,7 +80,7 @@ def _add_of_the_controller(draft: Draft, problem: Problem, controller: L1Piecewi
 
 
 def _transfer_functions(equations: Equations) -> dict[str, dict[str, list[float]]]:
-    """By x_1 ..., and r: num and den in z, highest power first."""
+    """Return num and den in z, highest power first, by what they act on: x_1, ..., and r."""
     A, B, C, D = realisation(equations)
     n = len(equations.x0)
     names = [

@@ -48,12 +48,12 @@ class MidpointFile(SchemeFile, Protocol):
     """A scheme's file that knows its midpoint form."""
 
     def midpoint_form(self, problem: TrackingProblem, controller: Controller, sample_time: float) -> MidpointForm:
-        """Of the continuous controller, sampled."""
+        """Say what the sampled form of a continuous controller keeps."""
         ...
 
 
 def of_predictor(problem: Problem, controller: laws.ModifiedScheme, *findings: str) -> MidpointForm:
-    """Of L1-AC, and of the MRAC, whose sampled form has a predictor too."""
+    """Say what the sampled form keeps for L1-AC and for the MRAC, whose sampled form has a predictor too."""
     metric, box = Gain(controller.gamma), controller.bind(problem.known).box
     kept = controller.leakage is None or controller.leakage.harmless_within is not None
     if metric.is_matrix or controller.learning is not None:
@@ -62,7 +62,7 @@ def of_predictor(problem: Problem, controller: laws.ModifiedScheme, *findings: s
 
 
 def of_law(law: AdaptiveLaw | OutputErrorLaw, box: EstimateSet | None) -> MidpointForm:
-    """Of a scheme with a law on the parametric model, whose own implicit step keeps its V."""
+    """Say what the sampled form keeps for a law on the parametric model, whose own implicit step keeps its V."""
     assert isinstance(law, SampledLaw)  # any other law is refused: ``adaptation.implicit``
     found = laws.guarantee_of(law, box)
     return MidpointForm(law.metric, box, kept=not found.leaks or found.M_0 is not None)

@@ -78,7 +78,7 @@ def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0
 
 
 def midpoint_form(problem: Problem, controller: Mrac, sample_time: float) -> midpoint.MidpointForm:
-    """Of the MRAC, which has no filter between fast estimates and the input."""
+    """Say what the sampled MRAC keeps, which has no filter between fast estimates and the input."""
     return midpoint.of_predictor(problem, controller, one_sample_of_delay(sample_time))
 
 

@@ -80,7 +80,7 @@ def _of_several(
 ) -> Certificate:
     """The bound of e, and what the linearised loop says."""
     theta, omega = problem.plant.theta, _each_omega(problem)
-    k_x, k_r, m = gains.ideal(theta, omega), gains.ideal_feedforward(omega)["k_r_hat"], gains.inputs
+    k_x, k_r, m = gains.ideal(theta, omega), gains.ideal_feedforward(omega), gains.inputs
     draft.advise({"k_x": k_x.reshape(-1, m).tolist(), "k_r": k_r.reshape(m, -1).tolist()})
     of_x = np.tile(omega, len(k_x) // m) * (gains.theta_hat0 - k_x) ** 2 / gains.gamma.value
     V = math.fsum(of_x.tolist()) + _feedforward_V(gains, omega)
@@ -140,7 +140,7 @@ def _largest_V(gains: ControlGains, known_set: KnownSet, omega: Array) -> float:
 
 
 def _feedforward_V(gains: ControlGains, omega: Array) -> float:
-    k_r = gains.ideal_feedforward(omega)["k_r_hat"]
+    k_r = gains.ideal_feedforward(omega)
     return math.fsum((np.repeat(omega, len(k_r) // gains.inputs) * (gains.k_r0 - k_r) ** 2 / gains.gamma_r).tolist())
 
 
@@ -156,7 +156,7 @@ def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
     if box is None and interval is None:
         return Assumption("the ideal gains are theta/omega and k_0/omega")
     inside = box is None or box.contains(gains.ideal(problem.plant.theta, omega))
-    inside &= interval is None or interval.contains(gains.ideal_feedforward(omega)["k_r_hat"])
+    inside &= interval is None or interval.contains(gains.ideal_feedforward(omega))
     return Assumption(
         "the ideal gains theta/omega and k_0/omega lie in the sets that the estimates are projected onto",
         "" if inside else "ideal gains outside what is projected onto",
@@ -164,7 +164,7 @@ def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
 
 
 def _all_reachable(problem: Problem, gains: ControlGains) -> Assumption:
-    """Of theta/omega for every theta of the known set: a set made without an interval of omega takes omega as 1."""
+    """Return a set that holds theta/omega for every theta of the known set; without an interval of omega, omega is 1."""
     if gains.box is None or problem.known.gains is not None:
         return NUMBERS_ALONE
     apart = (_each_omega(problem) != 1).any()

@@ -53,7 +53,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
 
 
 def midpoint_form(problem: Problem, controller: NormalizedMrac | RobustMrac, _: float) -> midpoint.MidpointForm:
-    """That of its law."""
+    """Say what the sampled form keeps: what its law's own implicit step keeps."""
     return midpoint.of_law(controller.law, controller.bind(problem.known).box)
 
 

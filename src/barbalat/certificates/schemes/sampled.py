@@ -105,7 +105,7 @@ def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certif
 
 
 def _unstable(step_max: float, whole_loop: bool) -> str:
-    """Of most schemes the limit is of what they integrate themselves; of others it is of the plant as well."""
+    """Say what is unstable: for most schemes what they integrate themselves, for others the plant as well."""
     if not whole_loop:
         return f"where |x| is as large as its bound the law is numerically unstable: it takes samples up to {step_max:.3g} s"
     return (

@@ -55,7 +55,7 @@ def unstable(radius: float) -> str:
 
 
 def add_margins(draft: Draft, problem: TrackingProblem, found: Linearised, linear: str) -> None:
-    """Of the loop with its delay in it; the delay margin is what it tolerates beside."""
+    """Add the margins of the loop with its delay in it; the delay margin is what it tolerates beyond that delay."""
     loop, name = found.loop, name_of(problem)
     try:
         delay = delay_margin(loop, problem.delay)
@@ -85,7 +85,7 @@ def _at_one_input(loop: SampledLoop, delay: float, i: int) -> dict[str, float | 
 
 
 def _add_of_several(draft: Draft, problem: TrackingProblem, loop: SampledLoop, name: str, linear: str) -> None:
-    """The same factor on all inputs, and each input alone."""
+    """Add the margins of several inputs: for one factor on all inputs, and for each input alone."""
     delay = problem.delay
     draft.note(
         "gain_margin, gain_reduction_margin, delay_margin: of one factor or delay in all inputs; _each: of one input alone"
@@ -110,7 +110,8 @@ def _add_of_several(draft: Draft, problem: TrackingProblem, loop: SampledLoop, n
 
 
 def add_noise(draft: Draft, problem: TrackingProblem, found: Linearised, measured: Array, linear: str) -> None:
-    """Of sigma_hat and u, by the stationary covariance, just after a sample; ``measured`` (s, q) are what is measured in X."""
+    """Add the noise of sigma_hat and u just after a sample, by the stationary covariance; ``measured`` (s, q) is what is measured
+    in X."""
     from scipy.linalg import LinAlgError, LinAlgWarning, solve_discrete_lyapunov
 
     loop, rows = found.loop, found.rows

@@ -68,7 +68,7 @@ def bounded_regressor(problem: Problem, error: float | None) -> Assumption:
 
 
 def commands_and_gains(problem: Problem) -> tuple[str, str]:
-    """Of which r and Gamma a Lyapunov function speaks: of the case's where phi(x) is known to be finite only so far.
+    """Say for which r and Gamma a Lyapunov function holds: for the case's own where phi(x) is known to be finite only so far.
 
     The first is of r alone.
     """
@@ -127,7 +127,8 @@ def add_ingredients(draft: Draft, problem: Problem, box: EstimateSet | None, mod
 def of_lyapunov_law_beyond(
     excited: any_regressor.Excited, simulation: Simulation, filter_poles: Array | None = None, *, no_bound: str = ""
 ) -> Certificate:
-    """Of a plant beyond the paper: the Lyapunov bound, which none of what is more there changes, and the numerics' limits.
+    """Certify a plant beyond the paper's: the Lyapunov bound, which none of the plant's additions changes, and the solver's
+    limits.
 
     ``no_bound`` says why a scheme has none even with the plain law.
     """
@@ -150,7 +151,7 @@ def of_lyapunov_law_beyond(
 
 
 def add_margins_at_rest(draft: Draft, problem: Problem) -> None:
-    """Of the loop with C = 1, at the case's theta and over the known set."""
+    """Add the margins of the loop with C = 1, at the case's theta and over the known set."""
     plant = problem.plant
     add_margins(draft, problem, known_parameters(plant, plant.theta), over_known_set.LOOP_AT_REST)
     over_known_set.add_at_rest(draft, problem)

@@ -70,7 +70,7 @@ def _add_step(draft: Draft, simulation: Simulation, moving: Rest | NotApplicable
             f"step_max is that of the loop linearised {_at(moving)}, by exact Jacobians, without delay and limits: an estimate "
             "for the loop in motion"
         )
-        draft.estimate({"step_max": step}, rests_on, of=WHOLE_LOOP)
+        draft.estimate({"step_max": step}, rests_on, of=WHOLE_LOOP, rest=moving.found)
 
 
 def _add_margins(
@@ -83,7 +83,9 @@ def _add_margins(
     elif moving.is_one_of_many:
         draft.missing("delay_margin_adapting", f"{MANY_RESTS}: one is {_at(moving)}{moving.place}")
     elif moving.level.any():
-        add_delay_margin_adapting(draft, problem, moving.broken(frozen=False), f"linearised {_at(moving)}{moving.place}")
+        add_delay_margin_adapting(
+            draft, problem, moving.broken(frozen=False), f"linearised {_at(moving)}{moving.place}", moving.found
+        )
 
 
 def add_frozen(draft: Draft, problem: TrackingProblem, controller: Controller) -> None:
@@ -101,9 +103,9 @@ def _add_frozen(draft: Draft, problem: TrackingProblem, loop: ClosedLoop, still:
     which = f"{'with its estimates frozen, ' if loop.parameters else ''}linearised {_at(still)}{still.place}"
     if loop.inputs > 1:
         draft.missing("delay_margin", "of one delay in all inputs it is not known; delay_margin_each is of each alone")
-        add_margins_of_each(draft, problem, [still.broken_at(i, frozen=True) for i in range(loop.inputs)], which)
+        add_margins_of_each(draft, problem, [still.broken_at(i, frozen=True) for i in range(loop.inputs)], which, still.found)
     else:
-        add_margins(draft, problem, still.broken(frozen=True), which)
+        add_margins(draft, problem, still.broken(frozen=True), which, rest=still.found)
     return True
 
 

@@ -61,7 +61,9 @@ class Excited:
     divides_by_gain: bool
 
     def largest_square(self, error: float) -> float:
-        """Of |phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``."""
+        """phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``.|Return the largest
+        |phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``.|phi|_2^2, with u below
+        phi where its gain is unknown, while no component of e exceeds ``error``."""
         problem = self.problem
         bounds = self._model + error
         phi = largest_square(problem.plant.regressor, -bounds, bounds)

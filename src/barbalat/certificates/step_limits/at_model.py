@@ -47,7 +47,9 @@ def of_lyapunov_law(
 
 
 def _largest_square(problem: Problem, simulation: Simulation) -> float:
-    """Of |phi|_2^2, with the largest u_j^2 where the gains are unknown; infinite where the regressor has no number there."""
+    """phi|_2^2, with the largest u_j^2 where the gains are unknown; infinite where the regressor has no number there.|Return the
+    largest |phi|_2^2, with the largest u_j^2 where gains are unknown; infinite where phi is not finite.|phi|_2^2, with the
+    largest u_j^2 where the gains are unknown; infinite where the regressor has no number there."""
     import casadi as ca
 
     known = problem.known
@@ -70,7 +72,8 @@ def _largest_square(problem: Problem, simulation: Simulation) -> float:
 def of_parametric_model(
     problem: Problem, equations: Equations | robust_mrac_several.Equations, simulation: Simulation, values: dict[str, Any]
 ) -> dict[str, Any]:
-    """Of a gradient law on (13), from its ``values`` at |phi|^2 < m_s^2: phi is what the filters make of x_m.
+    """phi|^2 < m_s^2: phi is what the filters make of x_m.|Return the limits of a gradient law on (13) from its ``values`` at
+    |phi|^2 < m_s^2; phi is x_m after the filters.|phi|^2 < m_s^2: phi is what the filters make of x_m.
 
     m_s^2 = 1 + |phi|^2: the dynamic part is not counted, which makes the law slower yet.
     """

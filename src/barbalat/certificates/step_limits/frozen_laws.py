@@ -78,7 +78,8 @@ def of_the_motion(
     oscillator: FrozenLaw | None = None,
     filter_poles: Array | None = None,
 ) -> dict[str, Any]:
-    """The same limits with |x| as large as the case's own command makes |x_m|, by keys of their own.
+    """x| as large as the case's own command makes |x_m|, by keys of their own.|Return the limits, under keys of their own, with
+    |x| as large as the case's own command makes |x_m|.|x| as large as the case's own command makes |x_m|, by keys of their own.
 
     Where the bound of |x| is far above what the command asks for, these are where oscillations are seen; the others are on the
     safe side.
@@ -91,7 +92,7 @@ def of_the_motion(
 
 
 def with_modifications(values: dict[str, Any], controller: ModifiedScheme, simulation: Simulation) -> dict[str, Any]:
-    """The same with what a leakage and a memory add: a decay of the estimates of their own, up to Gamma (w + gamma_c R).
+    """Return the limits with what a leakage and a memory add: the estimates decay by themselves, at up to Gamma (w + gamma_c R).
 
     A gain at which that ends is not looked for. Where nothing bounds w or R (an epsilon-modification, a memory without
     forgetting and capacity), there is no step_max.
@@ -147,5 +148,5 @@ def of_decay(law: AdaptiveLaw, simulation: Simulation, others: float) -> dict[st
 
 
 def input_poles(problem: TrackingProblem) -> Array:
-    """Of what lies before the plant's inputs, which is integrated beside the adaptation."""
+    """Return the poles of what lies before the plant's inputs, which is integrated beside the adaptation."""
     return np.concatenate([np.zeros(0) if path.dynamics is None else path.dynamics.poles for path in problem.plant.paths])

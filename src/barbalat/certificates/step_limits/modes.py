@@ -16,7 +16,9 @@ def largest_step(simulation: Simulation, modes: Array) -> float:
 
 
 def amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
-    """As along a run: |R| above max(1, |e^z|) by so much that it makes a factor e up to t_end."""
+    """R| above max(1, |e^z|) by so much that it makes a factor e up to t_end.|Say whether the method amplifies along a run: |R|
+    exceeds max(1, |e^z|) by so much that it makes a factor e up to t_end.|R| above max(1, |e^z|) by so much that it makes a
+    factor e up to t_end."""
     z = h * modes
     with np.errstate(divide="ignore"):
         spurious = np.log(np.abs(simulation.solver.amplification(z))) - np.maximum(z.real, 0)

@@ -135,7 +135,7 @@ def linear_equivalent(controller: L1Output) -> LinearEquivalent:
 
 
 def fast_limit(controller: L1Output) -> LinearEquivalent:
-    """The same for gamma -> infinity: u = C/((1 - C) G_m) [G_m r - y]."""
+    """Return the controller's limit for gamma -> infinity: u = C/((1 - C) G_m) [G_m r - y]."""
     N, D, m = controller.filter.num, controller.filter.den, controller.m
     den = np.polysub(D, N)
     den[-1] = 0.0

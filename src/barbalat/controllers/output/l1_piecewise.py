@@ -7,6 +7,7 @@ x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k] without what acts on the plant.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import ClassVar, NamedTuple
 
@@ -23,6 +24,7 @@ from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Sample, Value, kept
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError
 
 
@@ -47,6 +49,8 @@ class Equations:
     limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
     frozen: Value = None  # where it holds, sigma_hat rests; None: it never does
 
+    roles: ClassVar[Mapping[str, Role]] = {"sigma_hat": Role.estimates("sigma", meaning="sigma_hat, what acts on the plant")}
+
     def initial(self) -> State:
         n = len(self.c)
         return State(np.zeros(0), np.zeros(n), np.zeros(n), np.zeros(len(self.filter.A)))
@@ -63,9 +67,6 @@ class Equations:
 
     def freezing(self, frozen: Value) -> Equations:
         return replace(self, frozen=frozen)
-
-    def reported(self, state: State) -> dict[str, Value]:
-        return {"sigma_hat": state.sigma_hat}
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
         """What passes C(s): r - sigma_hat of the input, and sigma_hat beside it."""

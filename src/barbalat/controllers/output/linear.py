@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar, NamedTuple
 
@@ -15,13 +16,13 @@ from barbalat.linear.conditions import balance
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.output_feedback import OutputKnown
 from barbalat.protocols import Value
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
     """What the controller integrates."""
 
-    theta_hat: Value  # (0,): nothing is estimated
     x: Value  # (order,)
 
 
@@ -38,8 +39,10 @@ class Equations:
     D: Array  # (2,)
     follows_model: bool
 
+    roles: ClassVar[Mapping[str, Role]] = {"x": Role.other("state of the linear controller")}
+
     def initial(self) -> State:
-        return State(np.zeros(0), np.zeros(len(self.C)))
+        return State(np.zeros(len(self.C)))
 
     def control(self, state: State, y: Value, y_m: Value, r: Value) -> Value:
         first = y_m if self.follows_model else r
@@ -47,7 +50,7 @@ class Equations:
 
     def derivative(self, state: State, y: Value, y_m: Value, r: Value, u: Value) -> State:
         first = y_m if self.follows_model else r
-        return State(state.theta_hat, self.A @ state.x + self.B[:, 0] * first + self.B[:, 1] * y)
+        return State(self.A @ state.x + self.B[:, 0] * first + self.B[:, 1] * y)
 
     def limit(self, state: State) -> State:
         return state

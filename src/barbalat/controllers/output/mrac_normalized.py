@@ -13,10 +13,13 @@ import numpy as np
 from barbalat.adaptation.law import AdaptiveLaw, Estimation
 from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers.output.mrac_sampled import OutputEstimator
+from barbalat.controllers.output.mrac_unnormalized import REGRESSOR_FILTERS
+from barbalat.controllers.parametric_model import PARAMETRIC_MODEL
 from barbalat.controllers.windup import applied
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import ParameterBox, limit
 from barbalat.protocols import Value
+from barbalat.roles import Role, within
 from barbalat.validate import Array
 
 
@@ -46,6 +49,10 @@ class Equations:
     theta_hat0: Array
     box: ParameterBox | None
     limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        return PARAMETRIC_MODEL | REGRESSOR_FILTERS | within("memory", self.law)
 
     def initial(self) -> State:
         parameters, order = len(self.theta_hat0), self.W_m.order

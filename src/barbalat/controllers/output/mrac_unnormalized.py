@@ -5,8 +5,9 @@ Source: Ioannou and Sun, section 6.4.1.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,14 @@ from barbalat.adaptation.law import OutputErrorLaw
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import ParameterBox, limit
 from barbalat.protocols import SampledEquations, Value
+from barbalat.roles import Role
 from barbalat.validate import Array, InputError
+
+REGRESSOR_FILTERS = {
+    "omega_1": Role.filter("filtered control, alpha(s)/Lambda(s)[u]"),
+    "omega_2": Role.filter("filtered output, alpha(s)/Lambda(s)[y]"),
+}
+"""What both forms of the law filter."""
 
 
 class State(NamedTuple):
@@ -34,6 +42,8 @@ class Equations:
     law: OutputErrorLaw
     theta_hat0: Array
     box: ParameterBox | None
+
+    roles: ClassVar[Mapping[str, Role]] = REGRESSOR_FILTERS
 
     def initial(self) -> State:
         rest = np.zeros(self.regressor_filter.order)

@@ -8,7 +8,6 @@ from functools import cached_property
 
 from barbalat.export.fmu.variables import Variable, Variables, array, entries, parameters, require_distinct
 from barbalat.export.layout import StatePart
-from barbalat.export.meanings import meaning
 from barbalat.export.parameters import Parameter
 from barbalat.export.plant_source import PrintedPlant
 from barbalat.export.texts import Printed
@@ -118,7 +117,7 @@ class Unit:
         """What the controller keeps, but for what is an output anyway."""
         found = []
         for part in self._kept:
-            found += array(f"state.{part.name}", "local", "discrete", meaning(part.path), [None] * part.size)
+            found += array(f"state.{part.name}", "local", "discrete", part.meaning, [None] * part.size)
         return found
 
     @property

@@ -77,7 +77,7 @@ def eigenvalues(A: FloatMatrix) -> list[tuple[acb, int]]:
 
 @lru_cache(maxsize=64)  # the norms of a system with several inputs and outputs share it; far-apart entries take seconds
 def _eigenvalues(entries: tuple[float, ...], precision: int) -> tuple[tuple[acb, int], ...]:
-    """Of a matrix given row by row; the enclosures at a precision in bits."""
+    """Return enclosures, at a precision in bits, of the eigenvalues of a matrix given row by row."""
     n = math.isqrt(len(entries))
     fractions = [value.as_integer_ratio() for value in entries]
     denominator = max(bottom for _, bottom in fractions)  # a power of two, and so a multiple of the others

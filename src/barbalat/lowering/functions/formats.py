@@ -61,7 +61,7 @@ class Format:
 
     @staticmethod
     def _unit(value: Fraction, bits: int) -> Fraction:
-        """Of the last of so many bits."""
+        """Return the weight of the last of so many bits."""
         size, exponent = abs(value), 0
         while size >= 2:
             size, exponent = size / 2, exponent + 1

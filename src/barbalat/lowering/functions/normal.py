@@ -44,7 +44,7 @@ F = (
 
 
 def _polynomial(coefficients: tuple[float, ...], x: TracedNumber) -> TracedNumber:
-    """By Horner's rule; the constant stands first."""
+    """Evaluate a polynomial by Horner's rule; the constant stands first."""
     *rest, last = coefficients
     value = x.constant(last)
     for coefficient in reversed(rest):

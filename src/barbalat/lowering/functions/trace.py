@@ -49,7 +49,7 @@ class TracedNumber:
 
     @property
     def format(self) -> Format:
-        """Of the numbers that are computed with."""
+        """The format of the numbers that are computed with."""
         return self.trace.format
 
     def constant(self, value: float) -> TracedNumber:

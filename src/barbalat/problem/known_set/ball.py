@@ -122,13 +122,13 @@ class ParameterBall(Settings):
         return np.asarray(self.center + away * np.minimum(1, self.radius / np.linalg.norm(away, axis=1, keepdims=True)))
 
     def with_gains(self, gains: ParameterBox) -> ParameterProduct:
-        """Of these parameters and, after them, the input gains."""
+        """Return the set of these parameters followed by the input gains."""
         from barbalat.problem.known_set.product import ParameterProduct
 
         return ParameterProduct(self, gains)
 
     def of_theta(self, count: int) -> ParameterBall:
-        """Of the parameters alone, which are all that is in it."""
+        """Return the set of theta alone, which is all that it holds."""
         return self
 
     def over(self, gains: ParameterBox) -> ParameterBall:

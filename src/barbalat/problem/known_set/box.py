@@ -128,7 +128,7 @@ class ParameterBox(Settings):
         return np.clip(points, self.lower, self.upper)
 
     def with_gains(self, gains: ParameterBox) -> ParameterBox:
-        """Of these parameters and, after them, the input gains."""
+        """Return the set of these parameters followed by the input gains."""
         return ParameterBox(lower=np.concatenate([self.lower, gains.lower]), upper=np.concatenate([self.upper, gains.upper]))
 
     @property
@@ -137,7 +137,7 @@ class ParameterBox(Settings):
         return self
 
     def of_theta(self, count: int) -> ParameterBox:
-        """Of the parameters alone, which come first."""
+        """Return the set of theta alone, whose components come first."""
         return self if count == self.size else ParameterBox(lower=self.lower[:count], upper=self.upper[:count])
 
     def over(self, gains: ParameterBox) -> ParameterBox:
@@ -146,7 +146,7 @@ class ParameterBox(Settings):
         return ParameterBox(lower=ends.min(axis=0), upper=ends.max(axis=0))
 
     def last(self, count: int) -> ParameterBox:
-        """Of the last components alone."""
+        """Return the box of the last components alone."""
         return ParameterBox(lower=self.lower[-count:], upper=self.upper[-count:])
 
     @property
@@ -156,7 +156,8 @@ class ParameterBox(Settings):
 
     @property
     def steps_cut_corners(self) -> bool:
-        """The same of a step over a sample, which ``nearest`` ends: the projections on two faces in turn are exact."""
+        """Whether projecting at the end of a sample's step, by ``nearest``, cuts corners: projections on two faces in turn are
+        exact."""
         return len(self.faces) > cone.EXACT_FACES_OF_STEPS
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:

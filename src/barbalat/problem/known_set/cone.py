@@ -65,7 +65,8 @@ def _face_by_face(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
 
 
 def nearest(theta_hat: Value, box: ParameterBox, gamma: Value) -> Value:
-    """By projections onto the box's half spaces, each orthogonal in the metric Gamma^-1; what is left outside is the limit's."""
+    """Project onto the box's half spaces in turn, each time orthogonally in the metric Gamma^-1; the limit takes what is left
+    outside."""
     for _ in range(CONE_PASSES if box.size > 1 else 1):
         for i in range(box.size):
             excess = theta_hat[i] - np.clip(theta_hat[i], box.lower[i], box.upper[i])

@@ -54,7 +54,7 @@ class Gain:
         return Gain(T * self.value)
 
     def of_first(self, n: int) -> Gain:
-        """That of the first n components alone, for a number or a diagonal."""
+        """Return the gain of the first n components alone, for a number or a diagonal."""
         return self if self.dimensions == 0 else Gain(self.value[:n])
 
     def as_matrix(self, n: int) -> Value:

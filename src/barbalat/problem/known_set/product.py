@@ -62,17 +62,17 @@ class ParameterProduct:
         return bound >= 0 and (self.theta is None or self.theta.within(bound))
 
     def of_theta(self, count: int) -> ParameterBall | None:
-        """Of the parameters alone."""
+        """Return the set of theta alone."""
         return self.theta
 
     @property
     def intervals(self) -> ParameterBox:
-        """Of the last of what is estimated."""
+        """The intervals of the last components of the estimate."""
         return self.gains
 
     @property
     def sphere(self) -> ParameterBall | None:
-        """Of the first of what is estimated."""
+        """The ball of the first components of the estimate."""
         return self.theta
 
     @property

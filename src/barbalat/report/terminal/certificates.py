@@ -47,7 +47,7 @@ def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], tab
 
 
 def _how_sure(certificates: Mapping[str, Certificate]) -> str:
-    """Of the limits of gain and step: at least, or about, where they count on the loop's own damping."""
+    """Say how sure the limits of gain and step are: "at least", or "about" where they count on the loop's own damping."""
     found = [counts_on_damping(one, key) for one in certificates.values() for key in ON_DAMPING if key in one.values]
     if all(found):
         return "about" if found else "at least"

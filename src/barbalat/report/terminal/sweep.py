@@ -5,7 +5,7 @@ from __future__ import annotations
 from barbalat.report import sweep
 from barbalat.report.sweep import percent
 from barbalat.report.terminal.layout import Screen, grouped
-from barbalat.sweeps.evidence import EXAMINED
+from barbalat.sweeps.evidence import DIVERGES, EXAMINED
 from barbalat.sweeps.result import SweepResult
 from barbalat.validate import counted
 
@@ -17,6 +17,7 @@ def show(screen: Screen, found: SweepResult) -> None:
         screen.line(f"{note[0].upper()}{note[1:]}.", "yellow")
     shares = [[name, screen.name(who), *cells, _interval(low, high)] for name, who, *cells, low, high in sweep.shares(found)]
     screen.table(("", "controller", "members", "share", "95 % interval"), grouped(shares), leads=2)
+    screen.line(f"Diverged: {DIVERGES}.")
     screen.line(f"Oscillated examines {EXAMINED}.")
     for sentence in found.audit.sentences:
         screen.line(f"Audit: {sentence}.", "yellow" if found.audit.changed != 0 else "")

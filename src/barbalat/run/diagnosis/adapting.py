@@ -7,16 +7,17 @@ enclosed by what is known of every step. Only the excitation is an integral over
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.estimating import Estimating
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
 from barbalat.loop.true_values import estimate_set
 from barbalat.problem.known_set import EstimateSet, ParameterBox
+from barbalat.roles import Estimating, hatted
 from barbalat.run.diagnosis.excitation import Excitation, excitation
 from barbalat.validate import Array
 
@@ -110,6 +111,7 @@ def adapting(
     path = moved.sum(axis=0)
     bounds, sphere = _at_the_edge(known_set, t, theta_hat, extrema)
     found = excitation(t, phi)
+    names = [] if loop.estimates is None else [hatted(name) for name in loop.estimates.names]
     return Adapting(
         net=theta_hat[-1] - theta_hat[0],
         path=path,
@@ -118,7 +120,7 @@ def adapting(
         on_sphere=sphere,
         excitation=found,
         warnings=tuple(
-            _warnings(path, 0.0 if theta is None else float(np.linalg.norm(theta_hat[0] - theta)), bounds, sphere, found)
+            _warnings(names, path, 0.0 if theta is None else float(np.linalg.norm(theta_hat[0] - theta)), bounds, sphere, found)
         ),
     )
 
@@ -176,20 +178,22 @@ def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
     return OnBounds(least, most, swept, first)
 
 
-def _warnings(path: Array, error: float, bounds: OnBounds | None, sphere: float | None, found: Excitation | None) -> list[str]:
+def _warnings(
+    names: Sequence[str], path: Array, error: float, bounds: OnBounds | None, sphere: float | None, found: Excitation | None
+) -> list[str]:
     """One sentence for each thing that a user should not overlook."""
     warnings = []
     if error > 0 and np.linalg.norm(path) < STILL_SHARE * error:
         share = f"{np.linalg.norm(path) / error:.1g}"
         warnings.append(f"it hardly adapts: in all the estimates moved by {share} of the error they started with")
     if bounds is not None:
-        for i, (least, most, swept, _) in enumerate(zip(*bounds, strict=True), start=1):
+        for name, least, most, swept, _ in zip(names, *bounds, strict=True):
             if swept > SWEPT_SHARE:
                 warnings.append(
-                    f"theta_hat_{i} meets both of its bounds within single recorded intervals {100 * swept:.0f} % of the time"
+                    f"{name} meets both of its bounds within single recorded intervals {100 * swept:.0f} % of the time"
                 )
             elif least > LONG_SHARE:
-                warnings.append(f"theta_hat_{i} sits on its projection bounds, {share_text(least, most)} of the time")
+                warnings.append(f"{name} sits on its projection bounds, {share_text(least, most)} of the time")
     if sphere is not None and sphere > LONG_SHARE:
         warnings.append(f"the estimates sit on the surface of the known set at {100 * sphere:.0f} % of the recorded instants")
     if found is not None and found.fading < UNEXCITED_RATIO:

@@ -54,7 +54,10 @@ def excitation(t: Array, phi: Array) -> Excitation | None:
 
 def _gram(t: Array, phi: Array) -> Array:
     """1/T times the integral of phi phi', by the trapezoidal rule."""
-    return np.asarray(np.trapezoid(phi @ phi.transpose(0, 2, 1), t, axis=0) / (t[-1] - t[0]))
+    steps = np.diff(t)
+    weights = np.concatenate([[0.0], steps]) + np.concatenate([steps, [0.0]])
+    columns = phi.transpose(1, 0, 2).reshape(phi.shape[1], -1)  # no outer product is made: a network's would fill the memory
+    return np.asarray((columns * np.repeat(weights, phi.shape[2])) @ columns.T / (2 * (t[-1] - t[0])))
 
 
 def _least(gram: Array) -> float:

@@ -84,7 +84,7 @@ def _hand_over_surfaces(aircraft: ET.Element) -> None:
         read = [part for part in aerodynamics.iter() if (part.text or "").strip() == f"fcs/{surface}-pos-rad"]
         if not read:
             raise InputError(
-                f"JSBSim's F-16 no longer has aerodynamic tables of its {surface}: install the version of flight.lock"
+                f"JSBSim's F-16 no longer has aerodynamic tables of its {surface}; install the version in requirements.lock"
             )
         for part in read:
             part.text = f"surfaces/{surface}-rad"
@@ -100,7 +100,7 @@ def _make_scalable(aircraft: ET.Element) -> None:
             one.find("product") for one in aerodynamics.iter("function") if one.get("name") == f"aero/coefficient/{coefficient}"
         ]
         if len(products) != 1 or products[0] is None:
-            raise InputError(f"JSBSim's F-16 no longer has one product {coefficient}: install the version of flight.lock")
+            raise InputError(f"JSBSim's F-16 no longer has one product {coefficient}; install the version in requirements.lock")
         ET.SubElement(products[0], "property").text = f"scale/{name}"
         declared = ET.Element("property", value="1.0")
         declared.text = f"scale/{name}"
@@ -119,5 +119,5 @@ def _set_ballast_apart(aircraft: ET.Element) -> None:
 def _part(whole: ET.Element, name: str) -> ET.Element:
     found = whole.find(name)
     if found is None:
-        raise InputError(f"JSBSim's F-16 no longer has <{name}>: install the version of flight.lock")
+        raise InputError(f"JSBSim's F-16 no longer has <{name}>; install the version in requirements.lock")
     return found

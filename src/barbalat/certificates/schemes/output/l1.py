@@ -157,7 +157,7 @@ def same_response(one: TransferFunction, other: TransferFunction) -> bool:
 
 
 def _coefficients(linear: LinearEquivalent) -> dict[str, dict[str, list[float]]]:
-    """Of u = feedforward[r] - feedback[y], highest power first."""
+    """Return the coefficients of u = feedforward[r] - feedback[y], highest power first."""
     return {name: {"num": system.num.tolist(), "den": system.den.tolist()} for name, system in linear._asdict().items()}
 
 

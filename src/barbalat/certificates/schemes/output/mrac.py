@@ -73,7 +73,7 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
 
 
 def midpoint_form(problem: OutputProblem, controller: MracOutput, _: float) -> midpoint.MidpointForm:
-    """That of its law."""
+    """Say what the sampled form keeps: what its law's own implicit step keeps."""
     return midpoint.of_law(controller.law, controller.bind(problem.known).box)
 
 

@@ -35,7 +35,7 @@ EQUAL_FREQUENCY_SHARE = 0.1
 
 
 class Oscillation(NamedTuple):
-    """Of u above SLOWEST_OSCILLATION, in the second half of a run."""
+    """The oscillation of u above SLOWEST_OSCILLATION, in the second half of a run."""
 
     mean: float  # of the frequency, weighted by the power [rad/s]
     peak: float  # where the power density is largest [rad/s]
@@ -57,12 +57,12 @@ class Pair(NamedTuple):
 
     @property
     def size(self) -> float:
-        """The same of the RMS value."""
+        """The RMS value of the oscillation."""
         return self.filtered.rms / self.without.rms
 
 
 def oscillation(t: Array, u: Array) -> Oscillation:
-    """By Welch's method; both (K,), evenly spaced."""
+    """Measure the oscillation by Welch's method; both arrays are (K,) and evenly spaced."""
     from scipy.signal import detrend, welch
 
     late = t > t[-1] / 2

@@ -67,7 +67,7 @@ def _falls(values: Array) -> bool:
 
 
 def _reading(who: str, name: str, values: Array) -> Reading:
-    """That it falls at every step of the gain."""
+    """Return the reading that the margin falls at every step of the gain."""
     least = int(values.argmin())
     between = f", at its least {values[least]:.2g} at Gamma r^2 = {GAINS[least]:.2g}" if 0 < least < len(values) - 1 else ""
     said = f"{values[0]:.3g} at the smallest gain{between}, {values[-1]:.2g} at the largest"

@@ -66,7 +66,7 @@ def _fewest(flights: Flights) -> tuple[str, str, list[str]]:
 
 
 def _number(every: Sequence[Flights]) -> str:
-    """Of all flights together: two lines of the last screen, however many are stored."""
+    """Return the number of all flights together: two lines of the last screen, however many are stored."""
     sides = [(one, *_fewest(one)) for one in every]
     counts = [
         (_sum(one, a, "flights"), _sum(one, a), _sum(one, b), len(differ), len(one.failures)) for one, a, b, differ in sides
@@ -100,7 +100,7 @@ def _sides(every: Sequence[Flights], says: str, by: str) -> Reading:
 
 
 def _beside(every: Sequence[Flights], says: str, one: str, other: str) -> Reading:
-    """Of two schemes of one side, which does not decide the sentence."""
+    """Compare two schemes of one side, which does not decide the sentence."""
 
     def through(sign: int) -> list[list[str]]:
         return [[failure for failure in flights.failures if flights.compared(one, other, failure) == sign] for flights in every]
@@ -115,7 +115,7 @@ def _beside(every: Sequence[Flights], says: str, one: str, other: str) -> Readin
 
 
 def _failures(found: Sequence[dict[str, list[str]]]) -> int:
-    """Of all flights, through which some scheme is ahead."""
+    """Say through which failures, of all flights, some scheme is ahead."""
     return sum(len({failure for failures in by.values() for failure in failures}) for by in found)
 
 

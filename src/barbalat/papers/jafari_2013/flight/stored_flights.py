@@ -35,7 +35,7 @@ class Flights:
 
     @classmethod
     def stored(cls, name: str) -> Flights:
-        """Of a flight's campaign."""
+        """Return what is stored of a campaign of flights."""
         text = resources.files(__package__).joinpath(f"{PREFIX}{name}{SUFFIX}").read_text(encoding="utf-8")
         return cls(json.loads(text))
 
@@ -62,7 +62,7 @@ class Flights:
 
     @cached_property
     def failures(self) -> tuple[str, ...]:
-        """Those that somebody survives."""
+        """The failures that some controller survives."""
         every = self.document["failures"]
         return tuple(
             one for one, found in every.items() if any(flown["lost"]["count"] < self.members for flown in found.values())
@@ -77,7 +77,7 @@ class Flights:
 
     @cached_property
     def shares(self) -> dict[tuple[str, str, str, str], Share]:
-        """Of every two controllers through every failure by every criterion, where some draw decides."""
+        """The shares of every two controllers through every failure by every criterion, where some draw decides."""
         found = {}
         for failure, by_controller in self.document["failures"].items():
             for (one, other), by in product(combinations(by_controller, 2), (ERROR, LOSS)):
@@ -88,7 +88,7 @@ class Flights:
 
     @cached_property
     def signs(self) -> dict[tuple[str, str, str, str], int]:
-        """Of these, beyond chance, all of them together."""
+        """The comparisons beyond chance, all of them judged together."""
         return beyond_chance(self.shares)
 
     def compared(self, one: str, other: str, failure: str, by: str = ERROR) -> int:

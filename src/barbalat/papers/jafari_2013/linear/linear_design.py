@@ -104,7 +104,7 @@ def _measure(controller: Controller) -> TailErrors:
 
 
 def amplitude() -> float:
-    """Of x_m,1 in the steady state: 50 |k_0/(s^2 + s + 0.3)| at 0.5 rad/s."""
+    """k_0/(s^2 + s + 0.3)| at 0.5 rad/s.|Return the amplitude of x_m,1 in the steady state: 50 |k_0/(s^2 + s + 0.3)| at 0.5 rad/s.|k_0/(s^2 + s + 0.3)| at 0.5 rad/s."""
     return float(50 * 4 / abs((0.5j) ** 2 + 0.5j + 0.3))
 
 

@@ -35,5 +35,5 @@ def over_sizes(controller: Controller) -> Array:
 
 
 def at_one(values: Array) -> float:
-    """Of values over SIZES, that at size 1."""
+    """Return, of values over SIZES, the one at size 1."""
     return float(values[np.argmin(np.abs(SIZES - 1))])

@@ -118,7 +118,7 @@ def _map(smooth: Result, onset_of_mrac: Array) -> Map:
 
 
 def _predicted_step(smooth: Result, gains: Array) -> Array:
-    """The same boundary, solved for h."""
+    """Return the step at which oscillations are due: the boundary solved for h."""
     return np.sqrt(_predicted_gain(smooth, np.array(1.0)) / gains)
 
 

@@ -154,7 +154,7 @@ def _failing(tried: StiffRuns) -> list[StiffRow]:
 
 
 def _condition(tried: StiffRuns) -> str:
-    """By what is seen: which codes fail at the loose tolerance, and where none does."""
+    """State the condition by what is seen: which codes fail at the loose tolerance, and where none does."""
     said = [
         f"{row.name} {f'gives up at {row.boxed.reached:.4g} s' if row.boxed.lost else 'rings too much'}"
         for row in _failing(tried)

@@ -78,7 +78,7 @@ class SolverPath:
 def implicit(
     loop: ClosedLoop, problem: Problem, h: float, t_end: float, weight: float, box: ParameterBox
 ) -> tuple[SolverPath, SolverPath]:
-    """The same steps without projection and with it, side by side in two lanes; ``loop`` is the one without.
+    """Take implicit steps without projection and with it, side by side in two lanes; ``loop`` is the one without.
 
     The slope is taken at (1 - weight) old + weight new: 1/2 is the midpoint rule, 1 is Euler's implicit method.
     Where the method's own equation is not solved to LARGEST_RESIDUAL the windows from there on are NaN.

@@ -138,7 +138,7 @@ def _along_runs(what: str, constants: dict[str, Array]) -> Reading:
 
 
 def _suprema(mus: tuple[float, ...], halves: dict[str, Array]) -> Listing:
-    """Of either half of each run."""
+    """Return the suprema over either half of each run."""
     return table(
         "The suprema along a run with Delta_m = -mu s/(0.001 s + 1), in its first and in its second half",
         {

@@ -150,7 +150,7 @@ def listings() -> tuple[Listing, Listing]:
 
 
 def _of_both(measure: Callable[[ScalarLaw], Array]) -> tuple[Array, Array]:
-    """By pure least squares, and by the gradient law."""
+    """Return the results of pure least squares and of the gradient law."""
     return measure(ScalarLeastSquares()), measure(ScalarGradient())
 
 

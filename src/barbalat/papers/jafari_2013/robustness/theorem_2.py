@@ -160,7 +160,7 @@ AGREEMENT_SHARE = 0.02
 
 @cache
 def frozen_loops(tau: float) -> FrozenLoops:
-    """Of the robust MRAC of Section V; both families of modelling errors share them."""
+    """Return the frozen loops of Section V's robust MRAC, which both families of modelling errors share."""
     return FrozenLoops(section_v.problem(), section_v.robust_mrac("r", tau))
 
 

@@ -140,7 +140,7 @@ class CommandErrors:
 
     @property
     def readings(self) -> tuple[Reading, Reading]:
-        """The same two for each scheme: less than before, and little."""
+        """Return two readings for each scheme: less than before, and little."""
         fell, small, slowest = self.ratios < 1, self.late < SMALL_ERROR_SHARE, int(self.ratios.argmax())
         worst = int(self.late.argmax())
         return (

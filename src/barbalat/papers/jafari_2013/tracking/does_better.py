@@ -69,7 +69,7 @@ class Respect:
 
     @property
     def reading(self) -> Reading:
-        """As the ledger has it."""
+        """Return the reading as the ledger states it."""
         which = "named by the paper" if self.named else "not named by the paper"
         of_figure_2, of_l1, equal, between = self.shown
         measured = f"robust MRAC {of_figure_2}, L1-AC {of_l1}; the robust MRAC with tau = kappa {equal}, with tau = {BETWEEN_TAU:g} s {between}"
@@ -121,7 +121,7 @@ def _named(respects: Sequence[Respect]) -> str:
 
 
 def _at_one_tau(lost: Mapping[float, Sequence[Respect]], count: int) -> Reading:
-    """That one setting wins everything: what each of those that were tried loses."""
+    """Return the reading that one setting wins everything: what each setting that was tried loses."""
     return Reading(
         "in every respect, named or not, with one tau for all of them",
         verdict(holds=not all(lost.values())),
@@ -182,7 +182,7 @@ def _largest_steps(controllers: Sequence[Controller]) -> Array:
 
 
 def _robustness(t_end: float) -> list[Respect]:
-    """By simulation: the delay before the loop oscillates, and before the motion is lost."""
+    """Measure robustness by simulation: the delay at which the loop oscillates, and at which the motion is lost."""
     given = section_v.problem()
     ours = delay_margins_ensemble(
         [(given, robust(tau)) for tau in TAUS.values()], Simulation(t_end=t_end, dt=1e-3), resolution=0.05

@@ -46,7 +46,7 @@ class ReferenceBounds:
 
 
 def bounds() -> ReferenceBounds:
-    """Of Section V; each is to be divided by sqrt(Gamma)."""
+    """Return the bounds of Section V; each is to be divided by sqrt(Gamma)."""
     given, C = section_v.problem(), input_filter(section_v.KAPPA)
     known, theta, realised = given.known, given.plant.theta, C.realise()
     condition = theorem_1.filter_condition(known, realised, THETA_MAX)

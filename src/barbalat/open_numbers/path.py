@@ -1,20 +1,27 @@
-"""Places of numbers in a case file, as ``plant.theta[0]``: how they are written, what stands there, what is put there."""
+"""The one name of a number, ``plant.theta[0]``: how it is written, where it stands in a case file and in Python's objects."""
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
 from difflib import get_close_matches
 from typing import Any
 
 from barbalat import validate
+from barbalat.problem.labels import Labels
+from barbalat.protocols import Controller
 from barbalat.validate import InputError
 
 Tables = dict[str, Any]
 """What TOML makes of a case file."""
 Key = str | int
 
-_KEY = re.compile(r"([A-Za-z_][A-Za-z0-9_-]*)((?:\[\d+\])*)$")
+_KEY = re.compile(r"([A-Za-z_][A-Za-z0-9_-]*)((?:\[\d+(?:,\d+)*\])*)$")
+_LABEL = re.compile(r"\[([^\[\]]*)\]")
+FILE_TABLES = {"disturbance": "plant", "unmatched": "plant", "output_disturbance": "plant", "input_gain": "uncertainty"}
+"""Fields of a problem that stand in a table of the case file, and in which."""
+WRAPPED = "controller"
+"""The field of a controller that runs another one, as ``Sampled`` does: a path does not name it, as a case file does not."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,30 @@ class FieldPath:
 
     def __str__(self) -> str:
         return _text(self.keys)
+
+    @property
+    def structured(self) -> str:
+        """The path in the structured names of FMI, where the indices of a matrix's entry share their brackets."""
+        return str(self).replace("][", ",")
+
+    @classmethod
+    def of_field(cls, keys: tuple[Key, ...]) -> FieldPath:
+        """The path of a number among the fields of a problem, of ``controller[i]`` or of the simulation."""
+        table = FILE_TABLES.get(str(keys[0]))
+        return cls(keys if table is None else (table, *keys))
+
+    @property
+    def field(self) -> tuple[Key, ...]:
+        """Where the number stands among the fields of a problem, of ``controller[i]`` or of the simulation."""
+        return self.keys[1:] if len(self.keys) > 1 and FILE_TABLES.get(str(self.keys[1])) == self.keys[0] else self.keys
+
+    @property
+    def vector(self) -> tuple[Key, ...]:
+        """The place of the vector or matrix of which the number is an entry, or its own."""
+        keys = self.keys
+        while isinstance(keys[-1], int):
+            keys = keys[:-1]
+        return keys
 
     def entry(self, index: int) -> FieldPath:
         """The path to an entry of the list that stands here."""
@@ -99,6 +130,21 @@ class FieldPath:
         if not isinstance(key, int) or key >= len(here):
             raise InputError(f"{self} names no field: {place} has {validate.counted(len(here), 'entry')}, counted from 0")
         return key
+
+
+def wrapped_in(part: Any, key: Key | None = None) -> Any:
+    """The controller that another one runs, where a path goes on in it with ``key``; None for what runs none."""
+    own = vars(part) if is_dataclass(part) else {}
+    inner = own.get(WRAPPED)
+    if not isinstance(inner, Controller) or (key in own and not (key == WRAPPED and key in vars(inner))):
+        return None
+    return inner
+
+
+def by_index(text: str, labels: Labels | None) -> str:
+    """A path, a figure or a requirement with each state's label in brackets replaced by its index: ``max_abs_e[phi]``."""
+    names = () if labels is None else labels.names
+    return _LABEL.sub(lambda found: f"[{names.index(found[1])}]" if found[1] in names else found[0], text)
 
 
 def copied(tables: Tables) -> Tables:

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import product
 
 import numpy as np
 
 from barbalat.cases.build import Case
+from barbalat.open_numbers.kernel_numbers import Family, Numbers
+from barbalat.open_numbers.probe import DelayEffect, Effect, Kind, Tried, direct
+from barbalat.open_numbers.varied import Varied
 from barbalat.protocols import Signal
-from barbalat.run.kernel_numbers import Copied, Family, Numbers
 from barbalat.run.members import Members
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.motion import ModelMotion
-from barbalat.sweeps.kinds import Kind, Tried
-from barbalat.sweeps.varied import Varied
 from barbalat.validate import Array, InputError
 
 MOST_CORNERS = 2**8
@@ -27,48 +25,51 @@ MOST_KEPT = 20_000
 
 @dataclass(eq=False)
 class Setting:
-    """All members with the same numbers where these are of another kind than ``Kind.NUMBER``.
+    """All members with the same numbers where one kernel does not serve all values.
 
-    A number that is *copied* stands in every kernel as it is, see ``Copied``: then no case is made for a member. What its
-    constructors would have refused is still refused: the corners of the box in which the members lie are made into cases. That
-    holds for the whole box, since what a constructor admits of such numbers is convex: limits, orders, known sets. And each
-    corner's numbers must be those that copying gives, bit by bit. Where a corner is refused every member is made into a case.
+    A number that stands in every kernel as it is, or is the plant's delay, is put there directly, see ``probe.direct``: then no
+    case is made for a member. What its constructors would have refused is still refused: the corners of the box in which the
+    members lie are made into cases. That holds for the whole box, since what a constructor admits of such numbers is convex:
+    limits, orders, known sets. And each corner's numbers must be those that are put there, bit by bit. Where a corner is refused
+    every member is made into a case.
 
     base      (d,) numbers of an example
     families  of each controller
-    copied    by column, of each controller
+    copied    by column, how each controller's numbers follow directly
     """
 
     varied: Varied
     base: Array
     example: Case
     families: tuple[Family, ...]
-    copied: dict[int, tuple[Copied, ...]]
+    copied: dict[int, tuple[Effect | DelayEffect, ...]]
+    numeric: tuple[int, ...] = ()
     admitted: Array | None = None  # (2, copied) the box whose corners were made
     made: dict[bytes, tuple[Numbers, ...]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, varied: Varied, kinds: Sequence[Kind], tried: Tried, base: Array, *, windows: int = 0) -> Setting:
         """``base`` has the numbers that are the same for all, in their columns; ``windows`` as of ``Members``."""
-        numeric = [column for column, kind in enumerate(kinds) if kind is Kind.NUMBER]
+        numeric = [column for column, kind in enumerate(kinds) if kind.is_number]
         rows = {column: tried.rows(column, base) for column in numeric}
         cases = [varied.at(row) for row in (base, *(row for column in numeric for row in rows[column]))]
         example = cases[0]
-        copied: dict[int, tuple[Copied, ...]] = {}
+        copied: dict[int, tuple[Effect | DelayEffect, ...]] = {}
         families = tuple(
             Family.of([(case.problem, case.controllers[i]) for case in cases], example.simulation, windows=windows)
             for i in range(len(example.controllers))
         )
-        numbers = _numbers(families, cases)
+        numbers = [family.numbers for family in families]
         begin = 1
         for column in numeric:
             which = np.array([0, *range(begin, begin + len(rows[column]))])
             begin += len(rows[column])
             values = np.array([base[column], *rows[column][:, column]])
-            found = [Copied.of(one.of(which), values) for one in numbers]
-            if all(one is not None for one in found) and 2 ** (len(copied) + 1) <= MOST_CORNERS:
-                copied[column] = tuple(one for one in found if one is not None)
-        return cls(varied, base, example, families, copied)
+            found = [direct(values, one.of(which), family) for one, family in zip(numbers, families, strict=True)]
+            effects = tuple(one for one in found if one is not None)
+            if len(effects) == len(numbers) and 2 ** (len(copied) + 1) <= MOST_CORNERS:
+                copied[column] = effects
+        return cls(varied, base, example, families, copied, tuple(numeric))
 
     @property
     def simulation(self) -> Simulation:
@@ -78,14 +79,12 @@ class Setting:
     def signals(self) -> tuple[Signal, ...]:
         return self.example.problem.signals
 
-    @cached_property
-    def motion(self) -> ModelMotion:
-        """Of the example's model."""
-        return ModelMotion.of(self.example.problem, self.simulation)
-
-    def driven_by(self, base: Array) -> Setting:
-        """The same kernels with the signals of another example."""
-        return self if (base == self.base).all() else replace(self, base=base, example=self.varied.at(base), made={})
+    def driven_by(self, base: Array, example: Case) -> Setting:
+        """The same kernels with the signals of another example, which is the case with these numbers."""
+        if (base == self.base).all():
+            return self
+        made = {base.tobytes(): self._made(self.base)} if self.numeric == () else {}
+        return replace(self, base=base, example=example, made=made)
 
     def members(self, rows: Array, streams: Array) -> tuple[Members, ...]:
         """Of each controller; rows (M, d) and streams of noise (M,). RefusedError for a member that makes no case."""
@@ -94,6 +93,8 @@ class Setting:
 
     def numbers(self, rows: Array) -> tuple[Numbers, ...]:
         """What the kernels are handed, of each controller."""
+        if not self.numeric and (rows == self.base).all():
+            return tuple(one.of(np.zeros(len(rows), dtype=int)) for one in self._made(self.base))
         columns = list(self.copied)
         others = [column for column in range(rows.shape[1]) if column not in self.copied]
         unique, which = np.unique(rows[:, others], axis=0, return_inverse=True)
@@ -184,4 +185,4 @@ class RefusedError(InputError):
 
 
 def _numbers(families: Sequence[Family], cases: Sequence[Case]) -> tuple[Numbers, ...]:
-    return tuple(family.read([(case.problem, case.controllers[i]) for case in cases]) for i, family in enumerate(families))
+    return tuple(family.read([case.member(i) for case in cases]) for i, family in enumerate(families))

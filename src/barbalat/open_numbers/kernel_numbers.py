@@ -1,27 +1,27 @@
-"""The numbers that a kernel is handed for each member, made for many members at once where they are what varies itself.
-
-What varies reaches a kernel in one of two ways. Either some of its arguments *are* that number, to the last bit, and nothing else
-depends on it: theta, a gain, x_0. Or they follow from it by way of the objects: P from A_m, a filter's matrices from kappa, the
-weights of a delay. Of the first kind no object is made for a member.
-"""
+"""What the kernel of many members of one structure is handed for each of them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
 from barbalat.run.columns import StructureError
 from barbalat.run.members import Members, Reader
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
-Member = tuple[TrackingProblem, Controller]
+Member = tuple[Any, ...]
+"""A problem and a controller, and its equations on it where they are known: see ``Case.member``."""
 
 
+OTHER_STRUCTURE = (
+    "members must have the structure of the first one, and vary in no more than the few that were tried before: "
+    "narrow the range, or sweep its parts one by one"
+)
 ROUNDING = 1e-9
 """Part of the largest number of an array. What did not change with any of the values tried and is off by no more in some member
 is the same number computed in other steps, as an A_m that follows from a varied A; every member has the first's."""
@@ -63,42 +63,56 @@ class Numbers:
 class Family:
     """Members of one structure that vary in what a few examples vary in: one kernel, whatever members there are.
 
-    differs  (N,) which of all numbers of a member are arguments of the kernel
+    differs   (N,) which of all numbers of a member are arguments of the kernel
+    windows   of the kernel, see ``Members``
+    rounding  by which examples may differ in other numbers, as a part of their array's largest
     """
 
-    members: Members
     reader: Reader
     differs: Array
+    windows: int = 0
+    rounding: float = 0.0
 
     @classmethod
     def of(cls, examples: Sequence[Member], simulation: Simulation, *, windows: int = 0) -> Family:
         """InputError where an example can't be used."""
-        reader = Reader.of(examples[0], simulation, adjustable=False)
-        for problem, controller in examples[1:]:
+        reader = Reader.of(examples[0][:2], simulation, adjustable=False)
+        for problem, controller, *_ in examples[1:]:
             reader.add(problem, controller)
-        return cls(reader.members(windows, many_delays=len(reader.known_delays) > 1), reader, reader.arguments())
+        return cls(reader, reader.arguments(), windows)
+
+    @cached_property
+    def members(self) -> Members:
+        """The examples with their kernel."""
+        return self.reader.members(self.windows, many_delays=len(self.reader.known_delays) > 1)
+
+    @property
+    def numbers(self) -> Numbers:
+        """What the kernel is handed for the examples."""
+        return _numbers(self.reader, self.reader.chosen(self.differs, self.rounding), 0)
 
     def read(self, members: Sequence[Member]) -> Numbers:
         """Of any members that differ from the examples in no more than these do; InputError for others."""
         reader = Reader.of((self.reader.problem, self.reader.controller), self.reader.simulation, adjustable=False)
         try:
-            for problem, controller in members:
-                reader.take(problem, controller)
+            for member in members:
+                reader.take(*member)
             parameters = reader.chosen(self.differs, ROUNDING)[:, 1:]
         except StructureError:
-            raise InputError(
-                "members must have the structure of the first one, and vary in no more than the few that were tried before: "
-                "narrow the range, or sweep its parts one by one"
-            ) from None
-        lags = np.array(reader.lags[1:]) if reader.loop.delayed else None
-        return Numbers(
-            parameters,
-            reader.initial.everything()[:, 1:],
-            lags,
-            np.column_stack(reader.history[1:]) if reader.loop.delayed else None,
-            np.array([problem.delay for problem, _ in members]),
-            np.array(reader.seeds[1:]) if reader.loop.signals.noise else None,
-        )
+            raise InputError(OTHER_STRUCTURE) from None
+        return _numbers(reader, parameters, 1)
+
+    @property
+    def weights(self) -> tuple[Array, Array]:
+        """(k,) the rows of the parameters that are a delay's weights, and which of all weights these are."""
+        reader = self.reader
+        if reader.weights is not None and reader.adjustable:  # all of them, last
+            size = reader.weights.first.size
+            return int(self.differs.sum()) + 1 + np.arange(size), np.arange(size)
+        first = reader.columns.first.delay_weights
+        size = 0 if first is None else first.size
+        arguments = np.flatnonzero(self.differs) - (len(self.differs) - size)  # a member's weights are its last numbers
+        return np.flatnonzero(arguments >= 0), arguments[arguments >= 0]
 
     def given(self, numbers: Numbers, streams: Array) -> Members:
         """Members with these numbers and these streams of noise, (M,)."""
@@ -114,28 +128,13 @@ class Family:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Copied:
-    """Where a number that varies stands as it is: rows of the kernel's parameters and of its states."""
-
-    parameters: Array
-    states: Array
-
-    @classmethod
-    def of(cls, numbers: Numbers, tried: Array) -> Copied | None:
-        """By examples that differ in this number alone, which is ``tried`` (K,) in them; None where more follows from it."""
-        rows = []
-        for values in (numbers.parameters, numbers.states):
-            moved = (values != values[:, :1]).any(axis=1)
-            if (values[moved] != tried).any():
-                return None
-            rows.append(np.flatnonzero(moved))
-        apart = (numbers.lags, numbers.history, numbers.delays, numbers.seeds)
-        if any(part is not None and (part != part[..., :1]).any() for part in apart):
-            return None
-        return cls(*rows)
-
-    def put(self, numbers: Numbers, values: Array) -> None:
-        """The values (M,) where they belong; the arrays are changed."""
-        numbers.parameters[self.parameters] = values
-        numbers.states[self.states] = values
+def _numbers(reader: Reader, parameters: Array, first: int) -> Numbers:
+    """What was read of all members from number ``first`` on; ``parameters`` are theirs alone."""
+    return Numbers(
+        parameters,
+        reader.initial.everything()[:, first:],
+        np.array(reader.lags[first:]) if reader.loop.delayed else None,
+        np.column_stack(reader.history[first:]) if reader.loop.delayed else None,
+        np.array(reader.delays[first:]),
+        np.array(reader.seeds[first:]) if reader.loop.signals.noise else None,
+    )

@@ -1,17 +1,20 @@
-"""The numbers of a case that get a slider: where they stand, which values they may have, how they are called."""
+"""The numbers of a case: which there are, which values each may have, and which are tried to see what it does."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.sweeps.paths import FieldPath, Key
+from barbalat.open_numbers.path import WRAPPED, FieldPath, Key, wrapped_in
+from barbalat.protocols import InterpolatedSignal
 from barbalat.validate import Array, InputError
 
+NO_NUMBERS = ("name", "record_points", "seed", "sample_time", "solver")
+"""Keys and fields that hold no number of the loop, or say at which instants something happens."""
 MANTISSAS = (
     1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.8, 2.0, 2.2, 2.5, 2.7, 3.0, 3.3, 3.6, 4.0, 4.3, 4.7, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5,
     8.0, 9.0,
@@ -23,26 +26,10 @@ LINEAR_REACHES = (2.0, 1.0, 0.5, 0.1)
 """Of a linear one to either side, in sizes of the number itself; of a zero in units."""
 LINEAR_STEPS = 40
 """To either side of a linear slider's beginning."""
-FIXED_KEYS = ("name", "record_points", "seed", "sample_time", "solver")
-"""Keys that hold no number of the loop, or say at which instants something happens."""
-GRID_KEYS = ("t_end", "dt")
-"""Keys of the simulation; their sliders are the page's own."""
-DELAY_PATH = FieldPath(("plant", "input", "delay"))
-"""A slider of the page's own too: it moves how far a module looks back, in whole steps."""
+SPECIAL_VALUES = (-1.0, 0.0, 1.0)
+"""Values that a structure may depend on: a zero says what a state acts on at all, and a gain of one multiplies nothing."""
 At = Callable[[FieldPath, float], Case]
 """The case with another number at one place; InputError where it can't be used."""
-
-SYMBOLS = {
-    "gamma": ("Γ", ""), "kappa": ("κ", "s"), "tau": ("τ", "s"), "theta": ("θ", ""), "x0": ("x(0)", ""), "k_0": ("k₀", ""),
-    "amplitude": ("amplitude", ""), "frequency": ("frequency", "rad/s"), "phase": ("phase", "rad"), "t_end": ("horizon", "s"),
-    "dt": ("step h", "s"), "c_0": ("c₀", ""), "covariance0": ("P(0)", ""), "alpha_0": ("α₀", ""), "delta_0": ("δ₀", "1/s"),
-    "theta_hat0": ("θ̂(0)", ""), "sigma": ("σ", ""), "A_m": ("A_m", ""), "b": ("b", ""), "delay": ("delay", "s"),
-    "gain": ("input gain", ""), "start": ("start", "s"), "sigma_bound": ("σ bound", ""), "lower": ("least", ""),
-    "upper": ("greatest", ""), "input_gain": ("input gain", ""), "g_0": ("dead zone g₀", ""), "c_0_min": ("least c₀", ""),
-    "frequencies": ("frequency", "rad/s"), "amplitudes": ("amplitude", ""), "rate_limit": ("rate limit", "1/s"),
-    "lag": ("sensor lag", "s"), "std": ("noise, standard deviation", ""),
-}  # fmt: skip
-"""Symbol and unit by a number's key, where the key alone does not say it."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -63,21 +50,16 @@ class Number:
     without: tuple[float, ...] = ()
 
     @property
-    def label(self) -> str:
-        """Symbol, indices counted from 1, and unit."""
-        keys = [key for key in self.path.keys if isinstance(key, str)]
-        symbol, unit = SYMBOLS.get(keys[-1], (keys[-1].replace("_", " "), ""))
-        if keys[-1] in ("num", "den"):
-            symbol = f"{keys[-2].replace('_', ' ')} {keys[-1]}"
-        after = self.path.keys[len(self.path.keys) - 1 - self.path.keys[::-1].index(keys[-1]) + 1 :]
-        places = ",".join(str(int(index) + 1) for index in after)
-        return symbol + (f" [{places}]" if places else "") + (f", {unit}" if unit else "")
+    def tried(self) -> Array:
+        """The values that are tried: its own, some from one end to the other, those on which a structure may depend."""
+        values, last = self.values, len(self.values) - 1
+        special = [value for value in SPECIAL_VALUES if values[0] <= value <= values[last] and value not in self.without]
+        return np.unique([self.value, *values[[0, last // 5, last // 2, last]], *special])
 
-    @property
-    def group(self) -> tuple[Key, ...]:
-        """The table that it stands in: a controller's keys are ("controller", i)."""
-        first = self.path.keys[0]
-        return self.path.keys[:2] if first in ("controller", "reference") and isinstance(self.path.keys[1], int) else (first,)
+
+def beside(value: float) -> tuple[float, float]:
+    """Two values near a number of which no range is known, one to each side: what is tried then."""
+    return 1.125 * value + 0.0625 * (value == 0), 0.875 * value - 0.0625 * (value == 0)
 
 
 def in_tables(tables: dict[str, Any]) -> Iterator[tuple[FieldPath, float]]:
@@ -88,13 +70,41 @@ def in_tables(tables: dict[str, Any]) -> Iterator[tuple[FieldPath, float]]:
 def _within(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:
     if isinstance(part, dict):
         for key, inner in part.items():
-            if key not in FIXED_KEYS:
+            if key not in NO_NUMBERS:
                 yield from _within(inner, (*keys, key))
     elif isinstance(part, list):
         for i, inner in enumerate(part):
             yield from _within(inner, (*keys, i))
     elif isinstance(part, (int, float)) and not isinstance(part, bool) and np.isfinite(part):
         yield keys, part
+
+
+def in_case(case: Case) -> Iterator[tuple[FieldPath, float]]:
+    """The numbers of a problem, of its controllers and of the simulation, each with its path in ``VariedObjects``."""
+    parts = [((), case.problem), *((("controller", i), one) for i, one in enumerate(case.controllers))]
+    for keys, part in (*parts, (("simulation",), case.simulation)):
+        yield from ((FieldPath.of_field(place), value) for place, value in in_object(part, keys))
+
+
+def in_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:
+    """The numbers among an object's fields; of a controller that runs another one those of both."""
+    if isinstance(part, (bool, InterpolatedSignal)):  # a record is what was measured
+        return
+    if isinstance(part, (int, float)):
+        if np.isfinite(part):
+            yield keys, part
+    elif isinstance(part, np.ndarray) and part.dtype.kind == "f":
+        for index in np.ndindex(part.shape):
+            yield (*keys, *index), float(part[index])
+    elif isinstance(part, (tuple, list)):
+        for i, inner in enumerate(part):
+            yield from in_object(inner, (*keys, i))
+    elif is_dataclass(part) and not isinstance(part, type):
+        runs_another = wrapped_in(part) is not None
+        for one in fields(part):
+            if one.init and one.name not in NO_NUMBERS:
+                within = keys if runs_another and one.name == WRAPPED else (*keys, one.name)
+                yield from in_object(vars(part).get(one.name), within)
 
 
 def ranged(path: FieldPath, value: float, at: At) -> Number | None:

@@ -1,0 +1,108 @@
+"""MyLaw: MRAC with a regressor, projection and care for the actuator's limits, written to be changed line by line.
+
+barbalat run paper --controllers FILE      simulates it beside the controllers of the case "paper"
+python FILE                                checks it, as the test at the end does
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from barbalat import InputError, Knobs, Known, Role
+from barbalat.controllers.knobs import Reach
+from barbalat.problem.known_set import EstimateSet
+from barbalat.protocols import Value
+
+
+class State(NamedTuple):
+    """Everything that the controller integrates."""
+
+    theta_hat: Value  # (p,) the estimates of theta
+    e_d: Value  # (n,) the part of the tracking error that the actuator's limits cause
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """The law on one plant, of which it knows everything but theta.
+
+    The lines are evaluated on numbers and on symbols, so they must not branch on values: np.where, np.clip, np.minimum do that.
+    """
+
+    gamma: float
+    known: Known
+
+    # What the fields of the state are. theta_hat needs no entry: by convention it holds the estimates of theta. A freeze keeps
+    # estimates and memory; Role also has memory, predictor and filter.
+    roles: ClassVar[Mapping[str, Role]] = {"e_d": Role.other("error that the input's limits cause")}
+
+    @property
+    def box(self) -> EstimateSet | None:
+        """The set that the estimates are projected onto; None where the problem has none."""
+        return self.known.box
+
+    def initial(self) -> State:
+        """The state at t = 0."""
+        start = np.zeros(self.known.parameters)
+        return State(start if self.known.box is None else self.known.box.limit(start), np.zeros(self.known.n))
+
+    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+        """u = k_0 r - theta_hat'phi(x)."""
+        return np.dot(self.known.k_0, r) - self.known.uncertainty.phi(x).T @ state.theta_hat
+
+    def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
+        """The rates of the state; u is what ``control`` gives, before the actuator's limits."""
+        known, phi = self.known, self.known.uncertainty.phi(x)
+        reaches = u if known.saturation is None else np.clip(u, *known.saturation)
+        e = x - x_m - state.e_d  # without what the limits cause, from which there is nothing to learn
+        theta_hat_dot = self.gamma * np.dot(phi, e @ known.P @ known.b)
+        if known.box is not None:
+            theta_hat_dot = known.box.project(theta_hat_dot, state.theta_hat)
+        return State(theta_hat_dot, known.A_m @ state.e_d + np.dot(known.b, reaches - u))
+
+    def limit(self, state: State) -> State:
+        """The state with its estimates inside the set, which a stage of the solver may overstep."""
+        return state if self.known.box is None else state._replace(theta_hat=self.known.box.limit(state.theta_hat))
+
+    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
+        """What multiplies theta: its excitation is measured along runs."""
+        return self.known.uncertainty.phi(x)
+
+
+@dataclass(frozen=True)
+class MyLaw:
+    """u = k_0 r - theta_hat'phi(x), theta_hat' = proj(gamma ((e - e_d)'P b) phi(x)), e_d' = A_m e_d + b (sat(u) - u).
+
+    gamma  adaptive gain > 0
+    """
+
+    gamma: float = 10.0
+    name: str = "MyLaw"
+
+    def bind(self, known: Known) -> Equations:
+        """The equations for what is known of a plant; InputError for a plant that the law does not take."""
+        if known.uncertainty.gain_unknown:
+            raise InputError(f"{self.name} takes plants with a known input gain")
+        return Equations(self.gamma, known)
+
+    def knobs(self, reach: Reach) -> Knobs:
+        """The settings that a trade-off or a contest turns, and how far: here gains up to what the step resolves."""
+        gains = reach.gains(1e-8, 8 * reach.density)
+        return Knobs(scheme=self.name, values={"gamma": gains}, make=lambda gamma: replace(self, gamma=gamma))
+
+
+CONTROLLERS = [MyLaw(gamma=10.0)]  # what --controllers adds to a case
+
+
+def test_law() -> None:
+    """Symbols against numbers, runs against SciPy, ensembles, a freeze and the exported C, on problems of every kind."""
+    from barbalat.testing import check
+
+    print(check(MyLaw()))
+
+
+if __name__ == "__main__":
+    test_law()

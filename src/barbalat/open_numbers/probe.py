@@ -1,0 +1,353 @@
+"""What a number of a case does to a run: found by trying other values of it, by one routine for every command.
+
+Either it stands there as it is, to the last bit, or numbers follow from it: P from A_m, a filter's matrices from kappa, the
+weights of a delay. Or it is in the signals alone; or another value of it makes another kernel, or other steps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from math import inf
+from typing import Protocol
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.open_numbers.kernel_numbers import OTHER_STRUCTURE, ROUNDING, Family, Member, Numbers
+from barbalat.open_numbers.numbers import SPECIAL_VALUES, At, Number
+from barbalat.open_numbers.varied import Varied
+from barbalat.run import delay
+from barbalat.run.breaks import can_be_split
+from barbalat.run.columns import Columns, StructureError
+from barbalat.run.members import OtherRhythmError, Reader
+from barbalat.run.template import argument_numbers
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError
+
+
+class Kind(Enum):
+    """What other values of a number make of a case."""
+
+    STRUCTURE = "structure"
+    """Another kernel, or other steps."""
+    SIGNAL = "signal"
+    """Another command or disturbance."""
+    FOLLOWED = "followed"
+    """Other numbers of the same kernel, which follow from it."""
+    COPIED = "copied"
+    """Numbers of the same kernel that are the number itself, to the last bit."""
+
+    @property
+    def is_number(self) -> bool:
+        """Whether one kernel serves all values."""
+        return self in (Kind.FOLLOWED, Kind.COPIED)
+
+
+Rows = set[tuple[str, int]]
+"""Of what a kernel is handed: parameters, "p", and the initial state, "s"."""
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """Of one number on what one controller's kernel is handed.
+
+    parameters, states  rows (k,) that it moves
+    table               (K, rows) what they are at each of its values, parameters first; None where they are the number itself
+    """
+
+    parameters: Array
+    states: Array
+    table: Array | None
+
+    @classmethod
+    def none(cls) -> Effect:
+        return cls(np.zeros(0, dtype=int), np.zeros(0, dtype=int), None)
+
+    @classmethod
+    def of(cls, values: Array, numbers: Numbers) -> Effect | None:
+        """By numbers of members that differ in this one alone, ``values`` (K,); None where delays or streams of noise move."""
+        apart = (numbers.lags, numbers.history, numbers.delays, numbers.seeds)
+        if any(part is not None and (part != part[..., :1]).any() for part in apart):
+            return None
+        moved = [np.flatnonzero((part != part[:, :1]).any(axis=1)) for part in (numbers.parameters, numbers.states)]
+        rows = np.concatenate([numbers.parameters[moved[0]], numbers.states[moved[1]]])
+        return cls(moved[0], moved[1], None if (rows == values).all() else rows.T)
+
+    @property
+    def rows(self) -> Rows:
+        return {("p", int(i)) for i in self.parameters} | {("s", int(i)) for i in self.states}
+
+    @property
+    def nothing(self) -> bool:
+        return not len(self.parameters) and not len(self.states)
+
+    @property
+    def copied(self) -> bool:
+        """Whether every row that it moves is the number itself."""
+        return self.table is None
+
+    def put(self, numbers: Numbers, values: Array) -> None:
+        """Values (M,) of a copied number where they belong; the arrays are changed."""
+        numbers.parameters[self.parameters] = values
+        numbers.states[self.states] = values
+
+
+@dataclass(frozen=True, eq=False)
+class DelayEffect:
+    """Of a number that is the plant's delay and nothing else: what a kernel is handed follows from it without any object.
+
+    rows, entries  of the kernel's parameters those that are weights, and which of all weights they are; first: all of them (w,)
+    """
+
+    simulation: Simulation
+    rows: Array
+    entries: Array
+    first: Array
+
+    @classmethod
+    def of(cls, values: Array, numbers: Numbers, family: Family) -> DelayEffect | None:
+        """By numbers of members that differ in this one alone, ``values`` (K,); None where other things follow from it."""
+        if numbers.lags is None or (numbers.delays != values).any():
+            return None
+        rows, entries = family.weights
+        moved = np.flatnonzero((numbers.parameters != numbers.parameters[:, :1]).any(axis=1))
+        apart = (numbers.states, numbers.history, numbers.seeds)
+        if not np.isin(moved, rows).all() or any(part is not None and (part != part[..., :1]).any() for part in apart):
+            return None
+        simulation = family.reader.simulation
+        first = delay.weights(float(values[0]), simulation.dt, simulation.solver, fused=simulation.fused).reshape(-1)
+        return cls(simulation, rows, entries, first)
+
+    def put(self, numbers: Numbers, values: Array) -> None:
+        """What delays ``values`` (M,) make, where it belongs; the arrays are changed. InputError for another structure."""
+        assert numbers.lags is not None
+        simulation, others = self.simulation, np.delete(np.arange(self.first.size), self.entries)
+        for k, value in enumerate(values.tolist()):
+            weights = delay.weights(value, simulation.dt, simulation.solver, fused=simulation.fused).reshape(-1)
+            if (np.abs(weights - self.first)[others] > ROUNDING).any():  # the largest is about 1
+                raise InputError(OTHER_STRUCTURE)
+            numbers.lags[k] = delay.lag(value, simulation.dt)
+            numbers.parameters[self.rows, k] = weights[self.entries]
+        numbers.delays[:] = values
+
+
+def direct(values: Array, numbers: Numbers, family: Family) -> Effect | DelayEffect | None:
+    """How what a kernel is handed follows from a number without any object; None where objects have to be made.
+
+    ``numbers`` are of members that differ in it alone, which is ``values`` (K,) in them.
+    """
+    effect = Effect.of(values, numbers)
+    return effect if effect is not None and effect.copied else DelayEffect.of(values, numbers, family)
+
+
+def examined(members: Sequence[Member], values: Array, simulation: Simulation) -> tuple[Effect | None, Family]:
+    """The effect of the number in which these members differ, and the kernel that serves all of them.
+
+    The effect is None where delays or noise move. StructureError where no kernel serves all, InputError where one can't be used.
+    """
+    family = Family.of(members, simulation)
+    return Effect.of(values, family.numbers), family
+
+
+@dataclass(frozen=True, eq=False)
+class Tried:
+    """Values of what varies: ``middle`` (d,) of all, and of each some others, ``around``."""
+
+    middle: Array
+    around: tuple[Array, ...]
+
+    def rows(self, column: int, base: Array) -> Array:
+        """(K, d) the base with each of the other values of one column."""
+        rows = np.repeat(base[None], len(self.around[column]), axis=0)
+        rows[:, column] = self.around[column]
+        return rows
+
+
+def kinds_of(varied: Varied, tried: Tried) -> tuple[Kind, ...]:
+    """The kind of the number at each path; InputError where a value that was tried makes no case."""
+    base = varied.at(tried.middle)
+    found = []
+    for column in range(len(varied.paths)):
+        rows = tried.rows(column, tried.middle)
+        found.append(kind_of(base, [varied.at(row) for row in rows], np.array([tried.middle[column], *rows[:, column]])))
+    return tuple(found)
+
+
+def kind_of(base: Case, cases: Sequence[Case], values: Array) -> Kind:
+    """The kind of the number in which the cases differ from the base; ``values`` (1 + K,) are the base's, then theirs."""
+    if any(case.simulation != base.simulation for case in cases):
+        return Kind.STRUCTURE
+    if any(len(case.controllers) != len(base.controllers) for case in cases):
+        raise InputError("a sweep can't vary which controllers a case has")
+    families = []
+    for i, controller in enumerate(base.controllers):
+        try:
+            families.append(_read((base.problem, controller), [case.member(i) for case in cases], base.simulation))
+        except (StructureError, OtherRhythmError):
+            return Kind.STRUCTURE
+    if all(case.problem.signals == base.problem.signals for case in cases):
+        effects = [Effect.of(values, family.numbers) for family in families]
+        return Kind.COPIED if all(effect is not None and effect.copied for effect in effects) else Kind.FOLLOWED
+    split = {can_be_split(case.problem.signals, case.simulation) for case in (base, *cases)}
+    return Kind.SIGNAL if len(split) == 1 and not any(map(_moves, families)) else Kind.STRUCTURE
+
+
+def _read(base: Member, others: Sequence[Member], simulation: Simulation) -> Family:
+    """One kernel for all of these, whatever their signals."""
+    reader = Reader.of(base, simulation, adjustable=False)
+    for member in others:
+        reader.take(*member)
+    return Family(reader, reader.arguments())
+
+
+def _moves(family: Family) -> bool:
+    """Whether the first member's own kernel would be handed something else for one of the others, by more than rounding."""
+    reader = family.reader
+    own = argument_numbers(Columns(reader.columns.first), opened=not reader.simulation.fused)
+    try:
+        numbers = replace(family, differs=own, rounding=ROUNDING).numbers
+    except StructureError:
+        return True
+    first = numbers.of(np.array([0]))
+    return not all(numbers.of(np.array([k])).identical(first) for k in range(1, reader.columns.count))
+
+
+FEWER_VALUES = 20
+"""Of a slider that excludes others: there may be many of them, and each has a table."""
+
+
+class Readable(Protocol):
+    """What takes numbers that follow from a case."""
+
+    def read(self, cases: Sequence[Case]) -> Numbers:
+        """For each of these cases; InputError where one has another structure."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """One controller of the case with the kernel that its module is."""
+
+    index: int
+    family: Family
+    base: Numbers
+
+    @classmethod
+    def of(cls, case: Case, index: int, simulation: Simulation) -> Target:
+        member = (case.problem, case.controllers[index])
+        family = Family.of([member], simulation)
+        return cls(index, family, family.read([member]))
+
+    def read(self, cases: Sequence[Case]) -> Numbers:
+        """What it is handed for each of these cases; InputError where one has another structure."""
+        first, members = self.family.reader, [case.member(self.index) for case in cases]
+        if all(one[0] is first.problem and one[1] is first.controller for one in members):
+            return self.base.of(np.zeros(len(members), dtype=int))
+        return self.family.read(members)
+
+
+def effects_of(
+    number: Number,
+    targets: Sequence[Readable],
+    taken: Sequence[Rows],
+    at: At,
+    room: float = inf,
+    like: Sequence[Effect] | None = None,
+) -> tuple[Number, list[Effect]] | None:
+    """On every target, of the values at which all have their structure; None where a page can't follow it.
+
+    Of a number that moves a row that is taken fewer values are tabulated, in no more than ``room`` bytes.
+
+    What is handed on as it is needs no case for each value: what constructors take of such numbers is convex, and its ends and
+    some values between were taken. Only SPECIAL ones may change a structure: a matrix's zero says what a state acts on at all,
+    and where an input's gain is 1 no kernel multiplies by it.
+
+    taken  rows of each target that other numbers move
+    like   the effects on kernels that differ from the targets in their projection: where theirs and the targets' are the same
+           numbers at the values that are tried, they are the same at all, as of what no projection reads
+    """
+    few = number.tried
+    found = _made(number, few, targets, at)
+    if found is None:
+        return None
+    left_out = set(few.tolist()) - set(found[0].tolist())
+    if all(effect.table is None for effect in found[1]) and left_out <= set(SPECIAL_VALUES):
+        values = number.values[~np.isin(number.values, list(left_out))]
+        return replace(number, values=values, without=(*number.without, *sorted(left_out))), found[1]
+    if like is not None and not left_out.intersection(number.values.tolist()):
+        same = [_as(known, effect, found[0], number) for known, effect in zip(like, found[1], strict=True)]
+        if all(effect is not None for effect in same):
+            return number, [effect for effect in same if effect is not None]
+    shared = any(effect.rows & rows for effect, rows in zip(found[1], taken, strict=True))
+    if shared and number.values.itemsize * FEWER_VALUES * sum(len(effect.rows) for effect in found[1]) > room:
+        return None
+    found = _made(number, thinned(number).values if shared else number.values, targets, at)
+    return None if found is None else (replace(number, values=found[0]), found[1])
+
+
+def _as(known: Effect, effect: Effect, tried: Array, number: Number) -> Effect | None:
+    """The effect with the whole table of a known one, of which it has the same numbers at the values that were tried."""
+    if known.table is None or effect.table is None:
+        return effect if known.table is None and effect.table is None else None
+    among = np.isin(tried, number.values)
+    places = np.searchsorted(number.values, tried[among])
+    if known.table[places].tobytes() != effect.table[among].tobytes():
+        return None
+    return replace(effect, table=known.table)
+
+
+def thinned(number: Number) -> Number:
+    """With some of its values, its own among them."""
+    own = int(np.searchsorted(number.values, number.value))
+    every = max(1, len(number.values) // FEWER_VALUES)
+    return replace(number, values=number.values[own % every :: every])
+
+
+def _made(number: Number, values: Array, targets: Sequence[Readable], at: At) -> tuple[Array, list[Effect]] | None:
+    """The values at which all targets have their structure, and the effects; None where the case's own is not among them."""
+    kept, cases = _admitted(number, values, at)
+    if number.value not in kept or len(kept) < 2:
+        return None
+    try:
+        made = [target.read(cases) for target in targets]
+    except InputError:
+        fitting = [i for i, case in enumerate(cases) if _fits(targets, case)]
+        kept, cases = [kept[i] for i in fitting], [cases[i] for i in fitting]
+        if number.value not in kept or len(kept) < 2:
+            return None
+        made = [target.read(cases) for target in targets]
+    effects = [Effect.of(np.array(kept), one) for one in made]
+    return None if any(one is None for one in effects) else (np.array(kept), [one for one in effects if one is not None])
+
+
+def _admitted(number: Number, values: Array, at: At) -> tuple[list[float], list[Case]]:
+    """The values of which a case can be made, and the cases."""
+    kept, cases = [], []
+    for value in values.tolist():
+        try:
+            cases.append(at(number.path, value))
+        except InputError:
+            continue
+        kept.append(value)
+    return kept, cases
+
+
+def _fits(targets: Sequence[Readable], case: Case) -> bool:
+    try:
+        for target in targets:
+            target.read([case])
+    except InputError:
+        return False
+    return True
+
+
+def composed(target: Target, moved: Sequence[tuple[Effect, float, int]]) -> tuple[Array, Array]:
+    """Parameters and states as a page puts them together, of each moved number's value and its place among all of them."""
+    parameters, states = target.base.parameters[:, 0].copy(), target.base.states[:, 0].copy()
+    for effect, value, place in moved:
+        rows = np.full(len(effect.rows), value) if effect.table is None else effect.table[place]
+        parameters[effect.parameters] = rows[: len(effect.parameters)]
+        states[effect.states] = rows[len(effect.parameters) :]
+    return parameters, states

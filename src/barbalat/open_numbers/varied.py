@@ -1,0 +1,177 @@
+"""A case with other numbers at some of its paths: of a case file's tables, or of Python's objects."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.cases.build import Case
+from barbalat.cases.load import CaseText, Variants
+from barbalat.open_numbers.path import WRAPPED, FieldPath, Key, Tables, copied, wrapped_in
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError
+
+
+class Varied(ABC):
+    """What stands at ``paths`` is given for each member."""
+
+    paths: tuple[FieldPath, ...]
+    """Where the numbers stand that vary."""
+
+    @property
+    @abstractmethod
+    def source(self) -> str:
+        """What a store is compared with, beside the equations and their numbers."""
+
+    @abstractmethod
+    def at(self, values: Sequence[float] | Array) -> Case:
+        """The case with these numbers, checked as any other; InputError where it can't be used."""
+
+
+@dataclass(frozen=True, eq=False)
+class VariedObjects(Varied):
+    """Fields of a problem, of its controllers and of the simulation, by their names: ``controller[0].gamma``."""
+
+    case: Case
+    paths: tuple[FieldPath, ...]
+
+    @classmethod
+    def around(
+        cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, paths: tuple[FieldPath, ...] = ()
+    ) -> VariedObjects:
+        """One controller on a problem, whether or not a case file says so."""
+        return cls(Case(problem, (controller,), simulation), paths)
+
+    @property
+    def source(self) -> str:
+        return f"{self.case!r}"
+
+    def standing(self, path: FieldPath) -> object:
+        """What a field is; None where there is none."""
+        first, *rest = path.field
+        apart = {"controller": self.case.controllers, "simulation": self.case.simulation}
+        here: Any = apart.get(str(first), self.case.problem)
+        try:
+            for key in rest if first in apart else path.field:
+                here = wrapped_in(here, key) or here
+                here = here[key] if isinstance(key, int) else vars(here)[key]
+        except (LookupError, TypeError):
+            return None
+        return here
+
+    def at(self, values: Sequence[float] | Array) -> Case:
+        problem, controllers, simulation = self.case.problem, self.case.controllers, self.case.simulation
+        for path, value in zip(self.paths, values, strict=True):
+            first, *rest = path.field
+            if first == "controller":
+                controllers = _put(path, controllers, rest, float(value))
+            elif first == "simulation":
+                simulation = _put(path, simulation, rest, float(value))
+            else:
+                problem = _put(path, problem, list(path.field), float(value))
+        return Case(problem, controllers, simulation)
+
+
+def _put(path: FieldPath, part: Any, keys: Sequence[Key], value: float) -> Any:
+    """A copy of a part with another number at one place, made by its constructors; InputError where no number stands there."""
+    if not keys:
+        return _number(path, part, value)
+    key, rest = keys[0], keys[1:]
+    if isinstance(key, int):
+        if not isinstance(part, (tuple, list, np.ndarray)):
+            raise InputError(f"{path} names no field: [{key}] stands behind {validate.show(part)}, which has no entries")
+        if key >= len(part):
+            raise InputError(f"{path} names no field: it has {validate.counted(len(part), 'entry')}, counted from 0")
+        entries = list(part)
+        entries[key] = _put(path, part[key], rest, value)
+        return np.array(entries) if isinstance(part, np.ndarray) else type(part)(entries)
+    names = [one.name for one in fields(part) if one.init] if is_dataclass(part) else []
+    if not isinstance(part, type) and (inner := wrapped_in(part, key)) is not None:
+        return replace(part, **{WRAPPED: _put(path, inner, keys, value)})
+    if isinstance(part, type) or key not in names:
+        known = ", ".join(names) or "none"
+        raise InputError(f"{path} names no field: {type(part).__name__} has no {key!r}; its fields are {known}")
+    return replace(part, **{key: _put(path, vars(part)[key], rest, value)})
+
+
+def _number(path: FieldPath, old: Any, value: float) -> float:
+    if isinstance(old, (bool, str)) or not isinstance(old, (int, float, np.integer, np.floating, type(None))):
+        raise InputError(f"{path} is {validate.show(old)}, not one number, and can't be varied")
+    return int(value) if isinstance(old, (int, np.integer)) and value.is_integer() else value
+
+
+@dataclass(frozen=True, eq=False)
+class VariedCase(Varied):
+    """What stands at ``paths`` is given for each member; everything else is the file's, or that of other ``tables``."""
+
+    text: CaseText
+    paths: tuple[FieldPath, ...]
+    tables: Tables | None = None
+
+    @property
+    def source(self) -> str:
+        return self.text.text
+
+    @cached_property
+    def _tables(self) -> Tables:
+        return tables_with(self.text, self.paths) if self.tables is None else self.tables
+
+    def tables_at(self, values: Sequence[float] | Array) -> Tables:
+        """The file's tables with these numbers; InputError for a path that leads to none."""
+        return self._with(dict(zip(self.paths, map(float, values), strict=True)))
+
+    def at(self, values: Sequence[float] | Array) -> Case:
+        return self.with_numbers(dict(zip(self.paths, map(float, values), strict=True)))
+
+    def with_numbers(self, numbers: Mapping[FieldPath, float]) -> Case:
+        """The case with these numbers, checked as any other; InputError where it can't be used."""
+        if not self._variants:  # its first numbers stand in tables where the file has none
+            self._variants.append(self.text.variants(self._with(numbers)))
+        found = self._variants[0].at({path.keys: value for path, value in numbers.items()})
+        return self.text.case(self._with(numbers)) if found is None else found
+
+    def _with(self, numbers: Mapping[FieldPath, float]) -> Tables:
+        tables = copied(self._tables)
+        for path, value in numbers.items():
+            path.put(tables, value)
+        return tables
+
+    @cached_property
+    def _variants(self) -> list[Variants]:
+        """Empty until a case could be made."""
+        return []
+
+
+def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
+    """A case file's tables, in which ``paths`` stand.
+
+    Where one of them is of theta and the plant is given by A, which theta follows from, A_m and that theta stand there instead.
+    InputError where A, or what the model makes of it, is to vary as well.
+    """
+    tables, paths = text.data(), tuple(paths)
+    plant, model = tables.get("plant"), tables.get("reference_model")
+    of_theta = [path for path in paths if path.keys[:2] == THETA]
+    if not of_theta or not isinstance(plant, dict) or not isinstance(model, dict) or "A" not in plant:
+        return tables
+    if both := [path for path in paths if path.keys[:2] in MATCHED]:
+        raise InputError(f"{both[0]} and {of_theta[0]} can't both vary: with plant.A given, theta is what follows from it")
+    problem = text.case().problem
+    if isinstance(problem, Problem):
+        plant |= {"A_m": problem.plant.A_m.tolist(), "theta": problem.plant.theta.tolist()}
+        del plant["A"]
+        tables["reference_model"] = {key: value for key, value in model.items() if key not in ("A_m", "poles")}
+    return tables
+
+
+THETA = ("plant", "theta")
+MATCHED = (("plant", "A"), ("reference_model", "A_m"), ("reference_model", "poles"))
+"""From which theta follows in a file that gives plant.A."""

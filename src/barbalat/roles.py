@@ -1,0 +1,269 @@
+"""What the parts of a controller's state are: estimates, the law's memory, a predictor, a filter, or something else.
+
+Equations declare it in an attribute ``roles``, a mapping from the names of their state's fields to roles; a part of a nested
+NamedTuple has a path, "memory.covariance". A field that is not declared has the role of its name where that is a conventional
+one (``theta_hat``, ``memory``, ``x_hat``, ``y_hat``, ``filter``), so that most laws need no words. Freezing, places of rest, true
+values, the names of columns and the comments of exports follow from the roles.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+
+from barbalat.protocols import DiscretizedEquations, Value
+
+if TYPE_CHECKING:
+    from barbalat.validate import Array
+
+Kind = Literal["estimates", "memory", "predictor", "filter", "other"]
+
+Truth = Callable[["Array", "Array"], "Array | None"]
+"""What estimates are to become, from the true theta (p,) and the effectiveness omega (m,) of the plant's inputs; or None."""
+
+THETA = "theta"
+"""The symbol of the problem's parameters, with which estimates of that name are compared."""
+
+MEANINGS: dict[Kind, str] = {
+    "estimates": "estimates",
+    "memory": "memory of the adaptive law",
+    "predictor": "state of the predictor",
+    "filter": "state of a filter",
+    "other": "of the scheme's own state",
+}
+"""The comment of an exported part whose role has none of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Role:
+    """The role of one field of a controller's state. Make it by the method that has the role's name.
+
+    kind     a freeze keeps estimates and memory; predictors, filters and all others go on
+    meaning  one phrase, for the comments of exports
+    of       the symbol of what is estimated, without a hat; of a memory its own, by which results have its columns
+    names    (p,) of the single estimates, without a hat; by default the symbol with an index
+    true     what the estimates are to become; see ``Truth``
+    within   the set that they are projected onto, a ``ParameterBox`` or its kin; None where there is none
+    """
+
+    kind: Kind
+    meaning: str = ""
+    of: str = ""
+    names: tuple[str, ...] | None = None
+    true: Truth | None = None
+    within: Any = None
+
+    @classmethod
+    def estimates(
+        cls,
+        of: str = THETA,
+        *,
+        true: Truth | None = None,
+        within: Any = None,
+        names: tuple[str, ...] | None = None,
+        meaning: str = "",
+    ) -> Role:
+        """Estimates of ``of``, named without a hat: "theta", "k_x", "W".
+
+        Those of "theta" are compared with the problem's parameters where there are as many; all others with what
+        ``true(theta, omega)`` returns, and with nothing where that is not given. Those of "theta" are projected onto the
+        equations' ``box``, if they have one; all others onto what is given as ``within``.
+        """
+        return cls("estimates", meaning or f"estimates of {of}", of, names, true, within)
+
+    @classmethod
+    def memory(cls, meaning: str = "", *, symbol: str = "") -> Role:
+        """What the law remembers beside its estimates: a covariance P(t), collected data. A freeze keeps it.
+
+        Its columns in results are called by the symbol, "P_1_1", or else by the field's name.
+        """
+        return cls("memory", meaning, symbol)
+
+    @classmethod
+    def predictor(cls, meaning: str = "") -> Role:
+        """The state of a predictor or an observer."""
+        return cls("predictor", meaning)
+
+    @classmethod
+    def filter(cls, meaning: str = "") -> Role:
+        """The state of a filter of signals."""
+        return cls("filter", meaning)
+
+    @classmethod
+    def other(cls, meaning: str = "") -> Role:
+        """Anything else that the controller integrates."""
+        return cls("other", meaning)
+
+    @property
+    def rests(self) -> bool:
+        """Whether a freeze keeps it."""
+        return self.kind in ("estimates", "memory")
+
+    @property
+    def comment(self) -> str:
+        """One phrase for people who read exported code."""
+        return self.meaning or MEANINGS[self.kind]
+
+
+CONVENTIONAL: Mapping[str, Role] = {
+    "theta_hat": Role.estimates(
+        meaning="estimates of theta, then of the input gains where they are unknown: law (4), (7), (15) or (21)"
+    ),
+    "memory": Role.memory(),
+    "x_hat": Role.predictor("state of the predictor (8)"),
+    "y_hat": Role.predictor("output of the predictor (21)"),
+    "filter": Role.filter("state of the filter C(s) of (5), or Q(s) of (14)"),
+}
+"""The roles of fields that are not declared, by their names; every other one is ``Role.other()``."""
+OTHER = Role.other()
+
+
+@runtime_checkable
+class DeclaringRoles(Protocol):
+    """Equations, or a law with a memory of its own, that declare the roles of their state's parts."""
+
+    @property
+    def roles(self) -> Mapping[str, Role]:
+        """By the names of the state's fields, or by paths into nested ones."""
+        ...
+
+
+def declared_roles(equations: Any) -> Mapping[str, Role] | None:
+    """The roles that equations declare, sampled ones also by the continuous equations that they stand for; None without any."""
+    if isinstance(equations, DeclaringRoles):
+        return equations.roles
+    return declared_roles(equations.continuous) if isinstance(equations, DiscretizedEquations) else None
+
+
+def roles_of(equations: Any) -> Mapping[str, Role]:
+    """The conventional roles, with those that the equations declare in their place."""
+    return {**CONVENTIONAL, **(declared_roles(equations) or {})}
+
+
+def within(field: str, part: Any) -> dict[str, Role]:
+    """The roles that a part with a state of its own, as an adaptive law, declares of what it keeps under ``field``."""
+    declared = part.roles if isinstance(part, DeclaringRoles) else {}
+    return {f"{field}.{path}": role for path, role in declared.items()}
+
+
+def role_at(roles: Mapping[str, Role], path: str) -> Role:
+    """The role of a leaf of the state: its own, or that of the nearest part around it."""
+    while path:
+        if path in roles:
+            return roles[path]
+        path = path.rpartition(".")[0]
+    return OTHER
+
+
+class StatePart(NamedTuple):
+    """One array of a controller's state: its path, its role, its shape, and where it stands in the flat state."""
+
+    path: str
+    role: Role
+    shape: tuple[int, ...]
+    start: int
+
+    @property
+    def size(self) -> int:
+        return int(np.prod(self.shape, dtype=int))
+
+    @property
+    def rows(self) -> slice:
+        return slice(self.start, self.start + self.size)
+
+    @property
+    def name(self) -> str:
+        """Its own name in results: that of a nested part has the names of those around it before it."""
+        return self.path.replace(".", "_")
+
+    @property
+    def symbol(self) -> str:
+        """What its role says that it is called, without a hat, or else the field's name."""
+        return self.role.of or self.path.rpartition(".")[2].removesuffix("_hat")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of its entries, (size,), without a hat: the estimates' own names, or the symbol with an index."""
+        if self.role.names is not None:
+            return self.role.names
+        if self.role.of == THETA:
+            return tuple(f"{THETA}_{i + 1}" for i in range(self.size))
+        between = "," if "_" in self.symbol else "_"
+        return (self.symbol,) if self.size == 1 else tuple(f"{self.symbol}{between}{i + 1}" for i in range(self.size))
+
+
+def column_names(parts: Iterable[StatePart], taken: Container[str]) -> dict[StatePart, str]:
+    """The columns' names beside those that are ``taken``: the last of a part's path, or all of it where two would be the same."""
+    short = {part: part.role.of or part.path.rpartition(".")[2] for part in parts}
+    named = Counter(short.values())
+    long = {part: name if named[name] == 1 else part.name for part, name in short.items()}
+    return {part: f"controller_{name}" if name in taken else name for part, name in long.items()}
+
+
+def entry_names(name: str, shape: tuple[int, ...]) -> list[str]:
+    """The names of an array's entries, row by row: "x_hat_2", "P_1_2", and the name itself of a number."""
+    return ["_".join([name, *(str(i + 1) for i in place)]) for place in np.ndindex(shape)]
+
+
+def hatted(name: str) -> str:
+    """The name of an estimate with its hat, in plain letters: theta_hat_1 of theta_1, W_hat_0 of W_0."""
+    symbol, _, index = name.partition("_")
+    return f"{symbol}_hat_{index}" if index else f"{symbol}_hat"
+
+
+def state_parts(equations: Any, initial: Any, start: int = 0) -> tuple[StatePart, ...]:
+    """All arrays of a state with their roles, in the order of the flat state, in which the first stands at ``start``."""
+    roles, found = roles_of(equations), []
+    for path, array in leaves(initial):
+        part = StatePart(path, role_at(roles, path), np.shape(array), start)
+        found.append(part)
+        start += part.size
+    return tuple(found)
+
+
+def main_estimates(parts: tuple[StatePart, ...]) -> StatePart | None:
+    """The estimates that results have as ``theta_hat``: those of the field of that name, or else the first; None without any."""
+    found = [part for part in parts if part.role.kind == "estimates"]
+    return next((part for part in found if part.path == "theta_hat"), found[0] if found else None)
+
+
+def taken_from(state: Any, part: StatePart | None) -> Value:
+    """The entries of a part in a controller's state, flat; (0,) where the part is None."""
+    return np.zeros(0) if part is None else next(array for path, array in leaves(state) if path == part.path).reshape(-1)
+
+
+def resting(frozen: Value, roles: Mapping[str, Role], old: Any, new: Any, path: str = "") -> Any:
+    """``new``, but the estimates and the memory of ``old`` where ``frozen`` holds; through nested NamedTuples."""
+    if not isinstance(new, tuple):
+        return np.where(frozen, old, new) if role_at(roles, path).rests else new
+    named = zip(names_of(new), old, new, strict=True)
+    parts = [resting(frozen, roles, one, other, f"{path}.{name}" if path else name) for name, one, other in named]
+    return tuple(parts) if type(new) is tuple else type(new)(*parts)
+
+
+def names_of(state: tuple[Any, ...]) -> tuple[str, ...]:
+    """The fields of a NamedTuple, which is a tuple with names and has no class of its own to ask for; places of another tuple."""
+    named: Any = type(state)
+    return tuple(named._fields) if "_fields" in dir(named) else tuple(map(str, range(len(state))))
+
+
+def leaves(state: Any, place: str = "") -> Iterator[tuple[str, Any]]:
+    """The arrays of a nested NamedTuple with their paths."""
+    if not isinstance(state, tuple):
+        yield place, state
+        return
+    for name, part in zip(names_of(state), state, strict=True):
+        yield from leaves(part, f"{place}.{name}" if place else name)
+
+
+@runtime_checkable
+class Estimating(Protocol):
+    """Equations, sampled or not, of a scheme that estimates, and whose excitation can therefore be measured along a run."""
+
+    def regressor_at(self, state: Any, x: Value, u: Value) -> Value:
+        """What multiplies the parameters in the law, (p,) or (p, m); normalised where the law normalises it."""
+        ...
