@@ -17,8 +17,8 @@ TRIPLE = "wasm32-unknown-unknown"
 CPU, FEATURES = "mvp", "+nontrapping-fptoint"
 """The instructions of version 1, and conversions that don't trap: browsers have had both since 2021."""
 EFFORT = 0
-"""LLVM's level of optimisation. Browsers optimise once more: level 3 makes modules of 63 % of the size whose steps take 0 to 15 %
-less time, in three to four times the time, which grows with the square of a function's length (docs/backends.md)."""
+"""LLVM's level of optimisation. Browsers optimise once more: level 3 makes modules of two thirds of the size, whose steps take
+0 to 15 % less time, in three to ten times the time, which grows with the square of a function's length (docs/backends.md)."""
 PAGE_BYTES = 65_536
 
 
