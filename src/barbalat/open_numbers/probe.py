@@ -98,10 +98,12 @@ class Effect:
 class DelayEffect:
     """Of a number that is the plant's delay and nothing else: what a kernel is handed follows from it without any object.
 
-    rows, entries  of the kernel's parameters those that are weights, and which of all weights they are; first: all of them (w,)
+    copied         rows of the kernel's parameters that are the delay itself
+    rows, entries  those that are weights, and which of all weights they are; first: all of them (w,)
     """
 
     simulation: Simulation
+    copied: Array
     rows: Array
     entries: Array
     first: Array
@@ -113,12 +115,15 @@ class DelayEffect:
             return None
         rows, entries = family.weights
         moved = np.flatnonzero((numbers.parameters != numbers.parameters[:, :1]).any(axis=1))
+        copied = np.setdiff1d(moved, rows)
         apart = (numbers.states, numbers.history, numbers.seeds)
-        if not np.isin(moved, rows).all() or any(part is not None and (part != part[..., :1]).any() for part in apart):
+        if (numbers.parameters[copied] != values).any() or any(
+            part is not None and (part != part[..., :1]).any() for part in apart
+        ):
             return None
         simulation = family.reader.simulation
         first = delay.weights(float(values[0]), simulation.dt, simulation.solver, fused=simulation.fused).reshape(-1)
-        return cls(simulation, rows, entries, first)
+        return cls(simulation, copied, rows, entries, first)
 
     def put(self, numbers: Numbers, values: Array) -> None:
         """What delays ``values`` (M,) make, where it belongs; the arrays are changed. InputError for another structure."""
@@ -131,6 +136,7 @@ class DelayEffect:
             numbers.lags[k] = delay.lag(value, simulation.dt)
             numbers.parameters[self.rows, k] = weights[self.entries]
         numbers.delays[:] = values
+        numbers.parameters[self.copied] = values
 
 
 def direct(values: Array, numbers: Numbers, family: Family) -> Effect | DelayEffect | None:
