@@ -239,6 +239,10 @@ class ClosedLoop:
         y = self.plant.output(state.x)
         return y + given.at_output[0] if self.output_disturbed else y
 
+    def followed(self, state: LoopState, given: Signals) -> Value:
+        """What is to follow the model, without the sensor's lag and noise, (n,)."""
+        return self._output(state, given).reshape(-1)
+
     def _measured(self, state: LoopState, given: Signals) -> Value:
         y = self._output(state, given) if self.lag is None else state.sensor
         return y if self.noise_std is None else y + (self.noise_std * given.noise).reshape(y.shape)

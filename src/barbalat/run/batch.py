@@ -9,6 +9,7 @@ from math import inf
 
 import numpy as np
 
+from barbalat.judge.beside import Watched
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel, Rings, Watch, vector_width
 from barbalat.problem.tracking import TrackingProblem
@@ -37,6 +38,7 @@ class Blocks:
     starts, lengths  (B,) in steps
     states           (B, size, M) at each block's start; NaN where all members of a kernel's call had diverged before
     accumulators     (B, accumulators, M) over each block's steps; likewise
+    memory           (B, rows, M) of the judge at each block's start; likewise
     """
 
     starts: Array
@@ -44,6 +46,7 @@ class Blocks:
     states: Array
     accumulators: Array
     at: dict[tuple[str, str], slice]
+    memory: Array
 
     def figure(self, quantity: str, operation: str) -> Array:
         """(B, entries, M) accumulators by their names, see ``Accumulators``."""
@@ -88,9 +91,10 @@ class Batch:
         lanes: int | None = None,
         windows: int = 0,
         adjustable: bool = False,
+        watched: Watched | None = None,
     ) -> Batch:
         """All these members in one batch: see ``Members``."""
-        read = Members.read(members, simulation, windows=windows, adjustable=adjustable)
+        read = Members.read(members, simulation, windows=windows, adjustable=adjustable, watched=watched)
         return cls.part(read, slice(0, len(read)), record=record, lanes=lanes)
 
     @classmethod
@@ -122,11 +126,17 @@ class Batch:
         for first in range(0, members, width):
             index = np.minimum(np.arange(first, first + width), members - 1)  # the last group repeats the last member
             columns = slice(first, min(first + width, members))
-            state, parameters = (np.ascontiguousarray(part_of[:, index]) for part_of in (self.states, self.parameters))
+            state = np.vstack([self.states[:, index], *self._unjudged(width)])
+            parameters = np.ascontiguousarray(self.parameters[:, index])
             past = None if self.lags is None else self._past(index)
             numbers = np.arange(members) if self.numbers is None else self.numbers
             streams = None if self.seeds is None else [(int(self.seeds[i]), int(numbers[i])) for i in index]
             self.groups.append(Group(self, kernel, columns, state, parameters, past, streams, self.watch))
+
+    def _unjudged(self, width: int) -> list[Array]:
+        """The judge's memory before the first sample, (rows, W)."""
+        memory = self.program.memory
+        return [] if memory is None else [np.array(memory.begins)[:, None].repeat(width, axis=1)]
 
     def _past(self, index: Array) -> Rings:
         assert self.lags is not None
@@ -137,7 +147,7 @@ class Batch:
     @property
     def final_states(self) -> Array:
         """(size, M) the states of all members at the end."""
-        return np.concatenate([g.state[:, : g.columns.stop - g.columns.start] for g in self.groups], axis=1)
+        return np.concatenate([g.state[: self.loop.size, : g.columns.stop - g.columns.start] for g in self.groups], axis=1)
 
     @property
     def diverged_step(self) -> Array:
@@ -156,19 +166,25 @@ class Batch:
         cut = list(segments_of(simulation, recorded=True))
         starts = np.concatenate([s.start + np.arange(s.blocks) * s.length for s in cut])
         lengths = np.repeat([s.length for s in cut], [s.blocks for s in cut])
-        states = self.program.shape.states
-        return Blocks(starts[:count], lengths[:count], together[:, :states], together[:, states:], self.totals.at)
+        states, own = self.program.shape.states, self.loop.size
+        return Blocks(
+            starts[:count], lengths[:count], together[:, :own], together[:, states:], self.totals.at, together[:, own:states]
+        )
 
     def resumed(self, state: Array) -> Group:
         """The only member in this state (size,), with nothing on its way: at t = 0, or at any time where there is no delay."""
         (group,) = self.groups
         past = None if group.past is None else Rings(group.past.lags, group.past.history)
-        return replace(group, state=state[:, None].copy(), past=past, recorded=[])
+        return replace(group, state=np.vstack([state[:, None], *self._unjudged(1)]), past=past, recorded=[])
 
 
 @dataclass(eq=False)
 class Group:
-    """As many members as the kernel has lanes."""
+    """As many members as the kernel has lanes.
+
+    quiet        without the measurement's noise
+    before_tail  (rows, W) what the judge kept of the run before its tail, and ``judged`` of all of it; None as long as there is none
+    """
 
     batch: Batch
     kernel: Kernel
@@ -179,10 +195,15 @@ class Group:
     streams: list[tuple[int, int]] | None  # seed and number of each member: its noise
     watch: Watch | None
     recorded: list[Array] = field(default_factory=list)
+    quiet: bool = False
+    before_tail: Array | None = None
+    judged: Array | None = None
 
     def advance(self, segment: Segment, table: Array) -> None:
         if not np.isnan(self.batch.totals.diverged_step[self.columns]).any():
             return  # every member has diverged
+        if segment.in_tail and self.before_tail is None:
+            self.before_tail = self.renew()
         out = self.call(segment.start, segment.blocks, segment.length, self.state, table)
         self.batch.totals.merge(segment, out[:, self.batch.program.shape.states :], self.columns)
         if self.batch.record:
@@ -190,8 +211,19 @@ class Group:
 
     def finish(self, steps: int, row: Array) -> None:
         """The outputs at t_end, after all ``steps``: one more step whose end state is thrown away."""
-        out = self.call(steps, 1, 1, self.state.copy(), row)
+        state = self.state.copy()
+        out = self.call(steps, 1, 1, state, row)
         self.batch.totals.merge_final(out[0, self.batch.program.shape.states :], self.columns)
+        self.judged = state[self.batch.loop.size :]
+
+    def renew(self) -> Array:
+        """What the judge kept so far, (rows, W); what it keeps of the tail, or of a window, begins anew."""
+        own, memory = self.batch.loop.size, self.batch.program.memory
+        before = self.state[own:].copy()
+        if memory is not None:
+            rows = np.array(memory.renewed)
+            self.state[own + rows] = np.array(memory.begins)[rows, None]
+        return before
 
     def twin(self, watch: Watch) -> Group:
         """The same members at the same place, to be taken further beside them."""
@@ -210,5 +242,7 @@ class Group:
             return None
         hold, channels = self.batch.rhythm.noise_hold, self.batch.program.shape.noise
         first, last = start // hold, (start + steps - 1) // hold
+        if self.quiet:
+            return np.zeros((last - first + 1, channels, self.state.shape[1]))
         streams = [standard_normal(*stream, first, last - first + 1, channels) for stream in self.streams]
         return np.ascontiguousarray(np.stack(streams, axis=2))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.judge.beside import Watched
 from barbalat.loop.binding import Bindings
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import comes_from_outside, structure
@@ -56,6 +57,7 @@ class Members:
         *,
         windows: int = 0,
         adjustable: bool = False,
+        watched: Watched | None = None,
         first: str = "",
         taken: Callable[[int], None] | None = None,
     ) -> Members:
@@ -64,6 +66,7 @@ class Members:
         adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one serves them all. A step
                     takes 6 to 9 % longer and differs in the last bits; for sweeps over them. Always so without fused
                     multiply-adds, where the members' numbers are arguments too: no bit depends on which of them vary
+        watched     what the judge keeps; None for runs that nobody judges
         first       begins what is said of the first member; each of the others is named by its number
         taken       called with how many have been read, now and then
 
@@ -72,7 +75,7 @@ class Members:
         given = iter(members)
         one = next(given)
         try:
-            reader = Reader.of(one, simulation, adjustable=adjustable)
+            reader = Reader.of(one, simulation, adjustable=adjustable, watched=watched)
         except InputError as error:
             if not first:
                 raise
@@ -97,7 +100,7 @@ class Members:
     def watch(self) -> Watch | None:
         """Of one member, for a program that watches."""
         steps = self.simulation.steps
-        return Watch(self.loop.size, 0, steps + 1, window_of(steps, self.windows)) if self.windows else None
+        return Watch(self.program.shape.states, 0, steps + 1, window_of(steps, self.windows)) if self.windows else None
 
 
 class OtherRhythmError(InputError):
@@ -127,16 +130,25 @@ class Reader:
     history: list[Array] = field(default_factory=list)
     seeds: list[int] = field(default_factory=list)
     known_delays: dict[float, tuple[int, Array]] = field(default_factory=dict)
+    watched: Watched | None = None
 
     @classmethod
-    def of(cls, first: tuple[TrackingProblem, Controller], simulation: Simulation, *, adjustable: bool) -> Reader:
+    def of(
+        cls,
+        first: tuple[TrackingProblem, Controller],
+        simulation: Simulation,
+        *,
+        adjustable: bool,
+        watched: Watched | None = None,
+    ) -> Reader:
         problem, controller = first
         adjustable = adjustable or not simulation.fused
         bind = Bindings()
         loop = ClosedLoop.of(problem, controller, bind=bind)
         costs.require_states(loop)
         rhythm = Rhythm.of(loop, problem.noise, simulation)
-        reader = cls(simulation, adjustable, problem, controller, loop, rhythm, bind, Columns(()), Columns(loop.initial()))
+        initial = Columns(loop.initial())
+        reader = cls(simulation, adjustable, problem, controller, loop, rhythm, bind, Columns(()), initial, watched=watched)
         weights = reader._apart(problem)
         reader.columns = Columns(Member(loop, None if adjustable else weights))
         reader.weights = None if weights is None else Columns(weights)
@@ -228,7 +240,8 @@ class Reader:
             template = template.adjustable(simulation.dt, self.weights)
         dt, weights = simulation.dt if template.dt is None else template.dt, template.delay_weights
         loop, column, method, rhythm = template.loop, template.column, simulation.solver, self.rhythm
-        return step_program(loop, method, dt, column, delay_weights=weights, rhythm=rhythm, **how)
+        program = step_program(loop, method, dt, column, delay_weights=weights, rhythm=rhythm, **how)
+        return program if self.watched is None else program.judged(loop, self.watched, dt, column)
 
     def _traced_by(self, which: Array, how: dict[str, bool]) -> Hashable | None:
         """All that the step's program depends on: what is no number, and the numbers that are no arguments."""
@@ -238,4 +251,5 @@ class Reader:
         constants = self.columns.first_numbers()[~which].tobytes()
         times = self.simulation.dt, self.rhythm.sample_every, self.rhythm.noise_hold
         taps = None if self.weights is None else self.weights.first.shape
-        return *structure(member), which.tobytes(), constants, *how.values(), times, taps, self.simulation.solver
+        own = self.simulation.solver, self.watched
+        return *structure(member), which.tobytes(), constants, *how.values(), times, taps, *own

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from barbalat.judge.beside import Given, Watched, joined, unchanged
+from barbalat.judge.memory import Memory
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
 from barbalat.lowering.llvm.external_function import ExternalFunction
@@ -41,6 +43,7 @@ class StepProgram:
     """One step as an operation list, and what a sampled controller does before it; compile it for a number of lanes.
 
     outside  compiled elsewhere, does the sampled controller's part of what is done before a step
+    memory   what the judge keeps behind the loop's states; None where nothing is judged
     """
 
     program: Program
@@ -49,6 +52,37 @@ class StepProgram:
     sample: Program | None = None
     watch: Program | None = None
     outside: ExternalFunction | None = None
+    memory: Memory | None = None
+
+    def judged(self, loop: ClosedLoop, watched: Watched, dt: Value, parameters: ca.SX | None) -> StepProgram:
+        """The same step with the judge's list behind it; ``loop``, ``dt`` and ``parameters`` are those it was traced with."""
+        assert self.accumulators is not None
+        at, shape, memory = self.accumulators.slices(), self.shape, watched.memory(loop)
+        given = Given(
+            errors=self._taken(at["e", "min"]),
+            demands=self._taken(at["u", "min"]),
+            row=shape.signals,
+            pieces=len(WHOLE_STEP) if shape.in_pieces else 0,
+            dt=dt,
+            parameters=parameters,
+        )
+        rows = len(memory.begins)
+        return replace(
+            self,
+            program=joined(self.program, loop, memory, given),
+            shape=replace(shape, states=shape.states + rows),
+            sample=None if self.sample is None else unchanged(self.sample, shape.states, rows),
+            memory=memory,
+        )
+
+    def _taken(self, rows: slice) -> tuple[int, ...]:
+        """Where the operations stand whose values these accumulators, minima, take up."""
+        operations, found = self.program.operations, []
+        for i in range(*rows.indices(self.shape.accumulators)):
+            operation = operations[self.program.outputs[1][i]]
+            (place,) = (j for j in operation.operands if operations[j].source != (1, i) or operations[j].name != "input")
+            found.append(place)
+        return tuple(found)
 
     def compile(self, lanes: int, steps: float = inf) -> Kernel:
         """For so many steps more; code that is quickly made while they are few, on which no bit of any result depends."""

@@ -60,7 +60,7 @@ def stiffness_along(run: Run) -> Stiffness:
     watch = run.batch.watch
     if watch is None:
         return _of_a_large_loop(run, spectrum, look)
-    stiffest, coupling = _kept(watch, run.stop)
+    stiffest, coupling = _kept(watch, run.stop, run.batch.loop.size)
     order = np.argsort(-coupling, kind="stable")
     rest = np.sort(order[MOST_LOOKS // 2 :])
     spread = rest[np.linspace(0, len(rest) - 1, min(len(rest), MOST_LOOKS // 2)).astype(int)]
@@ -86,10 +86,13 @@ def _of_a_large_loop(run: Run, spectrum: Spectrum, look: Look) -> Stiffness:
     return found.stiffness(float(run.simulation.time(at.steps[found.outside.argmax()])) if found.outside.any() else None)
 
 
-def _kept(watch: Watch, stop: float) -> tuple[Instants, Array]:
-    """Where the watched quantity was the largest in each window before the step ``stop``, and how large."""
+def _kept(watch: Watch, stop: float, size: int) -> tuple[Instants, Array]:
+    """Where the watched quantity was the largest in each window before the step ``stop``, and how large.
+
+    ``size``: the loop's states, behind which a judge may have kept more.
+    """
     rows = watch.rows[(watch.rows[:, 0] > -np.inf) & (watch.rows[:, -1] < stop)]
-    return Instants(rows[:, -1].astype(int), rows[:, 1:-1]), rows[:, 0]
+    return Instants(rows[:, -1].astype(int), rows[:, 1 : 1 + size]), rows[:, 0]
 
 
 def _first(at: Instants, look: Look) -> int:
@@ -125,9 +128,9 @@ class Run:
         known = self._known(max(begin - WATCH_EVERY + 1, 0))
         while window > WATCH_EVERY:
             window = window_of(window, WINDOW_PIECES)
-            pieces = Watch(self.batch.loop.size, begin, step + 1, window)
+            pieces = Watch(self.batch.program.shape.states, begin, step + 1, window)
             self._advance(self._advance(known, begin), step + 1, pieces)
-            step = _first(_kept(pieces, self.stop)[0], look)
+            step = _first(_kept(pieces, self.stop, self.batch.loop.size)[0], look)
             begin += (step - begin) // window * window
         return _first(self._every(known, max(step - WATCH_EVERY + 1, 0), step + 1), look)
 
@@ -141,7 +144,7 @@ class Run:
         place = self._advance(known, begin)
         states = []
         for step in range(begin, stop):
-            states.append(place.group.state[:, 0].copy())
+            states.append(place.group.state[: self.batch.loop.size, 0].copy())
             place = self._advance(place, step + 1)
         steps = np.arange(begin, stop)
         return Instants(steps, self.acted(steps, np.array(states)))
@@ -149,7 +152,7 @@ class Run:
     def _advance(self, place: Place, stop: int, watch: Watch | None = None) -> Place:
         """The run at a later step."""
         begin, in_pieces = place.step, self.batch.program.shape.in_pieces
-        group = place.group.twin(watch or Watch(self.batch.loop.size, begin, max(stop, begin + 1), CHUNK_STEPS))
+        group = place.group.twin(watch or Watch(self.batch.program.shape.states, begin, max(stop, begin + 1), CHUNK_STEPS))
         while begin < stop:
             steps = min(CHUNK_STEPS, stop - begin)
             table = signal_table(self.problem.signals, self.simulation, begin, steps, in_pieces=in_pieces)

@@ -1,0 +1,1 @@
+"""The one judge of every run: what its signals say of following, shaking, saturating and being lost."""

@@ -1,0 +1,226 @@
+"""The judge's operation list: what it keeps of a run, and how one sample changes that. No run has to be recorded for it.
+
+The same lines are evaluated on CasADi's arrays, from which kernels, C and pages are printed, and on NumPy's. The memory is a flat
+vector whose rows are named; it holds extrema, counts and sums, so that the verdict follows from it and from nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat.protocols import Value
+
+LEAST_RANGE = 1e-6
+"""The range of a control without limits, as a part of its largest magnitude, is taken to be at least this: below are roundings."""
+RISES_FROM, RISES_TO = 0.1, 0.9
+"""Between which shares of a step the rise time is counted, as in python-control's ``step_info``."""
+
+
+class Sample(NamedTuple):
+    """What the judge is handed at an instant; n components of the error, m inputs, q commands.
+
+    y, y_m         (n,) what is to follow, x or the measured output, and the model's
+    e              (n,) y - y_m
+    u              (m,) the demand, before the limits
+    limited        (m,) what the limits leave of it
+    at_limit       (m,) 1 where the demand is at a limit or beyond it, else 0; 0 where there is none
+    at_rate_limit  (m,) 1 where the rate limit holds it back, else 0
+    r              (q,) the commands
+    steps          how long the sample stands for, in solver steps: 1, or less where a step comes in pieces
+    """
+
+    y: Value
+    y_m: Value
+    e: Value
+    u: Value
+    limited: Value
+    at_limit: Value
+    at_rate_limit: Value
+    r: Value
+    steps: Value
+
+
+class Rows(NamedTuple):
+    """A quantity in the memory.
+
+    begins   what it is before the first sample
+    renewed  whether it begins anew with the tail, and with each window of a continuation
+    """
+
+    name: str
+    size: int
+    begins: float = 0.0
+    renewed: bool = False
+
+
+@dataclass(frozen=True)
+class Memory:
+    """What is kept of a loop with n components of e, m inputs and q commands.
+
+    limited     (m,) whether each input has limits, which are its range; else its range is what it has covered so far
+    hysteresis  a reversal counts when the control moves back by this share of its range
+    detailed    also what sweeps do without: IAE, ITAE, the control's path, and the responses to steps of the command
+    gains       (n, q) at which the model's components come to rest at a command, where responses are wanted; else empty
+    bands       (n,) into which a response settles
+    """
+
+    components: int
+    inputs: int
+    commands: int
+    limited: tuple[bool, ...]
+    rate_limited: tuple[bool, ...]
+    hysteresis: float
+    detailed: bool = False
+    gains: tuple[tuple[float, ...], ...] = ()
+    bands: tuple[float, ...] = ()
+
+    @cached_property
+    def layout(self) -> tuple[Rows, ...]:
+        """All quantities in their order."""
+        n, m, q, inf = self.components, self.inputs, self.commands, np.inf
+        free = m - sum(self.limited)
+        found = [
+            Rows("largest y_m", n), Rows("largest y", n), Rows("largest e", n, renewed=True),
+            Rows("held", m), Rows("direction", m), Rows("reversals", m),
+            Rows("low", m, inf, renewed=True), Rows("high", m, -inf, renewed=True),
+            Rows("least", free, inf), Rows("greatest", free, -inf),
+            Rows("at limit", sum(self.limited)), Rows("at rate limit", sum(self.rate_limited)),
+        ]  # fmt: skip
+        if self.detailed:
+            found += [Rows("before", m), Rows("path", m), Rows("steps", 1), Rows("IAE", n), Rows("ITAE", n)]
+        if self.gains:
+            found += [
+                Rows("command", q), Rows("jumped at", 1), Rows("target", n), Rows("change", n), Rows("overshoot", n),
+                Rows("rise from", n, inf), Rows("rising", n), Rows("rise", n), Rows("never risen", n),
+                Rows("outside", n), Rows("settling", n), Rows("never settled", n),
+            ]  # fmt: skip
+        return tuple(found)
+
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """The rows of each quantity."""
+        found, start = {}, 0
+        for rows in self.layout:
+            found[rows.name] = slice(start, start + rows.size)
+            start += rows.size
+        return found
+
+    @cached_property
+    def begins(self) -> tuple[float, ...]:
+        """The memory before the first sample."""
+        return tuple(rows.begins for rows in self.layout for _ in range(rows.size))
+
+    @cached_property
+    def renewed(self) -> tuple[int, ...]:
+        """The rows that begin anew with the tail."""
+        return tuple(i for rows in self.layout if rows.renewed for i in range(*self.places[rows.name].indices(1 << 30)))
+
+    def update(self, memory: Value, sample: Sample, ranges: Value) -> Value:
+        """The memory after one more sample, (rows,). ``ranges`` (m,): of inputs with limits upper - lower; of others ignored."""
+        old = {name: memory[rows] for name, rows in self.places.items()}
+        new = {
+            "largest y_m": np.maximum(old["largest y_m"], np.abs(sample.y_m)),
+            "largest y": np.maximum(old["largest y"], np.abs(sample.y)),
+            "largest e": np.maximum(old["largest e"], np.abs(sample.e)),
+            "low": np.minimum(old["low"], sample.limited),
+            "high": np.maximum(old["high"], sample.limited),
+        }
+        new |= self._counted(old, sample) | self._reversed(old, new, sample, ranges)
+        if self.detailed:
+            new |= _detailed(old, sample)
+        if self.gains:
+            new |= self._responses(old, sample)
+        return np.concatenate([new[rows.name] for rows in self.layout])
+
+    def _counted(self, old: dict[str, Value], sample: Sample) -> dict[str, Value]:
+        """For how many steps the limits hold the control back."""
+        at_limit = _chosen(sample.at_limit, self.limited)
+        at_rate_limit = _chosen(sample.at_rate_limit, self.rate_limited)
+        return {
+            "at limit": old["at limit"] + sample.steps * at_limit,
+            "at rate limit": old["at rate limit"] + sample.steps * at_rate_limit,
+        }
+
+    def _reversed(self, old: dict[str, Value], new: dict[str, Value], sample: Sample, ranges: Value) -> dict[str, Value]:
+        """The limited control through a play of the hysteresis' width: what turns back by more drags it the other way."""
+        free = tuple(not limited for limited in self.limited)
+        v = _chosen(sample.limited, free)
+        least, greatest = np.minimum(old["least"], v), np.maximum(old["greatest"], v)
+        covered = np.maximum(greatest - least, LEAST_RANGE * np.maximum(np.abs(greatest), np.abs(least)))
+        half = 0.5 * self.hysteresis * _merged(ranges, covered, self.limited)
+        dragged = np.minimum(np.maximum(old["held"], sample.limited - half), sample.limited + half)
+        held = np.where(old["low"] <= old["high"], dragged, sample.limited)  # a first sample has nothing to turn back from
+        moved = np.where(old["low"] <= old["high"], held - old["held"], 0.0 * held)
+        direction = np.where(moved > 0, 1.0, np.where(moved < 0, -1.0, old["direction"]))
+        turned = np.where(direction * old["direction"] < 0, 1.0, 0.0)
+        return {
+            "held": held,
+            "direction": direction,
+            "reversals": old["reversals"] + turned,
+            "least": least,
+            "greatest": greatest,
+        }
+
+    def _responses(self, old: dict[str, Value], sample: Sample) -> dict[str, Value]:
+        """Overshoot [part of the step], rise and settling time [steps]: the worst over all steps of the command so far."""
+        now, begun = old["steps"], old["steps"] > 0
+        jumped = np.maximum(np.where(begun, 0.0, 1.0), np.where(np.sum(np.abs(sample.r - old["command"])) > 0, 1.0, 0.0))
+        target = np.where(jumped > 0, np.array(self.gains) @ sample.r, old["target"])
+        change = np.where(jumped > 0, target - np.where(begun, old["target"], sample.y), old["change"])
+        since = now - np.where(jumped > 0, now, old["jumped at"])
+        size = np.abs(change)
+        beyond = np.where(change > 0, 1.0, -1.0) * (sample.y - target)  # below 0 on the way to the target
+        passed = beyond / np.where(size > 0, size, 1.0)
+        steps = np.where(size > 0, 1.0, 0.0)
+        rise_from = np.where(jumped > 0, np.inf + 0.0 * size, old["rise from"])
+        rise_from = np.where(steps * (passed >= RISES_FROM - 1) * (rise_from == np.inf) > 0, since + 0.0 * size, rise_from)
+        waiting = np.where(jumped > 0, steps, old["rising"])
+        risen = waiting * np.where(passed >= RISES_TO - 1, 1.0, 0.0)
+        outside = steps * np.where(np.abs(sample.y - target) > np.array(self.bands), 1.0, 0.0)
+        over = np.where(begun, jumped, 0.0)  # what was asked for before is not awaited any longer
+        return {
+            "command": sample.r,
+            "jumped at": np.where(jumped > 0, now, old["jumped at"]),
+            "target": target,
+            "change": change,
+            "overshoot": np.maximum(old["overshoot"], steps * np.maximum(passed, 0.0 * passed)),
+            "rise from": rise_from,
+            "rising": waiting - risen,
+            "rise": np.maximum(old["rise"], np.where(risen > 0, since - rise_from, 0.0 * size)),
+            "never risen": np.maximum(old["never risen"], over * old["rising"]),
+            "outside": outside,
+            "settling": np.maximum(old["settling"], outside * (since + sample.steps)),
+            "never settled": np.maximum(old["never settled"], over * old["outside"]),
+        }
+
+
+def _detailed(old: dict[str, Value], sample: Sample) -> dict[str, Value]:
+    """Integrals in units of a step: rectangles from the left."""
+    begun = old["steps"] > 0
+    absolute = sample.steps * np.abs(sample.e)
+    return {
+        "before": sample.limited,
+        "path": old["path"] + np.where(begun, np.abs(sample.limited - old["before"]), 0.0 * sample.limited),
+        "steps": old["steps"] + sample.steps,
+        "IAE": old["IAE"] + absolute,
+        "ITAE": old["ITAE"] + old["steps"] * absolute,
+    }
+
+
+def _chosen(values: Value, which: Sequence[bool]) -> Value:
+    """The entries for which ``which`` holds."""
+    return values[[i for i, wanted in enumerate(which) if wanted]]
+
+
+def _merged(some: Value, others: Value, which: Sequence[bool]) -> Value:
+    """Entries of ``some`` where ``which`` holds; where it does not, those of ``others``, which has no more than these."""
+    if all(which):
+        return some
+    rest = iter(range(len(which)))
+    parts = [some[i : i + 1] if wanted else others[(k := next(rest)) : k + 1] for i, wanted in enumerate(which)]
+    return np.concatenate(parts)
