@@ -46,6 +46,7 @@ class Watched:
     detailed: bool = False
     gains: tuple[tuple[float, ...], ...] = ()
     bands: tuple[float, ...] = ()
+    settles: float = 0.05
 
     def memory(self, loop: ClosedLoop) -> Memory:
         """What is kept of this loop."""

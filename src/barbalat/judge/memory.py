@@ -66,7 +66,7 @@ class Memory:
     hysteresis  a reversal counts when the control moves back by this share of its range
     detailed    also what sweeps do without: IAE, ITAE, the control's path, and the responses to steps of the command
     gains       (n, q) at which the model's components come to rest at a command, where responses are wanted; else empty
-    bands       (n,) into which a response settles
+    bands       (n,) into which a response settles, NaN for the share ``settles`` of the model's largest motion so far
     """
 
     components: int
@@ -78,6 +78,7 @@ class Memory:
     detailed: bool = False
     gains: tuple[tuple[float, ...], ...] = ()
     bands: tuple[float, ...] = ()
+    settles: float = 0.05
 
     @cached_property
     def layout(self) -> tuple[Rows, ...]:
@@ -88,7 +89,7 @@ class Memory:
             Rows("largest y_m", n), Rows("largest y", n), Rows("largest e", n, renewed=True),
             Rows("held", m), Rows("direction", m), Rows("reversals", m),
             Rows("low", m, inf, renewed=True), Rows("high", m, -inf, renewed=True),
-            Rows("least", free, inf), Rows("greatest", free, -inf),
+            Rows("range", m), Rows("least", free, inf), Rows("greatest", free, -inf),
             Rows("at limit", sum(self.limited)), Rows("at rate limit", sum(self.rate_limited)),
         ]  # fmt: skip
         if self.detailed:
@@ -134,7 +135,7 @@ class Memory:
         if self.detailed:
             new |= _detailed(old, sample)
         if self.gains:
-            new |= self._responses(old, sample)
+            new |= self._responses(old, sample, new["largest y_m"])
         return np.concatenate([new[rows.name] for rows in self.layout])
 
     def _counted(self, old: dict[str, Value], sample: Sample) -> dict[str, Value]:
@@ -152,7 +153,8 @@ class Memory:
         v = _chosen(sample.limited, free)
         least, greatest = np.minimum(old["least"], v), np.maximum(old["greatest"], v)
         covered = np.maximum(greatest - least, LEAST_RANGE * np.maximum(np.abs(greatest), np.abs(least)))
-        half = 0.5 * self.hysteresis * _merged(ranges, covered, self.limited)
+        width = _merged(ranges, covered, self.limited)
+        half = 0.5 * self.hysteresis * width
         dragged = np.minimum(np.maximum(old["held"], sample.limited - half), sample.limited + half)
         held = np.where(old["low"] <= old["high"], dragged, sample.limited)  # a first sample has nothing to turn back from
         moved = np.where(old["low"] <= old["high"], held - old["held"], 0.0 * held)
@@ -162,13 +164,16 @@ class Memory:
             "held": held,
             "direction": direction,
             "reversals": old["reversals"] + turned,
+            "range": width,
             "least": least,
             "greatest": greatest,
         }
 
-    def _responses(self, old: dict[str, Value], sample: Sample) -> dict[str, Value]:
+    def _responses(self, old: dict[str, Value], sample: Sample, scale: Value) -> dict[str, Value]:
         """Overshoot [part of the step], rise and settling time [steps]: the worst over all steps of the command so far."""
         now, begun = old["steps"], old["steps"] > 0
+        given = np.array(self.bands)
+        bands = np.where(np.isnan(given), 0.0, given) + np.where(np.isnan(given), self.settles, 0.0) * scale
         jumped = np.maximum(np.where(begun, 0.0, 1.0), np.where(np.sum(np.abs(sample.r - old["command"])) > 0, 1.0, 0.0))
         target = np.where(jumped > 0, np.array(self.gains) @ sample.r, old["target"])
         change = np.where(jumped > 0, target - np.where(begun, old["target"], sample.y), old["change"])
@@ -181,7 +186,7 @@ class Memory:
         rise_from = np.where(steps * (passed >= RISES_FROM - 1) * (rise_from == np.inf) > 0, since + 0.0 * size, rise_from)
         waiting = np.where(jumped > 0, steps, old["rising"])
         risen = waiting * np.where(passed >= RISES_TO - 1, 1.0, 0.0)
-        outside = steps * np.where(np.abs(sample.y - target) > np.array(self.bands), 1.0, 0.0)
+        outside = steps * np.where(np.abs(sample.y - target) > bands, 1.0, 0.0)
         over = np.where(begun, jumped, 0.0)  # what was asked for before is not awaited any longer
         return {
             "command": sample.r,

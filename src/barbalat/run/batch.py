@@ -126,7 +126,7 @@ class Batch:
         for first in range(0, members, width):
             index = np.minimum(np.arange(first, first + width), members - 1)  # the last group repeats the last member
             columns = slice(first, min(first + width, members))
-            state = np.vstack([self.states[:, index], *self._unjudged(width)])
+            state = np.ascontiguousarray(np.vstack([self.states[:, index], *self._unjudged(width)]))
             parameters = np.ascontiguousarray(self.parameters[:, index])
             past = None if self.lags is None else self._past(index)
             numbers = np.arange(members) if self.numbers is None else self.numbers

@@ -1,0 +1,75 @@
+"""Which runs are limit cycles: suspects by the reversals of their controls, then by windows of the run with everything held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.validate import Array
+
+FEWEST_REVERSALS = 4
+"""In the tail, with two more for each turn of the command: fewer make no suspect. Two periods, or one that noise has broken up."""
+SLOWEST_PERIODS = 3.0
+"""A window of a continuation lasts so many periods of the model's slowest mode, as far as the run is not shorter."""
+FEWEST_CYCLES = 4.0
+"""And at least so many of the periods that were seen in the tail."""
+LONGEST_SHARE = 0.5
+"""Of the run, that a window has at most, so that a continuation stays below MOST_WINDOWS halves of it."""
+KEPT_SHARE = 0.8
+"""What of the swing of one window the next one keeps in a limit cycle."""
+STEADY_SHARE = 0.02
+"""A swing that changes by less from window to window is decided; what decays or grows faster is looked at for longer."""
+FEWEST_WINDOWS = 3
+"""The first shows what holding the command does, the other two are compared."""
+MOST_WINDOWS = 7
+
+
+def suspects(reversals: Array, turns: int) -> Array:
+    """(M,) which members reverse a control more often in the tail than the command asks; ``reversals`` (M, m) there."""
+    return np.asarray((reversals > FEWEST_REVERSALS + 2 * turns).any(axis=1))
+
+
+def window(slowest: float, tail: float, reversals: float, t_end: float) -> float:
+    """The length of a window [s]; ``slowest`` is the model's slowest period [s], ``reversals`` those of the tail of ``tail`` [s]."""
+    seen = FEWEST_CYCLES * 2 * tail / reversals if reversals > 0 else 0.0
+    return min(max(SLOWEST_PERIODS * slowest, seen), LONGEST_SHARE * t_end)
+
+
+def slowest_period(A: Array) -> float:
+    """Of x' = A x [s], by the smallest |eigenvalue| that is not 0; 0 where there is none."""
+    rates = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
+    rates = rates[rates > 0]
+    return float(2 * np.pi / rates.min()) if len(rates) else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """What K windows of a continuation showed, K >= 2, of M members with m inputs: the last two decide.
+
+    swing      (K, M, m) peak to peak of the limited control
+    reversals  (K, M, m)
+    lost       (M,) whether a member diverged in them
+    """
+
+    swing: Array
+    reversals: Array
+    lost: Array
+
+    def cycling(self, band: Array) -> Array:
+        """(M, m) which controls swing for ever, by the last two windows; ``band`` (M, m) is the least swing."""
+        before, last = self.swing[-2:]
+        with np.errstate(invalid="ignore"):
+            lasting = (last >= KEPT_SHARE * before) & (KEPT_SHARE * last <= before)
+        return np.asarray(lasting & self._swings(band))
+
+    def decided(self, band: Array) -> Array:
+        """(M,) which members need no further window: they rest, swing steadily, or are lost."""
+        before, last = self.swing[-2:]
+        with np.errstate(invalid="ignore"):
+            steady = np.abs(last - before) <= STEADY_SHARE * last
+        return np.asarray((steady | ~self._swings(band)).all(axis=1) | self.lost)
+
+    def _swings(self, band: Array) -> Array:
+        """A drift has a swing, but does not turn back."""
+        return np.asarray((self.swing[-1] > band) & (self.reversals[-1] >= 2) & ~self.lost[:, None])

@@ -1,0 +1,183 @@
+"""From what the judge kept of M runs to their verdicts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.judge.memory import Memory
+from barbalat.judge.settings import Bands
+from barbalat.judge.verdict import Class, Cycle, Figures, Response, Verdict
+from barbalat.validate import Array
+
+CLASSES = tuple(Class)
+"""By their numbers in ``Judged.kinds``; the first that holds is a run's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What the judge kept of M runs: (rows, M) before the tail and of the whole run."""
+
+    memory: Memory
+    before_tail: Array
+    whole: Array
+
+    def of(self, name: str) -> Array:
+        """(M, entries) of the whole run, or of the tail where that has rows of its own."""
+        return self.whole[self.memory.places[name]].T
+
+    def in_tail(self, name: str) -> Array:
+        """(M, entries) how much a count has grown in the tail."""
+        rows = self.memory.places[name]
+        return np.asarray((self.whole[rows] - self.before_tail[rows]).T)
+
+    def of_inputs(self, name: str, which: tuple[bool, ...]) -> Array:
+        """(M, m) of inputs that have it; 0 for the others."""
+        found = np.zeros((self.whole.shape[1], self.memory.inputs))
+        found[:, np.flatnonzero(which)] = self.of(name)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class Cycles:
+    """What became of the suspects: (M, m) which controls cycle, their amplitudes and frequencies [rad/s]; (M,) who is a suspect."""
+
+    which: Array
+    amplitude: Array
+    frequency: Array
+    suspect: Array
+
+    @classmethod
+    def none(cls, members: int, inputs: int, suspect: Array) -> Cycles:
+        shape = (members, inputs)
+        return cls(np.zeros(shape, dtype=bool), np.zeros(shape), np.zeros(shape), suspect)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Verdicts on M runs of n components and m inputs.
+
+    kinds          (M,) numbers of CLASSES
+    error          (M, n) the tail's largest |e|, against ``bands``
+    at_limit       (M, m) shares of the time, and ``at_rate_limit``
+    lost_at        (M,) [s], NaN where it is not known or the run was not lost
+    dt, steps      of the runs
+    """
+
+    kinds: Array
+    bands: Bands
+    error: Array
+    cycles: Cycles
+    at_limit: Array
+    at_rate_limit: Array
+    lost_at: Array
+    kept: Kept
+    dt: float
+    steps: int
+    input_units: tuple[str, ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        kept: Kept,
+        bands: Bands,
+        cycles: Cycles,
+        *,
+        lost_at: Array,
+        diverged: Array,
+        dt: float,
+        steps: int,
+        input_units: tuple[str, ...] = (),
+    ) -> Judged:
+        """``diverged`` (M,): whether each run did."""
+        error, memory, instants = kept.of("largest e"), kept.memory, steps + 1
+        with np.errstate(invalid="ignore"):
+            lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
+            follows = (error <= bands.follows).all(axis=1)
+        cycling = cycles.which.any(axis=1)
+        return cls(
+            kinds=np.where(lost, 0, np.where(cycling, 1, np.where(follows, 3, 2))),
+            bands=bands,
+            error=error,
+            cycles=cycles,
+            at_limit=kept.of_inputs("at limit", memory.limited) / instants,
+            at_rate_limit=kept.of_inputs("at rate limit", memory.rate_limited) / instants,
+            lost_at=np.where(lost, lost_at, np.nan),
+            kept=kept,
+            dt=dt,
+            steps=steps,
+            input_units=input_units,
+        )
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    @property
+    def worst(self) -> Array:
+        """(M,) the component that is worst against its own band."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            against = np.where(self.error > 0, self.error / self.bands.follows, 0.0)
+        return np.asarray(np.nan_to_num(against, nan=np.inf).argmax(axis=1))
+
+    def verdict(self, i: int, settled: bool | None = None) -> Verdict:
+        """On one run."""
+        kind, component = CLASSES[self.kinds[i]], int(self.worst[i])
+        lost_at, error = float(self.lost_at[i]), float(self.error[i, component])
+        finite = np.isfinite(self.kept.whole[:, i]).all() if kind is Class.LOST else True
+        return Verdict(
+            kind=kind,
+            component=self.bands.names[component],
+            error=error if np.isfinite(error) and (kind is not Class.LOST or np.isfinite(self.error[i]).all()) else None,
+            band=float(self.bands.follows[i, component]),
+            scale=float(self.bands.scale[i, component]),
+            unit=self.bands.units[component][1:-1],
+            input_unit=self.input_units[self._cycling(i)] if self.input_units else "",
+            settled=settled,
+            cycle=self._cycle(i) if kind is Class.CYCLE else None,
+            at_limit=tuple(np.nan_to_num(self.at_limit[i]).tolist()),
+            at_rate_limit=tuple(np.nan_to_num(self.at_rate_limit[i]).tolist()),
+            lost_at=lost_at if np.isfinite(lost_at) else None,
+            figures=self._figures(i) if self.kept.memory.detailed and kind is not Class.LOST and finite else None,
+        )
+
+    def _cycling(self, i: int) -> int:
+        """The input whose cycle is the largest against its range."""
+        share = np.where(self.cycles.which[i], self.cycles.amplitude[i] / self.kept.of("range")[i], -1.0)
+        return int(share.argmax())
+
+    def _cycle(self, i: int) -> Cycle:
+        j = self._cycling(i)
+        amplitude, frequency = float(self.cycles.amplitude[i, j]), float(self.cycles.frequency[i, j])
+        return Cycle(signal=f"u_limited[{j}]", amplitude=amplitude, frequency=frequency)
+
+    def _figures(self, i: int) -> Figures:
+        def of(name: str) -> tuple[float, ...]:
+            return tuple(map(float, self.kept.of(name)[i]))
+
+        return Figures(
+            IAE=tuple(self.dt * value for value in of("IAE")),
+            ITAE=tuple(self.dt**2 * value for value in of("ITAE")),
+            activity=of("path"),
+            reversals=tuple(map(int, of("reversals"))),
+            responses=self._responses(i) if self.kept.memory.gains else {},
+        )
+
+    def _responses(self, i: int) -> dict[str, Response]:
+        """Of the components that the command's steps move at all."""
+        found = {}
+        for j, name in enumerate(self.bands.names):
+            if not any(self.kept.memory.gains[j]):
+                continue
+
+            def of(name: str, component: int = j) -> float:
+                return float(self.kept.of(name)[i, component])
+
+            risen = of("never risen") + of("rising") == 0
+            settled = of("never settled") + of("outside") == 0
+            found[name] = Response(
+                RiseTime=self.dt * of("rise") if risen else None,
+                SettlingTime=self.dt * of("settling") if settled else None,
+                Overshoot=100 * of("overshoot"),
+            )
+        return found
