@@ -59,8 +59,11 @@ def run_block(result: Result) -> dict[str, Any]:
     found = result.stiffness
     check = None if result.check is None else result.check.as_json()
     lost = {} if result.lost is None else {"lost_order": result.lost.as_json()}
+    verdict = result.verdict
     return {
         **result.figures,
+        **({} if verdict is None else {"verdict": verdict.as_json()}),
+        **({} if verdict is None or verdict.figures is None else verdict.figures.as_json()),
         "h_lambda_max": found.h_lambda_max,
         "numerically_unstable_at": found.unstable_from,
         "label": result.label,

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.judge.verdict import Verdict
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.true_values import not_the_parameters, true_values
 from barbalat.problem.command_gain import command_warning
@@ -70,6 +71,7 @@ class Result:
     lost              what jumps and corners inside of steps cost, where a step can't be split there, the motion's own among them;
                       None where nothing is lost
     check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
+    judged            the verdict without what is known of the solver; None for a run that nobody judged
     """
 
     problem: TrackingProblem
@@ -89,6 +91,7 @@ class Result:
     stiffness: Stiffness
     lost: LostOrder | None = None
     check: FinerStep | None = None
+    judged: Verdict | None = None
 
     @property
     def name(self) -> str:
@@ -128,6 +131,22 @@ class Result:
         Of a run that diverged it says so, and with a ``check`` whether finer steps diverge too.
         """
         return label(self.stiffness.unstable_from, self.diverged_at, self.check)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """What the run did by its signals: lost, limit cycle, off or follows; None for a run that nobody judged.
+
+        It is settled where the run stayed inside its solver's region of stability and the solver's damping hides nothing, or
+        where a finer step shows the same. Where that damping may hide something, nobody has examined it.
+        """
+        if self.judged is None:
+            return None
+        settled: bool | None = True
+        if self.stiffness.unstable_from is not None:
+            settled = self.check is not None and self.check.origin == "loop"
+        elif self.stiffness.damping is not None:
+            settled = None
+        return replace(self.judged, settled=settled)
 
     @property
     def damping(self) -> SolverDamping | None:

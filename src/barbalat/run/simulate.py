@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from barbalat import validate
+from barbalat.judge.settings import Judge
 from barbalat.loop.binding import numbered
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.user_errors import named
@@ -18,6 +19,7 @@ from barbalat.run.breaks import lost_order
 from barbalat.run.delay import brings_bends
 from barbalat.run.diagnosis.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.engine import run
+from barbalat.run.judging import judged, watched_in_runs
 from barbalat.run.kinks import lost_along
 from barbalat.run.portable import at_instants
 from barbalat.run.progress import Progress
@@ -32,11 +34,13 @@ def simulate(
     controllers: Controller | Iterable[Controller],
     simulation: Simulation,
     *,
+    judge: Judge | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Results:
     """Run every controller on the problem; results by the controllers' names, of which equal ones are numbered.
 
+    judge     what counts as following, as lost and as a limit cycle; by default derived from the model's motion
     threads   all cores by default; results do not depend on it
     progress  called with the fraction done
 
@@ -45,7 +49,9 @@ def simulate(
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
-    controllers = numbered(controllers)
+    controllers, judge = numbered(controllers), Judge() if judge is None else judge
+    validate.instance("judge", judge, Judge)
+    judge.require(problem)
     delay.require_memory(problem.delay, len(problem.history), len(controllers), simulation.dt)
     loops = []
     for controller in controllers:
@@ -55,14 +61,17 @@ def simulate(
     batches = []
     for controller in controllers:
         with named(controller.name):
-            batches.append(Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS))
+            watched = watched_in_runs(judge, problem)
+            batches.append(Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS, watched=watched))
     run(batches, problem.signals, simulation, threads=threads, progress=progress)
     runs = zip(controllers, batches, strict=True)
-    return Results((c.name, result_of(problem, c, simulation, batch)) for c, batch in runs)
+    return Results((c.name, result_of(problem, c, simulation, batch, judge)) for c, batch in runs)
 
 
-def result_of(problem: TrackingProblem, controller: Controller, simulation: Simulation, batch: Batch) -> Result:
-    """Of a recorded batch of one member after its run."""
+def result_of(
+    problem: TrackingProblem, controller: Controller, simulation: Simulation, batch: Batch, judge: Judge | None = None
+) -> Result:
+    """Of a recorded batch of one member after its run; without a ``judge`` there is no verdict."""
     loop, blocks, stop = batch.loop, batch.blocks(simulation), np.inf
     steps = np.append(blocks.starts, simulation.steps)
     states = np.vstack([blocks.states[:, :, 0], batch.final_states.T])
@@ -90,6 +99,7 @@ def result_of(problem: TrackingProblem, controller: Controller, simulation: Simu
         envelope=_envelope(blocks, max(len(steps) - 1, 0)),
         metrics=metrics,
         stiffness=stiffness_along(made),
+        judged=None if judge is None else judged(batch, problem, simulation, judge).verdict(0),
         lost=lost_along(
             lost_order(problem.signals, simulation, delayed=loop.delayed, bends=brings_bends(loop)),
             loop,
