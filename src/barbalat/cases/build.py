@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import dataclass, field, is_dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -16,6 +16,7 @@ from barbalat.cases.scheme_keys import sampling_of
 from barbalat.cases.table_models import Table
 from barbalat.cases.typed_numbers import in_the_files_words
 from barbalat.controllers import Sampled
+from barbalat.judge.settings import Judge
 from barbalat.loop.binding import bound, require_controllers
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import identical
@@ -33,12 +34,14 @@ class Case:
     """A problem, the controllers to compare on it, and how to simulate.
 
     equations  of each controller on the problem, where they are known already
+    judge      what counts as following, as lost and as a limit cycle
     """
 
     problem: TrackingProblem
     controllers: tuple[Controller, ...]
     simulation: Simulation
     equations: tuple[Any, ...] = ()
+    judge: Judge = field(default_factory=Judge)
 
     @property
     def name(self) -> str:
@@ -105,10 +108,10 @@ def build(case: Table, folder: Path, joining: Sequence[Controller] = (), parts: 
     """
     parts = Parts() if parts is None else parts
     base = Context(folder, objects=parts.objects)
-    posed = [value for key, value in vars(case).items() if key not in ("controller", "simulation")]
+    posed = [value for key, value in vars(case).items() if key not in ("controller", "simulation", "judge")]
 
     given = _given(case, base, "")
-    simulation = given.pop("simulation")
+    simulation, judge = given.pop("simulation"), given.pop("judge", Judge())
 
     def pose() -> TrackingProblem:
         with in_the_files_words(given):
@@ -116,9 +119,10 @@ def build(case: Table, folder: Path, joining: Sequence[Controller] = (), parts: 
         return problem
 
     problem = parts.problem_of(posed, pose)
+    judge.require(problem)
     found = _controllers(case, base._replace(known=problem.known), problem, parts)
     found += [(controller, bound(problem, controller)) for controller in joining]
-    made = _assembled(problem, found, simulation, parts)
+    made = replace(_assembled(problem, found, simulation, parts), judge=judge)
     if not parts.complete:
         parts.objects, parts.complete = MappingProxyType(parts.objects), True
     return made

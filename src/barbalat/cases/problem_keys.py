@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys_of
+from barbalat.judge.settings import Judge
 from barbalat.problem.known_set import ParameterBall, ParameterBox
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant
@@ -89,6 +90,7 @@ def _output_problem(given: Given, _: Context) -> OutputProblem:
 
 
 _NAME = Key(str, "of the case")
+_JUDGE = Key(Judge, "what counts as following, as lost and as a limit cycle; by default derived from the model's motion", None)
 _DISTURBANCE = Key(Signal | None, "matched: it enters with u; none by default", None)
 
 DIFFERENCES: dict[type, Differences] = {
@@ -96,6 +98,7 @@ DIFFERENCES: dict[type, Differences] = {
         keys={
             "uncertainty": Key(Uncertainty, "the known set Omega; without one nothing is projected", None),
             "simulation": Key(Simulation, "how to simulate"),
+            "judge": _JUDGE,
             "name": _NAME,
         },
         required=("reference_model", "reference"),
@@ -103,7 +106,7 @@ DIFFERENCES: dict[type, Differences] = {
         make=_problem,
     ),
     OutputProblem: Differences(
-        keys={"simulation": Key(Simulation, "how to simulate"), "name": _NAME},
+        keys={"simulation": Key(Simulation, "how to simulate"), "judge": _JUDGE, "name": _NAME},
         required=("reference",),
         without=("disturbance", "output_disturbance"),
         make=_output_problem,

@@ -176,6 +176,8 @@ def form(hint: Any) -> Any:
     is_table = isinstance(member, type) and issubclass(member, Table)
     if is_table or member in (bool, int, str) or get_origin(member) in (Annotated, Literal):
         return member
+    if get_origin(member) is Mapping:
+        return GenericAlias(dict, get_args(member))
     unknown = TypeError(f"no form in a case file is known for {hint}")
     unknown.add_note("cases/scheme_keys.py can say which keys give it")
     raise unknown

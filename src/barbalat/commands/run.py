@@ -88,7 +88,7 @@ def _simulated(case: Case, running: Work) -> list[Result]:
     from barbalat.run.simulate import simulate
 
     with running.part("simulating") as progress:
-        found = simulate(case.problem, case.controllers, case.simulation, progress=progress)
+        found = simulate(case.problem, case.controllers, case.simulation, judge=case.judge, progress=progress)
     labelled = [name for name, result in found.items() if result.label is not None]
     if labelled:
         say(f"outside the region of stability, repeated at a finer step: {', '.join(labelled)}")

@@ -78,7 +78,7 @@ class VariedObjects(Varied):
                 simulation = _put(path, simulation, rest, float(value))
             else:
                 problem = _put(path, problem, list(path.field), float(value))
-        return Case(problem, controllers, simulation)
+        return Case(problem, controllers, simulation, judge=self.case.judge)
 
 
 def _put(path: FieldPath, part: Any, keys: Sequence[Key], value: float) -> Any:

@@ -84,7 +84,7 @@ def _compared(
     controllers = [result.controller for result in members.values()]
     refined = [_refined(controller, factor) for controller in controllers]
     finer = replace(given, t_end=horizon, dt=given.dt / factor)
-    fine = simulate(first.problem, refined, finer, threads=threads, progress=progress).values()
+    fine = simulate(first.problem, refined, finer, judge=first.judge, threads=threads, progress=progress).values()
     coarse = members.values()
     if horizon != given.t_end:
         coarse = simulate(first.problem, controllers, replace(given, t_end=horizon), threads=threads).values()
@@ -124,6 +124,7 @@ def _seen(result: Result) -> Seen:
         estimates=float(np.abs(result.theta_hat).max(initial=0.0)),
         steps=result.simulation.steps,
         sample_time=controller.law_step if isinstance(controller, Stepping) else None,
+        kind=None if result.judged is None else result.judged.kind,
     )
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.judge.settings import Judge
 from barbalat.judge.verdict import Verdict
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.true_values import not_the_parameters, true_values
@@ -72,6 +73,7 @@ class Result:
                       None where nothing is lost
     check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
     judged            the verdict without what is known of the solver; None for a run that nobody judged
+    judge             what it was judged by
     """
 
     problem: TrackingProblem
@@ -92,6 +94,7 @@ class Result:
     lost: LostOrder | None = None
     check: FinerStep | None = None
     judged: Verdict | None = None
+    judge: Judge | None = None
 
     @property
     def name(self) -> str:
@@ -137,13 +140,13 @@ class Result:
         """What the run did by its signals: lost, limit cycle, off or follows; None for a run that nobody judged.
 
         It is settled where the run stayed inside its solver's region of stability and the solver's damping hides nothing, or
-        where a finer step shows the same. Where that damping may hide something, nobody has examined it.
+        where a finer step that does so comes to the same class. Where that damping may hide something, nobody has examined it.
         """
         if self.judged is None:
             return None
         settled: bool | None = True
         if self.stiffness.unstable_from is not None:
-            settled = self.check is not None and self.check.origin == "loop"
+            settled = self.check is not None and self.check.kind is self.judged.kind
         elif self.stiffness.damping is not None:
             settled = None
         return replace(self.judged, settled=settled)

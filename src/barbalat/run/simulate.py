@@ -99,6 +99,7 @@ def result_of(
         envelope=_envelope(blocks, max(len(steps) - 1, 0)),
         metrics=metrics,
         stiffness=stiffness_along(made),
+        judge=judge,
         judged=None if judge is None else judged(batch, problem, simulation, judge).verdict(0),
         lost=lost_along(
             lost_order(problem.signals, simulation, delayed=loop.delayed, bends=brings_bends(loop)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from barbalat.judge.verdict import Class
 from barbalat.pictures.numbers import number_text
 from barbalat.problem.labels import Labels, bracketed
 from barbalat.report.terminal.layout import Screen, capitalized, grouped
@@ -22,12 +23,23 @@ def show(screen: Screen, case: str, results: Sequence[Result]) -> None:
     simulation = results[0].simulation
     count = "one controller" if len(results) == 1 else f"{len(results)} controllers"
     screen.line(f"{case}: {count}, {simulation.t_end:g} s, {simulation.solver.name} with h = {simulation.dt:g} s", "bold")
+    _verdicts(screen, results)
     _tracking(screen, results)
     adapting = [(result, result.adapting) for result in results if result.adapting is not None]
     if adapting:
         _estimates(screen, adapting)
         _excitation(screen, adapting)
     _findings(screen, results)
+
+
+VERDICT_STYLES = {Class.LOST: "red", Class.CYCLE: "red", Class.OFF: "yellow", Class.FOLLOWS: "green"}
+
+
+def _verdicts(screen: Screen, results: Sequence[Result]) -> None:
+    """One sentence for each controller, before anything else."""
+    for result in results:
+        if (verdict := result.verdict) is not None:
+            screen.line(f"{screen.name(result.name)}: {verdict}", VERDICT_STYLES[verdict.kind], "  ")
 
 
 def _tracking(screen: Screen, results: Sequence[Result]) -> None:

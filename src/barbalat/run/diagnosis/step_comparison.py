@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from barbalat.judge.verdict import Class
 from barbalat.run.metrics import Metrics
 from barbalat.validate import Array
 
@@ -36,6 +37,7 @@ class FinerStep:
     sentence the same for people, with the numbers
     dt       the finer step [s], t_end the horizon [s] over which the two are compared; None where none could be afforded
     diverged_at  when the finer run diverged [s], the finest one that was tried; None where it did not
+    kind     the judge's class of the finer run over the whole time, where that stayed inside the region; else None
     """
 
     origin: Origin
@@ -43,9 +45,10 @@ class FinerStep:
     dt: float | None = None
     t_end: float | None = None
     diverged_at: float | None = None
+    kind: Class | None = None
 
     def as_json(self) -> dict[str, Any]:
-        return asdict(self)
+        return {name: value for name, value in asdict(self).items() if name != "kind"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +57,7 @@ class Seen:
 
     model, estimates  the largest |x_m| and |theta_hat_i|: the size of the signals
     sample_time       of a law that is sampled by Euler steps [s], else None
+    kind              the judge's class
     """
 
     dt: float
@@ -65,6 +69,7 @@ class Seen:
     estimates: float
     steps: int
     sample_time: float | None = None
+    kind: Class | None = None
 
     @property
     def diverged_at(self) -> float | None:
@@ -80,7 +85,10 @@ def compare(coarse: Seen, fine: Seen, t_end: float, *, whole: bool) -> FinerStep
         found = None if fine.unstable_from is not None else _figures(coarse, fine, at)
     else:
         found = _divergences(coarse, fine, at)
-    return None if found is None else FinerStep(*found, dt=fine.dt, t_end=t_end, diverged_at=fine.diverged_at)
+    if found is None:
+        return None
+    kind = fine.kind if whole and fine.unstable_from is None else None
+    return FinerStep(*found, dt=fine.dt, t_end=t_end, diverged_at=fine.diverged_at, kind=kind)
 
 
 def at_the_same_time(one: float, other: float) -> bool:
