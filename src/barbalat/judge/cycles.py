@@ -20,6 +20,8 @@ KEPT_SHARE = 0.8
 """What of the swing of one window the next one keeps in a limit cycle."""
 STEADY_SHARE = 0.02
 """A swing that changes by less from window to window is decided; what decays or grows faster is looked at for longer."""
+LEVELLING_SHARE = 0.5
+"""What of a window's change the next one has at most, where a swing is on its way to a limit cycle's."""
 FEWEST_WINDOWS = 3
 """The first shows what holding the command does, the other two are compared."""
 MOST_WINDOWS = 7
@@ -45,7 +47,7 @@ def slowest_period(A: Array) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """What K windows of a continuation showed, K >= 2, of M members with m inputs: the last two decide.
+    """What K windows of a continuation showed, K >= 3, of M members with m inputs.
 
     swing      (K, M, m) peak to peak of the limited control
     reversals  (K, M, m)
@@ -57,10 +59,17 @@ class Windows:
     lost: Array
 
     def cycling(self, band: Array) -> Array:
-        """(M, m) which controls swing for ever, by the last two windows; ``band`` (M, m) is the least swing."""
-        before, last = self.swing[-2:]
-        with np.errstate(invalid="ignore"):
-            lasting = (last >= KEPT_SHARE * before) & (KEPT_SHARE * last <= before)
+        """(M, m) which controls swing for ever; ``band`` (M, m) is the least swing.
+
+        The last window keeps KEPT_SHARE of the one before, or the other way round. Where the two still differ, the change must
+        be on its way to nothing, or have turned round: what is faintly damped, or diverges slowly, changes by the same factor
+        again and again.
+        """
+        earlier, before, last = self.swing[-3:]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            change, change_before = np.log(last / before), np.log(before / earlier)
+            ends = (np.abs(change) <= LEVELLING_SHARE * np.abs(change_before)) | (change * change_before < 0)
+            lasting = (np.abs(change) <= -np.log(KEPT_SHARE)) & (ends | (np.abs(change) <= STEADY_SHARE))
         return np.asarray(lasting & self._swings(band))
 
     def decided(self, band: Array) -> Array:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -110,8 +111,29 @@ class Judged:
             input_units=input_units,
         )
 
+    @classmethod
+    def together(cls, parts: Sequence[Judged]) -> Judged:
+        """The verdicts on all members of these, which have one structure and one simulation."""
+        if len(parts) == 1:
+            return parts[0]
+        first = parts[0]
+        joined = {
+            name: np.concatenate([getattr(part, name) for part in parts])
+            for name in ("kinds", "error", "at_limit", "at_rate_limit", "lost_at")
+        }
+        bands = {name: np.concatenate([getattr(part.bands, name) for part in parts]) for name in ("scale", "follows", "lost")}
+        cycles = {name: np.concatenate([getattr(part.cycles, name) for part in parts]) for name in vars(first.cycles)}
+        kept = {name: np.concatenate([getattr(part.kept, name) for part in parts], axis=1) for name in ("before_tail", "whole")}
+        return replace(
+            first, bands=replace(first.bands, **bands), cycles=Cycles(**cycles), kept=replace(first.kept, **kept), **joined
+        )
+
     def __len__(self) -> int:
         return len(self.kinds)
+
+    def count(self, kind: Class) -> int:
+        """Of how many runs this is the class."""
+        return int((self.kinds == CLASSES.index(kind)).sum())
 
     @property
     def worst(self) -> Array:

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat import budget, validate
+from barbalat.judge.judged import Judged
+from barbalat.judge.settings import Judge
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -17,6 +19,7 @@ from barbalat.run.batch import Batch
 from barbalat.run.breaks import LostOrder, lost_order
 from barbalat.run.engine import run
 from barbalat.run.grid import CHUNK_STEPS
+from barbalat.run.judging import judged, watched_in_sweeps
 from barbalat.run.kinks import lost_along
 from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
@@ -40,6 +43,7 @@ class EnsembleResult(Plotted):
     quarters  (M, 4, n) the largest |e| in each quarter of the run, t_end left out, where they were asked for; NaN for a member
               that diverged
     lost      what jumps and corners inside of steps cost all members, as of a single run's ``Result``
+    judged    the verdicts, where a judge was asked
     """
 
     simulation: Simulation
@@ -47,6 +51,7 @@ class EnsembleResult(Plotted):
     varied: int
     quarters: Array | None = None
     lost: LostOrder | None = None
+    judged: Judged | None = None
 
     def __repr__(self) -> str:
         diverged, M = int(np.isfinite(self.metrics.diverged_at).sum()), len(self)
@@ -83,6 +88,7 @@ def simulate_ensemble(
     *,
     numbers: Sequence[int] | Array | None = None,
     quarters: bool = False,
+    judge: Judge | None = None,
     threads: int | None = None,
     lanes: int | None = None,
     progress: Progress | None = None,
@@ -96,6 +102,7 @@ def simulate_ensemble(
     numbers         with the seed they fix each member's measurement noise; by default 0, 1, ... in the order given. Members
                     with one number and one seed have the same noise
     quarters        keep the largest |e| of each quarter of the run too; at least eight steps
+    judge           gives a verdict on every member; by default none is given. Model, signals and labels are the first member's
     threads, lanes  only speed depends on them, not a single bit of the results
     progress        reading members counts as a part of the work where their number is known beforehand
     """
@@ -106,19 +113,22 @@ def simulate_ensemble(
         if progress is not None:
             progress(reading * min(i / (count or i), 1.0))
 
-    read = Members.read(_checked(members), simulation, first="member 1: ", taken=taken)
+    watched = None if judge is None else watched_in_sweeps(judge)
+    read = Members.read(_checked(members), simulation, watched=watched, first="member 1: ", taken=taken)
     if numbers is not None:
         read = replace(read, numbers=_numbers_of(read, numbers))
     budget.require("members", len(read), lambda count: costs.of_members([read.loop], simulation.steps, count), what="an ensemble")
     delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), MEMBERS_AT_ONCE), simulation.dt)
     blocks = replace(simulation, record_points=_points(simulation)) if quarters else simulation
-    found = []
+    found, verdicts = [], []
     for first in range(0, len(read), MEMBERS_AT_ONCE):
         which = slice(first, min(first + MEMBERS_AT_ONCE, len(read)))
         batch = Batch.part(read, which, record=quarters, lanes=lanes)
         done, width = (reading + (1 - reading) * first / len(read), (1 - reading) * (which.stop - first) / len(read))
         run([batch], read.signals, blocks, threads=threads, progress=part_of(progress, done, width))
         found.append((batch.metrics(simulation), _quarters(batch, blocks) if quarters else None))
+        if judge is not None and read.problem is not None:
+            verdicts.append(judged(batch, read.problem, simulation, judge, threads=threads))
     metrics, by_quarters = zip(*found, strict=True)
     largest = np.concatenate([part.max_abs_u.reshape(len(part.max_abs_u), -1) for part in metrics])
     lost = lost_order(read.signals, simulation, delayed=read.loop.delayed, bends=delay.brings_bends(read.loop))
@@ -128,6 +138,7 @@ def simulate_ensemble(
         varied=len(read.parameters),
         quarters=np.concatenate(by_quarters) if quarters else None,
         lost=lost_along(lost, read.loop, simulation, None if len(read.parameters) else largest),
+        judged=Judged.together(verdicts) if verdicts else None,
     )
 
 

@@ -198,7 +198,7 @@ class Continued:
             good = good + out[0, shape.states + group.batch.totals.at["good", "steps"].start]
             self.step, done = self.step + count, done + count
         columns = slice(0, group.columns.stop - group.columns.start)
-        after = group.state[own:, columns]
+        after = group.state[own:, columns].copy()
         rows = memory.places
         turned = after[rows["reversals"]] - before[rows["reversals"], columns]
         return _Seen(after[rows["low"]].T, after[rows["high"]].T, turned.T, np.asarray(good < steps))

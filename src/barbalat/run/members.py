@@ -48,6 +48,7 @@ class Members:
     seeds: Array | None = None
     longest_delay: float = 0.0  # [s]
     windows: int = 0
+    problem: TrackingProblem | None = None  # the first member's
 
     @classmethod
     def read(
@@ -231,6 +232,7 @@ class Reader:
             np.array(self.seeds) if self.loop.signals.noise else None,
             max(self.known_delays, default=0.0),
             windows,
+            self.problem,
         )
 
     def _trace(self, how: dict[str, bool]) -> StepProgram:

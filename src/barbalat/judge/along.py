@@ -1,0 +1,40 @@
+"""The judge beside what is no loop of ours: its list over signals that were recorded elsewhere, in flight or on a test bench."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.judge.memory import Memory, Sample
+from barbalat.loop.packing import column, symbols
+from barbalat.lowering.llvm.machine import Kernel
+from barbalat.lowering.operations import read
+from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import LoopShape
+from barbalat.validate import Array
+
+
+def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None = None, renewed: bool = False) -> Array:
+    """The memory (rows,) after K samples, each of whose entries is (K, size).
+
+    start    the memory before them; by default as it begins
+    renewed  whether what is kept of a tail begins anew with these samples
+    """
+    import casadi as ca
+
+    sizes = [np.asarray(part).reshape(len(samples.y), -1).shape[1] for part in samples]
+    row_column, row = symbols("row", sum(sizes))
+    memory_column, old = symbols("memory", len(memory.begins))
+    ends = np.cumsum(sizes).tolist()
+    parts = [row[end - size : end] for end, size in zip(ends, sizes, strict=True)]
+    sample = Sample(*parts)._replace(steps=parts[-1][0])
+    nothing = ca.SX(0, 1)
+    new = column(memory.update(old, sample, ranges))
+    step = ca.Function("judge", [memory_column, nothing, nothing, row_column], [new, nothing, nothing], {"cse": True})
+    begins = np.array(memory.begins)
+    state = begins.copy() if start is None else start.copy()
+    if renewed:
+        state[list(memory.renewed)] = begins[list(memory.renewed)]
+    rows = np.ascontiguousarray(np.column_stack([np.asarray(part).reshape(len(samples.y), -1) for part in samples]), dtype=float)
+    kernel = Kernel(optimize(read(step), fused=False), LoopShape(len(begins), 0, 0, rows.shape[1]), (), lanes=1)
+    kernel(1, len(rows), state, np.empty(0), rows, np.empty(len(begins)))
+    return state
