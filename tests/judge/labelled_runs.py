@@ -121,7 +121,7 @@ def labelled(rng: np.random.Generator, count: int) -> dict[str, Labelled]:
         return rng.uniform(-largest, largest, 2).tolist()
 
     usual = Simulation(t_end=60.0, dt=0.01)
-    fine = Simulation(t_end=20.0, dt=0.002)
+    fine, short = Simulation(t_end=20.0, dt=0.002), Simulation(t_end=8.0, dt=0.002)
     square, chirp, sine = Square(1.0, 0.7), Chirp(1.0, 0.2, 4.0, 60.0), Sine(1.0, 2.0)
 
     def pd(reference: Any, noise: float = 0.0) -> tuple:
@@ -157,6 +157,9 @@ def labelled(rng: np.random.Generator, count: int) -> dict[str, Labelled]:
             fine,
             True,
         ),
+        "one to three periods in the tail": Labelled(
+            each(lambda: (relay_problem(rng.uniform(0.3, 3), rng.uniform(0.2, 0.5)), Gain(k=np.array([300.0])))), short, True
+        ),
         "square command": Labelled(each(lambda: pd(square)), usual, False),
         "square command and noise": Labelled(each(lambda: pd(square, 0.05)), usual, False),
         "chirp": Labelled(each(lambda: pd(chirp)), usual, False),
@@ -164,6 +167,9 @@ def labelled(rng: np.random.Generator, count: int) -> dict[str, Labelled]:
         "noise alone": Labelled(each(lambda: pd(Constant(0.0), 0.1)), usual, False),
         "faintly damped": Labelled(
             each(lambda: (oscillator(rng.uniform(0.01, 0.05), rotated(), square), Gain(k=np.array([0.3, 0.0])))), usual, False
+        ),
+        "faintly damped, at rest": Labelled(
+            each(lambda: (oscillator(rng.uniform(0.003, 0.05), rotated()), Gain(k=np.array([0.3, 0.0])))), usual, False
         ),
         "slow divergence": Labelled(
             each(lambda: (oscillator(-rng.uniform(0.01, 0.05), rotated()), Gain(k=np.array([0.3, 0.0])))), usual, False

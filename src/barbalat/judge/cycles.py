@@ -45,6 +45,18 @@ def slowest_period(A: Array) -> float:
     return float(2 * np.pi / rates.min()) if len(rates) else 0.0
 
 
+def frequency_of(t: Array, v: Array) -> float:
+    """Of a cycle's control [rad/s] at K instants [s]: how often it passes from below a quarter of its swing to above three.
+
+    Waves of its own within the swing, as van der Pol's control has them, are not counted. 0 where it passes less than twice.
+    """
+    low, swing = float(v.min()), float(np.ptp(v))
+    side = np.where(v > low + 0.75 * swing, 1, np.where(v < low + 0.25 * swing, -1, 0))
+    seen = np.flatnonzero(side)
+    up = seen[1:][(side[seen][1:] == 1) & (side[seen][:-1] == -1)]
+    return float(2 * np.pi * (len(up) - 1) / (t[up[-1]] - t[up[0]])) if len(up) > 1 else 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class Windows:
     """What K windows of a continuation showed, K >= 3, of M members with m inputs.

@@ -121,6 +121,11 @@ class Memory:
         """The rows that begin anew with the tail."""
         return tuple(i for rows in self.layout if rows.renewed for i in range(*self.places[rows.name].indices(1 << 30)))
 
+    @property
+    def responses(self) -> slice:
+        """The rows that tell of steps of the command: a step at the very end of a run is none."""
+        return slice(self.places["command"].start if self.gains else len(self.begins), None)
+
     def update(self, memory: Value, sample: Sample, ranges: Value) -> Value:
         """The memory after one more sample, (rows,). ``ranges`` (m,): of inputs with limits upper - lower; of others ignored."""
         old = {name: memory[rows] for name, rows in self.places.items()}

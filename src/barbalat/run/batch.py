@@ -214,7 +214,10 @@ class Group:
         state = self.state.copy()
         out = self.call(steps, 1, 1, state, row)
         self.batch.totals.merge_final(out[0, self.batch.program.shape.states :], self.columns)
-        self.judged = state[self.batch.loop.size :]
+        own, memory = self.batch.loop.size, self.batch.program.memory
+        self.judged = state[own:]
+        if memory is not None:
+            self.judged[memory.responses] = self.state[own:][memory.responses]
 
     def renew(self) -> Array:
         """What the judge kept so far, (rows, W); what it keeps of the tail, or of a window, begins anew."""

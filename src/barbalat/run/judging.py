@@ -12,7 +12,7 @@ import os
 import numpy as np
 
 from barbalat.judge.beside import Watched
-from barbalat.judge.cycles import FEWEST_WINDOWS, MOST_WINDOWS, Windows, slowest_period, suspects, window
+from barbalat.judge.cycles import FEWEST_WINDOWS, MOST_WINDOWS, Windows, frequency_of, slowest_period, suspects, window
 from barbalat.judge.held import Held
 from barbalat.judge.judged import Cycles, Judged, Kept
 from barbalat.judge.settings import FOLLOWS_SHARE, Judge, component_names, scale_of
@@ -114,6 +114,10 @@ def _lost_at(batch: Batch, simulation: Simulation, lost: Array) -> Array:
     return np.fmin(found, simulation.time(first))
 
 
+SAMPLES_EACH_REVERSAL = 20
+"""Of a cycle whose frequency is measured: its switches are then known to a twentieth of the time between two."""
+
+
 class _Seen(NamedTuple):
     """What a window showed of some members: (M, m) each, and (M,) whether they diverged."""
 
@@ -160,7 +164,10 @@ def _cycles(
         cycling = found.cycling(band[columns]) & mine[:, None]
         which[columns] = cycling
         amplitude[columns] = np.where(cycling, 0.5 * found.swing[-1], 0.0)
-        frequency[columns] = np.where(cycling, np.pi * found.reversals[-1] / (steps * simulation.dt), 0.0)
+        if cycling.any():
+            t, path = going.traced(steps, int(SAMPLES_EACH_REVERSAL * found.reversals[-1].max()))
+            for i, j in zip(*np.nonzero(cycling), strict=True):
+                frequency[columns.start + i, j] = frequency_of(t, path[:, i, j])
 
     pending = [group for group in batch.groups if suspect[group.columns].any()]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
@@ -202,6 +209,23 @@ class Continued:
         rows = memory.places
         turned = after[rows["reversals"]] - before[rows["reversals"], columns]
         return _Seen(after[rows["low"]].T, after[rows["high"]].T, turned.T, np.asarray(good < steps))
+
+    def traced(self, steps: int, samples: int) -> tuple[Array, Array]:
+        """About so many samples (K,) of so many steps more [s], and the controls there as the hysteresis lets them through, (K, M, m)."""
+        group, memory = self.group, self.group.batch.program.memory
+        assert memory is not None
+        own, rows = group.batch.loop.size, memory.places["held"]
+        length = min(max(steps // max(samples, 1), 1), CHUNK_STEPS)
+        blocks, found = steps // length, []
+        first, per_call = self.step, CHUNK_STEPS // length
+        for begin in range(0, blocks, per_call):
+            count = min(per_call, blocks - begin)
+            if group.watch is not None:
+                group.watch = Watch(group.batch.program.shape.states, self.step, self.step + count * length, CHUNK_STEPS)
+            out = group.call(self.step, count, length, group.state, self._table(count * length))
+            found.append(out[:, own + rows.start : own + rows.stop].transpose(0, 2, 1))
+            self.step += count * length
+        return self.simulation.time(first + length * np.arange(blocks)), np.concatenate(found)
 
     def _table(self, count: int) -> Array:
         """Rows of signals as of ``grid.signal_table``, which stay where they are; only the time goes on."""

@@ -1,0 +1,174 @@
+"""The judge's list, in kernels, along recorded signals and in NumPy, against formulas over all instants of a recorded run."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat import Mrac, Noise, ParameterBox, Plant, PlantInput, Problem, ReferenceModel, Sensor, Simulation, Square
+from barbalat.judge.along import along
+from barbalat.judge.beside import Watched
+from barbalat.judge.memory import Memory, Sample
+from barbalat.judge.settings import Judge
+from barbalat.run.batch import Batch
+from barbalat.run.engine import run
+from barbalat.run.judging import kept_of, watched_in_runs
+from barbalat.run.simulate import simulate
+
+
+def problem(**given) -> Problem:
+    return Problem(
+        plant=Plant(A_m=[[0.0, 1.0], [-4.0, -3.0]], b=[0.0, 1.0], theta=[2.0, -1.0], x0=[0.5, 0.0], **given),
+        reference_model=ReferenceModel(k_0=4.0),
+        reference=Square(1.0, np.pi / 4),  # its jumps lie on the grid
+        uncertainty=ParameterBox(lower=[-3, -3], upper=[3, 3]),
+        sensor=Sensor(noise=Noise(std=[0.01, 0.05], sample_time=0.01, seed=4)),
+    )
+
+
+SIMULATION = Simulation(t_end=20.0, dt=0.005, record_points=4000)
+LIMITS = {
+    "none": {},
+    "limits": {"input": PlantInput(saturation=[-4.0, 5.0])},
+    "rate limit": {"input": PlantInput(saturation=[-4.0, 5.0], rate_limit=40.0)},
+}
+
+
+def reversals(v: np.ndarray, widths: np.ndarray) -> int:
+    """How often v moves back by more than ``widths`` from the farthest point since it turned last."""
+    count, direction, high, low = 0, 0, v[0], v[0]
+    for value, width in zip(v[1:], widths[1:], strict=True):
+        high, low = max(high, value), min(low, value)
+        if direction >= 0 and high - value > width:
+            count, direction, low = count + (direction > 0), -1, value
+        elif direction <= 0 and value - low > width:
+            count, direction, high = count + (direction < 0), 1, value
+    return count
+
+
+@pytest.fixture(params=LIMITS)
+def recorded(request):
+    """A run of which every instant is kept, with what the judge made of it."""
+    posed, judge = problem(**LIMITS[request.param]), Judge()
+    (result,) = simulate(posed, [Mrac(gamma=20.0)], SIMULATION).values()
+    watched = watched_in_runs(judge, posed)
+    batch = Batch.of([(posed, Mrac(gamma=20.0))], SIMULATION, watched=watched)
+    run([batch], posed.signals, SIMULATION)
+    return posed, result, kept_of(batch)
+
+
+def limited_of(posed, result) -> np.ndarray:
+    (path,) = posed.input_paths
+    if path is None:
+        return result.u
+    if path.rate_limit is not None:
+        return np.array([result.loop.unpack(state).input[0].limited[0] for state in result.states])
+    return np.clip(result.u, *path.saturation)
+
+
+def test_every_quantity_is_what_the_recorded_signals_give(recorded):
+    posed, result, kept = recorded
+    assert len(result.t) == SIMULATION.steps + 1
+    v, tail = limited_of(posed, result), slice(SIMULATION.tail_start, None)
+    expected = {
+        "largest y_m": np.abs(result.x_m).max(axis=0),
+        "largest y": np.abs(result.x).max(axis=0),
+        "largest e": np.abs(result.e[tail]).max(axis=0),
+        "low": v[tail].min(),
+        "high": v[tail].max(),
+        "path": np.abs(np.diff(v)).sum(),
+        "steps": SIMULATION.steps + 1,
+        "IAE": np.abs(result.e).sum(axis=0),
+        "ITAE": (np.arange(len(result.t)) @ np.abs(result.e)),
+    }
+    (path,) = posed.input_paths
+    if path is not None and path.saturation is not None:
+        low, high = path.saturation
+        expected["at limit"] = ((result.u <= low) | (result.u >= high)).sum()
+        widths = np.full(len(v), 0.025 * (high - low))
+    else:
+        widths = 0.025 * (np.maximum.accumulate(v) - np.minimum.accumulate(v))
+    if path is not None and path.rate_limit is not None:
+        asked = np.clip(result.u, *path.saturation)
+        expected["at rate limit"] = (np.abs(asked - v) >= path.rate_limit * SIMULATION.dt).sum()
+    for name, value in expected.items():
+        np.testing.assert_allclose(kept.of(name)[0], np.atleast_1d(value), rtol=1e-11, atol=1e-12, err_msg=name)
+    counted = int(kept.of("reversals")[0, 0])
+    # at the tail's start the play is centred on the control again, which may cost or add a reversal
+    assert abs(counted - reversals(v, widths)) <= 1
+    assert counted > 10
+
+
+def test_along_recorded_signals_the_list_gives_what_it_gave_in_the_kernel(recorded):
+    posed, result, kept = recorded
+    (path,) = posed.input_paths
+    v, nothing = limited_of(posed, result), np.zeros(len(result.t))
+    at_limit = at_rate_limit = nothing
+    if path is not None:
+        at_limit = ((result.u <= path.saturation[0]) | (result.u >= path.saturation[1])).astype(float)
+        if path.rate_limit is not None:
+            asked = np.clip(result.u, *path.saturation)
+            at_rate_limit = (np.abs(asked - v) >= path.rate_limit * SIMULATION.dt).astype(float)
+    columns = (result.x, result.x_m, result.e, result.u, v, at_limit, at_rate_limit, result.r, np.ones(len(result.t)))
+    samples = Sample(*(np.reshape(part, (len(result.t), -1)) for part in columns))
+    ranges = np.array([1.0 if path is None else np.ptp(path.saturation)])
+    start = SIMULATION.tail_start
+    head, tail = (Sample(*(part[which] for part in samples)) for which in (slice(0, start), slice(start, None)))
+    before = along(kept.memory, head, ranges)
+    np.testing.assert_allclose(before, kept.before_tail[:, 0], rtol=1e-9, atol=1e-9)
+    whole = along(kept.memory, tail, ranges, start=before, renewed=True)
+    own = slice(0, kept.memory.responses.start)  # the run's last instant is no step of the command
+    np.testing.assert_allclose(whole[own], kept.whole[own, 0], rtol=1e-9, atol=1e-9)
+
+
+def test_the_same_lines_in_numpy():
+    memory = Memory(1, 1, 1, limited=(False,), rate_limited=(False,), hysteresis=0.025, detailed=True)
+    t = np.linspace(0, 20, 400)
+    y, u = np.sin(t)[:, None], (np.sin(3 * t) * np.exp(-0.1 * t))[:, None]
+    zero, one = np.zeros((len(t), 1)), np.ones((len(t), 1))
+    samples = Sample(y, 0.9 * y, 0.1 * y, u, u, zero, zero, zero, one)
+    kept = np.array(memory.begins)
+    for k in range(len(t)):
+        kept = memory.update(kept, Sample(*(part[k] for part in samples))._replace(steps=1.0), np.ones(1))
+    np.testing.assert_allclose(along(memory, samples, np.ones(1)), kept, rtol=1e-12)
+    assert kept[memory.places["reversals"]] == reversals(u[:, 0], 0.025 * np.ptp(u) * np.ones(len(t)))
+
+
+def test_no_bit_of_a_run_depends_on_the_judge():
+    posed = problem(**LIMITS["rate limit"])
+    found = []
+    for watched in (None, Watched(0.025), watched_in_runs(Judge(), posed)):
+        batch = Batch.of([(posed, Mrac(gamma=20.0))] * 3, SIMULATION, record=True, watched=watched)
+        run([batch], posed.signals, SIMULATION)
+        blocks = batch.blocks(SIMULATION)
+        found.append([blocks.states, blocks.accumulators, batch.final_states, *vars(batch.metrics(SIMULATION)).values()])
+    plain, *judged = found
+    for other in judged:
+        assert all((a is None and b is None) or a.tobytes() == b.tobytes() for a, b in zip(plain, other, strict=True))
+
+
+def test_step_figures_are_those_of_python_control():
+    control = pytest.importorskip("control")
+    from labelled_runs import Gain
+
+    plant = Plant(A_m=[[0.0, 1.0], [-4.0, -1.2]], b=[0.0, 4.0], theta=[0.0, 0.0])
+    posed = Problem(plant=plant, reference_model=ReferenceModel(k_0=1.0), reference=Square(1.0, np.pi / 20, constant=1.0))
+    simulation = Simulation(t_end=40.0, dt=0.001)
+    judge = Judge(follows={"x_1": 0.04})  # 2 % of the step
+    (result,) = simulate(posed, [Gain(k=np.zeros(2))], simulation, judge=judge).values()  # u = r: x is x_m
+    found = result.verdict.figures.responses
+    asked = control.step_info(control.tf([4.0], [1, 1.2, 4]), T=np.arange(0, 20, 0.001), SettlingTimeThreshold=0.02)
+    assert list(found) == ["x_1"]  # the speed comes back to 0
+    assert found["x_1"].Overshoot == pytest.approx(asked["Overshoot"], rel=1e-4)
+    assert found["x_1"].RiseTime == pytest.approx(asked["RiseTime"], abs=0.0021)
+    assert found["x_1"].SettlingTime == pytest.approx(asked["SettlingTime"], abs=0.0021)
+
+
+def test_a_response_that_does_not_settle_has_no_settling_time():
+    from labelled_runs import Gain
+
+    plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.0])
+    posed = Problem(plant=plant, reference_model=ReferenceModel(k_0=1.0), reference=Square(1.0, np.pi / 0.5))
+    (result,) = simulate(posed, [Gain(k=np.zeros(1))], Simulation(t_end=10.0, dt=0.01)).values()
+    assert result.verdict.figures.responses["x_1"].SettlingTime is None
+    assert result.verdict.figures.responses["x_1"].RiseTime is None
