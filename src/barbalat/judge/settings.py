@@ -60,17 +60,13 @@ class Judge(Settings):
                 if key not in names:
                     raise InputError.of(f"judge.{field}.{key}", f"names no component; there are {', '.join(names)}")
 
-    def bands(self, problem: TrackingProblem, scale: Array) -> Bands:
-        """In the plant's units; ``scale`` (..., n)."""
-        self.require(problem)
-        names = component_names(problem)
+    def bands(self, names: tuple[str, ...], units: tuple[str, ...], scale: Array) -> Bands:
+        """Of components with these names and units; ``scale`` (..., n)."""
         given = [
             np.array([found.get(name, np.nan) for name in names]) * np.ones_like(scale) for found in (self.follows, self.lost)
         ]
         defaults = FOLLOWS_SHARE * scale, LOST_SHARE * scale
         follows, lost = (np.where(np.isnan(own), usual, own) for own, usual in zip(given, defaults, strict=True))
-        labels = problem.labels
-        units = tuple("" if labels is None else labels.unit(i) for i in range(len(names)))
         return Bands(names, units, scale, follows, lost)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.judge.beside import Watched
 from barbalat.run.columns import StructureError
 from barbalat.run.members import Members, Reader
 from barbalat.solvers.simulation import Simulation
@@ -74,9 +75,11 @@ class Family:
     rounding: float = 0.0
 
     @classmethod
-    def of(cls, examples: Sequence[Member], simulation: Simulation, *, windows: int = 0) -> Family:
-        """InputError where an example can't be used."""
-        reader = Reader.of(examples[0][:2], simulation, adjustable=False)
+    def of(
+        cls, examples: Sequence[Member], simulation: Simulation, *, windows: int = 0, watched: Watched | None = None
+    ) -> Family:
+        """InputError where an example can't be used; ``watched`` as of ``Members``."""
+        reader = Reader.of(examples[0][:2], simulation, adjustable=False, watched=watched)
         for problem, controller, *_ in examples[1:]:
             reader.add(problem, controller)
         return cls(reader, reader.arguments(), windows)

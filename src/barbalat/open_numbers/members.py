@@ -13,6 +13,7 @@ from barbalat.open_numbers.kernel_numbers import Family, Numbers
 from barbalat.open_numbers.probe import DelayEffect, Effect, Kind, Tried, direct
 from barbalat.open_numbers.varied import Varied
 from barbalat.protocols import Signal
+from barbalat.run.judging import Terms, watched_in_sweeps
 from barbalat.run.members import Members
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -48,15 +49,19 @@ class Setting:
     made: dict[bytes, tuple[Numbers, ...]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, varied: Varied, kinds: Sequence[Kind], tried: Tried, base: Array, *, windows: int = 0) -> Setting:
-        """``base`` has the numbers that are the same for all, in their columns; ``windows`` as of ``Members``."""
+    def of(cls, varied: Varied, kinds: Sequence[Kind], tried: Tried, base: Array, *, windows: int = 0, judged: bool = False) -> Setting:
+        """``base`` has the numbers that are the same for all, in their columns; ``windows`` as of ``Members``.
+
+        judged  whether the judge is beside all runs, by the case's own settings
+        """
         numeric = [column for column, kind in enumerate(kinds) if kind.is_number]
         rows = {column: tried.rows(column, base) for column in numeric}
         cases = [varied.at(row) for row in (base, *(row for column in numeric for row in rows[column]))]
         example = cases[0]
         copied: dict[int, tuple[Effect | DelayEffect, ...]] = {}
+        watched = watched_in_sweeps(example.judge) if judged else None
         families = tuple(
-            Family.of([(case.problem, case.controllers[i]) for case in cases], example.simulation, windows=windows)
+            Family.of([(case.problem, case.controllers[i]) for case in cases], example.simulation, windows=windows, watched=watched)
             for i in range(len(example.controllers))
         )
         numbers = [family.numbers for family in families]
@@ -74,6 +79,11 @@ class Setting:
     @property
     def simulation(self) -> Simulation:
         return self.example.simulation
+
+    @property
+    def terms(self) -> Terms:
+        """What the members are judged by."""
+        return Terms.of(self.example.problem, self.simulation, self.example.judge)
 
     @property
     def signals(self) -> tuple[Signal, ...]:

@@ -61,7 +61,7 @@ class Batch:
     lags     (M,) for a step with a delay, see ``delay.lag``, and history (m, M), what each of its m inputs was before t = 0
     seeds    (M,) and numbers (M,) for one with noise: which stream each member has, 0 ... M - 1 unless given
     record   keeps every block's start state and accumulators
-    watch    goes with a program that watches, of one member
+    watch    goes with a program that watches
     steps    of the whole run
     """
 
@@ -131,7 +131,14 @@ class Batch:
             past = None if self.lags is None else self._past(index)
             numbers = np.arange(members) if self.numbers is None else self.numbers
             streams = None if self.seeds is None else [(int(self.seeds[i]), int(numbers[i])) for i in index]
-            self.groups.append(Group(self, kernel, columns, state, parameters, past, streams, self.watch))
+            self.groups.append(Group(self, kernel, columns, state, parameters, past, streams, self._watching(width)))
+
+    def _watching(self, width: int) -> Watch | None:
+        """A group's own watch; that of a single member is the batch's."""
+        given = self.watch if self.program.watches(width) else None
+        if given is None or self.states.shape[1] == 1:
+            return given
+        return Watch(given.states, given.first, given.stop, given.window, width)
 
     def _unjudged(self, width: int) -> list[Array]:
         """The judge's memory before the first sample, (rows, W)."""

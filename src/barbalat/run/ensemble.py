@@ -19,7 +19,7 @@ from barbalat.run.batch import Batch
 from barbalat.run.breaks import LostOrder, lost_order
 from barbalat.run.engine import run
 from barbalat.run.grid import CHUNK_STEPS
-from barbalat.run.judging import judged, watched_in_sweeps
+from barbalat.run.judging import Terms, judged, watched_in_sweeps
 from barbalat.run.kinks import lost_along
 from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
@@ -128,7 +128,7 @@ def simulate_ensemble(
         run([batch], read.signals, blocks, threads=threads, progress=part_of(progress, done, width))
         found.append((batch.metrics(simulation), _quarters(batch, blocks) if quarters else None))
         if judge is not None and read.problem is not None:
-            verdicts.append(judged(batch, read.problem, simulation, judge, threads=threads))
+            verdicts.append(judged(batch, simulation, Terms.of(read.problem, simulation, judge), threads=threads))
     metrics, by_quarters = zip(*found, strict=True)
     largest = np.concatenate([part.max_abs_u.reshape(len(part.max_abs_u), -1) for part in metrics])
     lost = lost_order(read.signals, simulation, delayed=read.loop.delayed, bends=delay.brings_bends(read.loop))

@@ -17,7 +17,6 @@ from barbalat.judge.held import Held
 from barbalat.judge.judged import Cycles, Judged, Kept
 from barbalat.judge.settings import FOLLOWS_SHARE, Judge, component_names, scale_of
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.lowering.llvm.machine import Watch
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import SlopedSignal
 from barbalat.run.batch import Batch, Group
@@ -48,21 +47,45 @@ GAIN_ROUNDING = 1e-9
 """A component whose gain at rest is below this part of the largest one has none: it comes back after a step."""
 
 
-def judged(
-    batch: Batch, problem: TrackingProblem, simulation: Simulation, judge: Judge, *, threads: int | None = None
-) -> Judged:
-    """The verdicts on a batch whose run is over; ``problem`` is one of its members': of it signals, model and labels are read."""
-    loop, kept = batch.loop, kept_of(batch)
+@dataclass(frozen=True, eq=False)
+class Terms:
+    """What runs of one problem are judged by: settings, the components' names and units, the signals of the tail.
+
+    slowest  the longest period of the model's modes [s]
+    """
+
+    judge: Judge
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    input_units: tuple[str, ...]
+    held: Held
+    slowest: float
+
+    @classmethod
+    def of(cls, problem: TrackingProblem, simulation: Simulation, judge: Judge) -> Terms:
+        """InputError for a band of a component that the problem does not have."""
+        judge.require(problem)
+        names, labels = component_names(problem), problem.labels
+        return cls(
+            judge,
+            names,
+            tuple("" if labels is None else labels.unit(i) for i in range(len(names))),
+            () if labels is None else tuple(labels.input_units),
+            Held.of(problem.signals, float(simulation.time(simulation.tail_start)), simulation.t_end),
+            slowest_period(problem.model.matrices[0]),
+        )
+
+
+def judged(batch: Batch, simulation: Simulation, terms: Terms, *, threads: int | None = None) -> Judged:
+    """The verdicts on a batch whose run is over."""
+    loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
     scale = scale_of(kept.of("largest y_m"), _initial(batch), _noise(loop), kept.of("largest y"))
-    bands = judge.bands(problem, scale)
-    held = Held.of(problem.signals, float(simulation.time(simulation.tail_start)), simulation.t_end)
+    bands = judge.bands(terms.names, terms.units, scale)
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
         suspect = suspects(kept.in_tail("reversals"), held.turns) & ~lost
-    slowest = slowest_period(problem.model.matrices[0])
-    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, slowest, threads)
-    labels = problem.labels
+    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads)
     return Judged.of(
         kept,
         bands,
@@ -71,7 +94,7 @@ def judged(
         diverged=diverged,
         dt=simulation.dt,
         steps=simulation.steps,
-        input_units=() if labels is None else tuple(labels.input_units),
+        input_units=terms.input_units,
     )
 
 
@@ -200,7 +223,7 @@ class Continued:
         while done < steps:
             count = min(CHUNK_STEPS, steps - done)
             if group.watch is not None:
-                group.watch = Watch(shape.states, self.step, self.step + count, CHUNK_STEPS)
+                group.watch = group.watch.elsewhere(self.step, self.step + count)
             out = group.call(self.step, 1, count, group.state, self._table(count))
             good = good + out[0, shape.states + group.batch.totals.at["good", "steps"].start]
             self.step, done = self.step + count, done + count
@@ -221,7 +244,7 @@ class Continued:
         for begin in range(0, blocks, per_call):
             count = min(per_call, blocks - begin)
             if group.watch is not None:
-                group.watch = Watch(group.batch.program.shape.states, self.step, self.step + count * length, CHUNK_STEPS)
+                group.watch = group.watch.elsewhere(self.step, self.step + count * length)
             out = group.call(self.step, count, length, group.state, self._table(count * length))
             found.append(out[:, own + rows.start : own + rows.stop].transpose(0, 2, 1))
             self.step += count * length
@@ -237,3 +260,33 @@ class Continued:
         rows = values.reshape(count, -1)
         pieces = self.group.batch.program.shape.in_pieces
         return np.column_stack([rows, np.tile(WHOLE_STEP, (count, 1))]) if pieces else rows
+
+
+NEGLIGIBLE = 0.1
+"""What a method may take from, or add to, the logarithm of an oscillation's amplitude in a whole run: a tenth of it."""
+FACTORS = (2, 4, 8, 16, 32, 64)
+"""By which a step is made smaller where the method's own damping or growth is not negligible."""
+
+
+def finer_by(batch: Batch, simulation: Simulation) -> Array:
+    """(M,) by how much smaller a step each member needs, so that the method neither damps nor excites what it does not resolve.
+
+    The kernel kept the largest tr J^2 of every eighth step, which is 2 omega^2 of an oscillation that the equations may leave
+    undamped: no spectrum is taken, and the whole run counts as if it had been as stiff as at its stiffest instant. 1 for a step
+    that is small enough, infinite where none of FACTORS is, NaN where nothing was watched. A sampled law is no solver's matter.
+    """
+    coupling = np.full(batch.states.shape[1], np.nan)
+    if batch.loop.sampled:
+        return np.ones(len(coupling))
+    for group in batch.groups:
+        if group.watch is not None:
+            count = group.columns.stop - group.columns.start
+            coupling[group.columns] = group.watch.rows[:, :1].max() if group.watch.lanes == 1 else group.watch.rows.max(axis=0)[:count]
+    omega = np.sqrt(np.maximum(coupling, 0.0) / 2)  # minus infinity where nothing varies: the loop is linear, and the same for all
+    found = np.full(len(omega), np.inf)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        for factor in reversed((1, *FACTORS)):
+            growth = simulation.solver.growth(1j * simulation.dt / factor * omega)  # |R|^2 - 1
+            changed = 0.5 * np.abs(np.log1p(np.maximum(growth, -1.0))) * simulation.steps * factor
+            found = np.where(changed <= NEGLIGIBLE, factor, found)
+    return np.where(np.isnan(coupling), np.nan, found)

@@ -15,6 +15,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
 from barbalat.lowering.llvm.external_function import ExternalFunction
 from barbalat.lowering.llvm.machine import Kernel
+from barbalat.lowering.llvm.watch import LONGEST_INSIDE
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import TAPS_PER_CHANNEL, LoopShape
@@ -84,10 +85,15 @@ class StepProgram:
             found.append(place)
         return tuple(found)
 
+    def watches(self, lanes: int) -> bool:
+        """Whether its kernel keeps what is watched: what is very long to look at is looked at of one member alone."""
+        return self.watch is not None and (lanes == 1 or len(self.watch.operations) <= LONGEST_INSIDE)
+
     def compile(self, lanes: int, steps: float = inf) -> Kernel:
         """For so many steps more; code that is quickly made while they are few, on which no bit of any result depends."""
         resets = () if self.accumulators is None else self.accumulators.resets
-        return compiled(self.program, self.shape, resets, lanes, self.sample, self.watch, self.outside).for_steps(steps)
+        watch = self.watch if self.watches(lanes) else None
+        return compiled(self.program, self.shape, resets, lanes, self.sample, watch, self.outside).for_steps(steps)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,6 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.open_numbers.path import FieldPath
-from barbalat.open_numbers.varied import Varied
 from barbalat.run import delay
 from barbalat.run.batch import Batch
 from barbalat.run.diagnosis.rails import rail_to_rail
@@ -26,7 +24,7 @@ from barbalat.study.finer_step import FINER_BY
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.evidence import Evidence, largest_error, verdicts
 from barbalat.sweeps.requirement import Requirement
-from barbalat.sweeps.study import Columns, Study, StudyPart
+from barbalat.sweeps.study import Columns, Figured, Finer, Study, StudyPart, figured
 from barbalat.validate import Array, InputError
 
 MOST_AUDITED = 32
@@ -141,8 +139,9 @@ def audit(
         return Audit(why="none was asked for", of=len(study))
     chosen = _chosen(evidence, count, study.plan.seed)
     try:
-        before = _Rows(_run(study, chosen, threads)[0], study, bounds)
-        finer = Study(Finer(study.varied, FINER_BY), study.plan)
+        plain = Study(study.varied, study.plan, settling=False)
+        before = _Rows(_run(plain, chosen, threads)[0], study, bounds)
+        finer = Study(Finer(study.varied, FINER_BY), study.plan, settling=False)
         columns, swinging = _run(finer, chosen, threads, record=True)
     except InputError as error:
         return Audit(why=str(error), of=len(study))
@@ -171,27 +170,6 @@ def _chosen(evidence: Evidence, count: int, seed: int) -> Array:
     return np.sort(np.concatenate([np.array(worst, dtype=int), *drawn]))
 
 
-@dataclass(frozen=True, eq=False)
-class Finer(Varied):
-    """The same cases with smaller steps. A sampled controller keeps its sample time, and a sampled law its own steps."""
-
-    varied: Varied
-    factor: int
-
-    @property
-    def paths(self) -> tuple[FieldPath, ...]:  # type: ignore[override]
-        """Those of what is refined."""
-        return self.varied.paths
-
-    @property
-    def source(self) -> str:
-        return self.varied.source
-
-    def at(self, values: Sequence[float] | Array) -> Case:
-        case = self.varied.at(values)
-        return replace(case, simulation=replace(case.simulation, dt=case.simulation.dt / self.factor))
-
-
 class _Rows:
     """Columns of some members, with what is guaranteed of each, as a finished sweep can be asked."""
 
@@ -218,7 +196,7 @@ def _run(
 ) -> tuple[Columns, dict[str, tuple[int, ...]]]:
     """All columns of these members; where they are recorded, also those that swing from limit to limit, by controllers."""
     parts: list[StudyPart] = []
-    figures: list[list[Metrics]] = []
+    figures: list[list[Figured]] = []
     swinging: dict[str, list[int]] = {name: [] for name in study.controllers}
     for part in study.parts_for(numbers):
         simulation = part.setting.simulation
@@ -227,11 +205,11 @@ def _run(
         batches = [Batch.part(one, slice(0, len(one)), record=record) for one in part.members]
         run(batches, part.setting.signals, simulation, threads=threads)
         parts.append(replace(part, members=()))
-        figures.append([batch.metrics(simulation) for batch in batches])
+        figures.append([figured(batch, simulation, part.setting.terms, threads) for batch in batches])
         if record:
             cases = [study.varied.at(study.plan.values_for(numbers[[place]])[0]) for place in part.which]
-            for name, batch, metrics in zip(study.controllers, batches, figures[-1], strict=True):
-                which = _swinging(cases, batch, metrics)
+            for name, batch, one in zip(study.controllers, batches, figures[-1], strict=True):
+                which = _swinging(cases, batch, one.metrics)
                 swinging[name] += [int(numbers[place]) for place in part.which[which]]
     return study.columns_for(numbers, parts, figures), {name: tuple(sorted(found)) for name, found in swinging.items()}
 

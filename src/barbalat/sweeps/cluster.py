@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING
 
 from barbalat import validate
 from barbalat.open_numbers.members import Setting
-from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import Chunk
-from barbalat.sweeps.study import Columns, Study, StudyPart
+from barbalat.sweeps.study import Columns, Figured, Study, StudyPart
 from barbalat.sweeps.worker_task import Tabulated, WorkerTask, figures, kept
 from barbalat.validate import InputError
 
@@ -152,7 +151,7 @@ class _Given:
 
     chunk: Chunk
     parts: list[StudyPart]
-    found: dict[int, list[Metrics]] = field(default_factory=dict)
+    found: dict[int, list[Figured]] = field(default_factory=dict)
     deaths: int = 0
 
 
@@ -229,14 +228,14 @@ class Workers:
         except (OSError, TimeoutError) as error:
             raise SchedulerLostError from error
 
-    def _result(self, future: Future, given: _Given) -> list[Metrics] | None:
+    def _result(self, future: Future, given: _Given) -> list[Figured] | None:
         """A part's figures; None where its workers died."""
         from concurrent.futures import CancelledError
 
         from distributed import KilledWorker
 
         try:
-            found: list[Metrics] = future.result()
+            found: list[Figured] = future.result()
         except KilledWorker as error:
             given.deaths += 1
             if given.deaths > MOST_DEATHS:

@@ -9,13 +9,15 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
+from barbalat.judge.judged import CLASSES
+from barbalat.judge.verdict import Class
 from barbalat.sweeps.bounds import ERROR_BOUND
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.sensitivity import Sensitivity, sensitivities
-from barbalat.sweeps.statistics import Share
-from barbalat.sweeps.study import OSCILLATED
+from barbalat.sweeps.statistics import Share, SplitShare
+from barbalat.sweeps.study import FINER_BY, OSCILLATED, RINGS, SETTLED, VERDICT
 from barbalat.validate import Array, Named
 
 DIVERGED, OUT_OF_BOUND = "diverged", "above the guaranteed bound"
@@ -25,7 +27,9 @@ EXAMINED = "the estimates alone: a limit cycle of the control or of the state wi
 """What ``oscillated`` looks at."""
 DIVERGES = "beyond 1e12 within the horizon: a run that is on its way there, or lost at a smaller size, is not counted"
 """What ``diverged`` means; see ``run.metrics.DIVERGENCE_LIMIT``."""
-NO_FIGURES = (OSCILLATED, ERROR_BOUND)
+RING, NOT_SETTLED = "estimates ring", "not settled"
+"""Shares of what finer steps say: as ``oscillated``, split, and the members of which no step that was afforded settles a verdict."""
+NO_FIGURES = (OSCILLATED, ERROR_BOUND, VERDICT, SETTLED, RINGS, FINER_BY)
 """Columns of a controller that are no figures of a run."""
 
 
@@ -101,6 +105,8 @@ def evidence(
             if verdict.judged.any():
                 shares.setdefault(verdict.name, {})[controller] = Share.of(verdict.counted, verdict.judged)
             failed |= verdict.counted
+        for name, share in settled_shares(rows, controller).items():
+            shares.setdefault(name, {})[controller] = share
         _fill(filled, rows, controller)
         for name in names:
             figure = name.removeprefix(f"{controller}/")
@@ -158,6 +164,23 @@ def verdicts(
         judged = np.isfinite(bound)
         with np.errstate(invalid="ignore"):
             yield Verdict(OUT_OF_BOUND, ~(largest_error(rows, controller) <= bound) & judged, judged)
+
+
+def settled_shares(rows: Rows, controller: str) -> dict[str, SplitShare]:
+    """By the judge's classes, and by whether the estimates ring: how many members did, and of how many nothing is settled."""
+    if f"{controller}/{SETTLED}" not in rows.names:
+        return {}
+    verdict, rings, settled = (rows.column(f"{controller}/{name}") for name in (VERDICT, RINGS, SETTLED))
+    known = settled == 1
+    found = {str(kind): (verdict == number, np.isfinite(verdict)) for number, kind in enumerate(CLASSES) if kind is not Class.FOLLOWS}
+    if np.isfinite(rings).any():
+        found[RING] = rings == 1, np.isfinite(rings)
+    shares = {
+        name: SplitShare(count=int((did & known).sum()), judged=int(judged.sum()), unsettled=int((judged & ~known).sum()))
+        for name, (did, judged) in found.items()
+        if judged.any()
+    }
+    return shares | {NOT_SETTLED: SplitShare(count=int((~known).sum()), judged=len(known))}
 
 
 def largest_error(rows: Rows, controller: str) -> Array:

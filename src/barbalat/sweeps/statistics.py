@@ -61,6 +61,28 @@ class Share:
         }
 
 
+@dataclass(frozen=True, kw_only=True)
+class SplitShare(Share):
+    """A share of which some members are not settled: each of them may or may not belong to it.
+
+    count      members of which it is settled that they do
+    unsettled  members of which nothing is settled
+    """
+
+    unsettled: int = 0
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """From where no unsettled member belongs to the share to where all of them do."""
+        least = Share(count=self.count, judged=self.judged, confidence=self.confidence).interval
+        most = Share(count=self.count + self.unsettled, judged=self.judged, confidence=self.confidence).interval
+        return least[0], most[1]
+
+    def as_json(self) -> dict[str, object]:
+        did_not = self.judged - self.count - self.unsettled
+        return super().as_json() | {"failed": self.count, "did_not": did_not, "not_settled": self.unsettled}
+
+
 Compared = TypeVar("Compared", bound=Hashable)
 
 

@@ -6,22 +6,26 @@ import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.open_numbers.members import RefusedError, Setting
+from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.run import delay
 from barbalat.run.batch import Batch
 from barbalat.run.breaks import can_be_split
 from barbalat.run.engine import run
+from barbalat.run.judging import FACTORS, Terms, finer_by, judged
 from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress, part_of
 from barbalat.study.criteria import Expected, Onset, tail_error
 from barbalat.study.ideal_benchmark import known_width
+from barbalat.solvers.simulation import Simulation
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.redesigned import redesigned
@@ -32,10 +36,26 @@ Columns = dict[str, Array]
 
 OSCILLATED = "oscillated"
 """A controller's column: whether its estimates swing, by ``Onset``; NaN where it has none, or where their range is not known."""
+VERDICT, SETTLED, RINGS, FINER_BY = "verdict", "settled", "rings", "finer_by"
+"""A controller's columns: the number of the judge's class, by the finer step where one was needed; 1 where that class is settled,
+0 where no step that was afforded settles it, NaN where nobody looked; as ``oscillated``, likewise by the finer step; and by how
+much smaller a step the member needs."""
+PILOTS = 32
+"""Of a plan's members, by which it is decided what step can be afforded."""
+MOST_RERUN = 9.0
+"""Times the plain sweep's cost that runs with smaller steps may take in all."""
 TRIED_SHARES = (0.03, 0.4, 0.97)
 """Of a distribution, from one end to the other without its far tails, which may lie beyond what a constructor takes."""
 MOST_SETTINGS = 64
 """Kernels that are kept for members to come."""
+
+
+class Figured(NamedTuple):
+    """What M runs of one controller came to: figures, and (M,) the numbers of the judge's classes and the finer steps they need."""
+
+    metrics: Metrics
+    kinds: Array
+    finer_by: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +71,8 @@ class StudyPart:
 class Study:
     """The members of a plan on a case.
 
-    varied  the case, with other numbers at the plan's paths
+    varied    the case, with other numbers at the plan's paths
+    settling  whether members that the step does not resolve are run again with a smaller one
     """
 
     varied: Varied
@@ -59,7 +80,9 @@ class Study:
     tried: Tried = field(init=False)
     kinds: tuple[Kind, ...] = field(init=False)
     example: Case = field(init=False)
+    settling: bool = True
     settings: dict[bytes, Setting] = field(init=False, default_factory=dict)
+    _finer_studies: dict[int, Study] = field(init=False, default_factory=dict)
     _motions: dict[Setting, ReferenceMotion] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -111,28 +134,79 @@ class Study:
             except RefusedError as error:
                 raise InputError(f"member {int(numbers[which[error.place]])}: {error}") from None
 
-    def columns(self, first: int, count: int, parts: Sequence[StudyPart], figures: Sequence[Sequence[Metrics]]) -> Columns:
+    def columns(self, first: int, count: int, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
         """All columns of members whose parts have run, by each part's figures of each controller."""
         return self.columns_for(np.arange(first, first + count), parts, figures)
 
-    def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Metrics]]) -> Columns:
+    def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
         """The same of the members with these numbers, (K,)."""
+        found = self._as_run(numbers, parts, figures)
+        if self.settling:
+            for i, controller in enumerate(self.controllers):
+                self._settle(found, i, controller)
+        return found
+
+    def _as_run(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
+        """The same without what finer steps say."""
         rows, count = self.plan.values_for(numbers), len(numbers)
         found: Columns = {"member": numbers}
         found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
-        for part, metrics in zip(parts, figures, strict=True):
-            judged = self._oscillated(part.setting, metrics)
-            for controller, one, oscillated in zip(self.controllers, metrics, judged, strict=True):
-                for name, values in (columns_of(one) | {OSCILLATED: oscillated}).items():
+        for part, figured in zip(parts, figures, strict=True):
+            judged = self._oscillated(part.setting, [one.metrics for one in figured])
+            for controller, one, oscillated in zip(self.controllers, figured, judged, strict=True):
+                columns = columns_of(one.metrics) | {OSCILLATED: oscillated}
+                columns |= {VERDICT: one.kinds.astype(float), RINGS: oscillated, FINER_BY: one.finer_by}
+                for name, values in columns.items():
                     column = found.setdefault(f"{controller}/{name}", np.full(count, np.nan))
                     column[part.which] = values
         return found
+
+    def _settle(self, found: Columns, index: int, controller: str) -> None:
+        """Run members that their step does not resolve again with one that does, and take what the judge then says of them."""
+        needed, verdict, rings = (found[f"{controller}/{name}"] for name in (FINER_BY, VERDICT, RINGS))
+        settled = np.where(np.isnan(needed), np.nan, np.where(needed <= 1, 1.0, 0.0))
+        for factor in FACTORS:
+            again = np.flatnonzero(needed == factor) if factor <= self.finest else np.zeros(0, dtype=int)
+            if not len(again):
+                continue
+            finer = self._finer(factor)
+            for part in finer.parts_for(found["member"][again]):
+                one = replace(part, members=part.members[index : index + 1])
+                (fine,) = _simulated(one.setting, one.members, None, None)
+                places = again[part.which]
+                verdict[places] = fine.kinds
+                rings[places] = finer._oscillated(one.setting, [fine.metrics], index)[0]
+                settled[places] = np.where(fine.finer_by <= 1, 1.0, 0.0)
+        found[f"{controller}/{SETTLED}"] = settled
+
+    def _finer(self, factor: int) -> Study:
+        if factor not in self._finer_studies:
+            self._finer_studies[factor] = Study(Finer(self.varied, factor), self.plan, settling=False)
+        return self._finer_studies[factor]
+
+    @cached_property
+    def finest(self) -> float:
+        """The smallest step that members are run again with, as a factor: all reruns together stay below MOST_RERUN plain sweeps.
+
+        By what the plan's first members need, so that it does not depend on which members run together.
+        """
+        numbers = np.arange(min(len(self), PILOTS))
+        parts, figures = [], []
+        for one in self.parts_for(numbers):
+            figures.append(_simulated(one.setting, one.members, None, None))
+            parts.append(replace(one, members=()))
+        found = self._as_run(numbers, parts, figures)
+        needed = np.concatenate([found[f"{controller}/{FINER_BY}"] for controller in self.controllers])
+        needed = needed[np.isfinite(needed) & (needed > 1)]
+        most = MOST_RERUN * len(numbers) * len(self.controllers)
+        return float(max((factor for factor in FACTORS if needed[needed <= factor].sum() <= most), default=1))
 
     def simulated(self, member: int) -> list[Metrics]:
         """Figures of one member, for each controller."""
         row = self.values(member, 1)
         setting = self.setting(row[0])
-        return _simulated(setting, setting.members(row, self.plan.streams(member, 1)), None, None)
+        figured = _simulated(setting, setting.members(row, self.plan.streams(member, 1)), None, None)
+        return [one.metrics for one in figured]
 
     def _groups(self, rows: Array) -> Iterator[Array]:
         """The rows that run together: those of one structure with one set of signals."""
@@ -144,7 +218,7 @@ class Study:
         order = np.argsort(group.reshape(-1), kind="stable")
         yield from np.split(order, np.flatnonzero(np.diff(group.reshape(-1)[order])) + 1)
 
-    def setting(self, row: Array, *, windows: int = 0) -> Setting:
+    def setting(self, row: Array, *, windows: int = 1) -> Setting:
         """The one to which a member belongs; ``windows`` as of ``Members``."""
         base = self.tried.middle.copy()
         structural = [column for column, kind in enumerate(self.kinds) if kind is Kind.STRUCTURE]
@@ -159,7 +233,7 @@ class Study:
         if key not in self.settings:
             if len(self.settings) >= MOST_SETTINGS:
                 self.settings.clear()
-            self.settings[key] = Setting.of(self.varied, self.kinds, self.tried, base, windows=windows)
+            self.settings[key] = Setting.of(self.varied, self.kinds, self.tried, base, windows=windows, judged=True)
         found = self.settings[key]
         return found.driven_by(base, case) if driven else found
 
@@ -171,11 +245,12 @@ class Study:
             self._motions[setting] = ReferenceMotion.of(setting.example.problem, setting.simulation)
         return self._motions[setting]
 
-    def _oscillated(self, setting: Setting, metrics: Sequence[Metrics]) -> list[Array]:
-        """Of each controller (M,): 1 where its estimates swing, NaN where nothing says what is much."""
+    def _oscillated(self, setting: Setting, metrics: Sequence[Metrics], first: int = 0) -> list[Array]:
+        """Of each controller (M,), from the number ``first`` on: 1 where its estimates swing, NaN where nothing says what is much."""
         problem, motion = setting.example.problem, self._motion(setting)
         found = []
-        for controller, one in zip(setting.example.controllers, metrics, strict=True):
+        controllers = setting.example.controllers[first : first + len(metrics)]
+        for controller, one in zip(controllers, metrics, strict=True):
             width, count = known_width(problem, controller), len(one.diverged_at)
             expected = Expected(
                 error=tail_error(one),
@@ -238,14 +313,42 @@ def _tried(plan: Plan) -> Tried:
     return Tried(middle, tuple(np.unique(v[v != m]) for v, m in zip(ends, middle, strict=True)))
 
 
-def _simulated(setting: Setting, members: Sequence[Members], threads: int | None, progress: Progress | None) -> list[Metrics]:
+def _simulated(setting: Setting, members: Sequence[Members], threads: int | None, progress: Progress | None) -> list[Figured]:
     """Of each controller."""
     simulation = setting.simulation
     for one in members:
         delay.require_memory(one.longest_delay, one.loop.inputs, len(one) * len(members), simulation.dt)
     batches = [Batch.part(one, slice(0, len(one))) for one in members]
     run(batches, setting.signals, simulation, threads=threads, progress=progress)
-    return [batch.metrics(simulation) for batch in batches]
+    return [figured(batch, simulation, setting.terms, threads) for batch in batches]
+
+
+def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | None = None) -> Figured:
+    """What became of a batch's members, after their run."""
+    return Figured(
+        batch.metrics(simulation), judged(batch, simulation, terms, threads=threads).kinds, finer_by(batch, simulation)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Finer(Varied):
+    """The same cases with smaller steps. A sampled controller keeps its sample time, and a sampled law its own steps."""
+
+    varied: Varied
+    factor: int
+
+    @property
+    def paths(self) -> tuple[FieldPath, ...]:  # type: ignore[override]
+        """Those of what is refined."""
+        return self.varied.paths
+
+    @property
+    def source(self) -> str:
+        return self.varied.source
+
+    def at(self, values: Sequence[float] | Array) -> Case:
+        case = self.varied.at(values)
+        return replace(case, simulation=replace(case.simulation, dt=case.simulation.dt / self.factor))
 
 
 def columns_of(metrics: Metrics) -> Columns:

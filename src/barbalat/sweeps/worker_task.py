@@ -18,10 +18,10 @@ import barbalat
 from barbalat.run.batch import Batch
 from barbalat.run.engine import Evaluated, advance
 from barbalat.run.grid import Segment, segments_of
+from barbalat.run.judging import Terms
 from barbalat.run.members import Members
-from barbalat.run.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.sweeps.study import StudyPart
+from barbalat.sweeps.study import Figured, StudyPart, figured
 from barbalat.validate import Array, InputError
 
 COMPARED_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
@@ -57,12 +57,13 @@ class WorkerTask:
 
     members: tuple[Members, ...]
     simulation: Simulation
+    terms: Terms
     made_by: dict[str, str]
 
     @classmethod
     def of(cls, part: StudyPart) -> WorkerTask:
-        plain = tuple(replace(one, signals=()) for one in part.members)
-        return cls(plain, part.setting.simulation, versions())
+        plain = tuple(replace(one, signals=(), problem=None) for one in part.members)
+        return cls(plain, part.setting.simulation, part.setting.terms, versions())
 
 
 @cache
@@ -96,7 +97,7 @@ def kept(tables: Tabulated) -> Tabulated:
     return tables
 
 
-def figures(sent: WorkerTask, tables: Tabulated) -> list[Metrics]:
+def figures(sent: WorkerTask, tables: Tabulated) -> list[Figured]:
     """Of each controller, by one thread; InputError on a worker that would make other bits."""
     own = versions()
     clients = sent.made_by
@@ -105,4 +106,4 @@ def figures(sent: WorkerTask, tables: Tabulated) -> list[Metrics]:
         raise InputError(f"a worker has other versions than the client: {', '.join(different)}; install the client's there")
     batches = [Batch.part(one, slice(0, len(one))) for one in sent.members]
     advance(batches, tables, sent.simulation, threads=1)
-    return [batch.metrics(sent.simulation) for batch in batches]
+    return [figured(batch, sent.simulation, sent.terms, 1) for batch in batches]

@@ -13,7 +13,7 @@ from barbalat.lowering.llvm.functions import definitions
 from barbalat.lowering.llvm.loads import count, due, noise_loads, row_number, signal_loads
 from barbalat.lowering.llvm.past import lag_loads, past_loads, remember
 from barbalat.lowering.llvm.printer import Printer
-from barbalat.lowering.llvm.watch import LAST_BLOCK, LONGEST_INSIDE, called, keep_largest
+from barbalat.lowering.llvm.watch import LAST_BLOCK, LONGEST_INSIDE, called, keep_largest, keep_largest_values
 from barbalat.lowering.operations import Program
 from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, LoopShape
 
@@ -51,8 +51,8 @@ def loop(
     at last     ``sample_every`` and ``noise_hold``, read where the shape leaves them open
 
     Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state. ``watch`` is a quantity whose
-    largest value in every window of steps is kept with the state there; it takes one member. ``outside`` has a hand in the
-    sampled part, of one member as well.
+    largest value in every window of steps is kept, of one member with the state there. ``outside`` has a hand in the sampled
+    part, of one member as well.
     """
     _require_fitting(shape, lanes, sample, watch, outside)
     inputs = _inputs(shape)
@@ -90,8 +90,8 @@ def _require_fitting(
         raise ValueError("a loop has a sampled part exactly where its shape says how often it acts")
     if shape.in_pieces and shape.delayed:
         raise ValueError("a step that remembers its past is not made in pieces")
-    if watch is not None and lanes > 1:
-        raise ValueError(f"a loop that watches runs one member, got {lanes} lanes")
+    if watch is not None and lanes > 1 and len(watch.operations) > LONGEST_INSIDE:
+        raise ValueError(f"a quantity of {len(watch.operations)} operations is watched of one member, got {lanes} lanes")
     if outside is not None and (sample is None or lanes > 1):
         raise ValueError(f"a function from outside takes a sampled part and one member, got {sample} and {lanes} lanes")
 
@@ -159,13 +159,17 @@ def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[
     watcher = Printer(watch, lanes, inputs, prefix="g")
     (quantity,) = watcher.run()
     looked: list[str] = watcher.lines
+    looking_due = due(shape, "watch.due", "%watch.phase")
+    if lanes > 1:
+        kept = keep_largest_values(lanes, looked, quantity, looking_due)
+        return _Part(tuple(kept), LAST_BLOCK, intrinsics=frozenset(watcher.intrinsics), functions=frozenset(watcher.functions))
     apart: list[str] = []
     room: list[str] = []
     if len(looked) > LONGEST_INSIDE:
         used = [inputs[op.source] for op in watch.operations if op.name == "input"]
         apart, room, looked = called(looked, quantity, used)
         quantity = "%looked"
-    lines = keep_largest(shape.states, looked, quantity, due(shape, "watch.due", "%watch.phase"))
+    lines = keep_largest(shape.states, looked, quantity, looking_due)
     return _Part(tuple(lines), LAST_BLOCK, tuple(apart), tuple(room), frozenset(watcher.intrinsics), frozenset(watcher.functions))
 
 

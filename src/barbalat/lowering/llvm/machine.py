@@ -17,7 +17,7 @@ from barbalat.lowering.llvm import ir
 from barbalat.lowering.llvm.external_function import ExternalFunction
 from barbalat.lowering.operations import Program
 from barbalat.lowering.registers import few_waiting
-from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, LoopShape, require_count
+from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, WATCH_EVERY, LoopShape, require_count
 
 Given = ParamSpec("Given")
 
@@ -85,11 +85,16 @@ class Watch:
     """What a kernel with a quantity to watch has kept: for each of ``windows`` windows of steps, from step ``first`` on, a row.
 
     A row holds the largest value, the state and the number of the step at which it occurred; minus infinity where none did.
+    Of members in several ``lanes`` it holds their largest values.
     """
 
-    def __init__(self, states: int, first: int, stop: int, window: int) -> None:
-        self.first, self.stop, self.window = first, stop, window
-        self.rows = np.full((-(-(stop - first) // window), states + 2), -np.inf)
+    def __init__(self, states: int, first: int, stop: int, window: int, lanes: int = 1) -> None:
+        self.first, self.stop, self.window, self.states, self.lanes = first, stop, window, states, lanes
+        self.rows = np.full((-(-(stop - first) // window), states + 2 if lanes == 1 else lanes), -np.inf)
+
+    def elsewhere(self, first: int, stop: int) -> Watch:
+        """A watch of the same kind over other steps, as one window."""
+        return Watch(self.states, first, stop, -(-(stop - first) // WATCH_EVERY) * WATCH_EVERY, self.lanes)
 
 
 def _at_once(bound: Callable[Given, Callable[[], None]]) -> Callable[Given, None]:
@@ -219,6 +224,8 @@ class Kernel:
                 )
         if (watch is None) == self.watches:
             raise ValueError(f"a kernel that {'watches' if self.watches else 'does not watch'} was called {watch}")
+        if watch is not None and watch.lanes != self.lanes:
+            raise ValueError(f"a kernel of {self.lanes} lanes was called with a watch of {watch.lanes}")
         if watch is not None and not watch.first <= start <= stop <= watch.stop:
             raise ValueError(f"steps {start} to {stop} are not in windows from {watch.first} to {watch.stop}")
 

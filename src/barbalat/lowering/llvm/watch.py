@@ -1,7 +1,7 @@
 """IR for a quantity that is watched: every window of steps keeps its largest value, and the state and the step where it occurred.
 
 It is looked at before every WATCH_EVERY-th step, counted from t = 0. Windows have nothing to do with blocks. What is no number
-never is the largest.
+never is the largest. Of several members side by side the largest values alone are kept.
 """
 
 from __future__ import annotations
@@ -63,6 +63,27 @@ def keep_largest(states: int, lines: list[str], quantity: str, due: list[str]) -
         "  %kept.step = sitofp i64 %now to double",
         f"  %kept.step.to = getelementptr double, ptr %watch.row, i64 {states + 1}",
         "  store double %kept.step, ptr %kept.step.to, align 8",
+        f"  br label %{LAST_BLOCK}",
+        f"{LAST_BLOCK}:",
+    ]
+
+
+def keep_largest_values(lanes: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
+    """The same for members side by side, each of which keeps its own largest value."""
+    vector, mask = f"<{lanes} x double>", f"<{lanes} x i1>"
+    return [
+        f"  %watch.phase = urem i64 %now, {WATCH_EVERY}",
+        *due,
+        f"  br i1 %watch.due, label %watch, label %{LAST_BLOCK}",
+        "watch:",
+        "  %watch.since = sub i64 %now, %watch.first",
+        "  %watch.at = udiv i64 %watch.since, %watch.window",
+        f"  %watch.row = getelementptr {vector}, ptr %watched, i64 %watch.at",
+        f"  %best = load {vector}, ptr %watch.row, align 8",
+        *lines,
+        f"  %better = fcmp ogt {vector} {quantity}, %best",
+        f"  %largest = select {mask} %better, {vector} {quantity}, {vector} %best",
+        f"  store {vector} %largest, ptr %watch.row, align 8",
         f"  br label %{LAST_BLOCK}",
         f"{LAST_BLOCK}:",
     ]
