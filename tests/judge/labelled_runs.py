@@ -145,7 +145,9 @@ def labelled(rng: np.random.Generator, count: int) -> dict[str, Labelled]:
             each(lambda: (relay_problem(rng.uniform(0.3, 3), rng.uniform(0.05, 0.5)), Gain(k=np.array([RELAY_GAIN])))), fine, True
         ),
         "relay with delay and noise": Labelled(
-            each(lambda: (relay_problem(rng.uniform(0.3, 3), rng.uniform(0.1, 0.5), 0.002), Gain(k=np.array([300.0])))), fine, True
+            each(lambda: (relay_problem(rng.uniform(0.3, 3), rng.uniform(0.1, 0.5), 0.002), Gain(k=np.array([300.0])))),
+            fine,
+            True,
         ),
         "relay with delay, square command": Labelled(
             each(

@@ -1,7 +1,5 @@
 """The judge's list, in kernels, along recorded signals and in NumPy, against formulas over all instants of a recorded run."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 

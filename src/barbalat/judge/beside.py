@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import casadi as ca
 
 STATE, MEMORY, PARAMETERS, SIGNALS, PAST, NOISE, ERROR, DEMAND = range(8)
-"""Arguments of the judge's list: those of a step, whose accumulators' place the memory takes, and what the step computes anyway."""
+"""Arguments of the judge's list: those of a step, with the memory for its accumulators, and what the step computes anyway."""
 
 
 class Given(NamedTuple):

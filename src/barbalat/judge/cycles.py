@@ -9,7 +9,7 @@ import numpy as np
 from barbalat.validate import Array
 
 FEWEST_REVERSALS = 4
-"""In the tail, with two more for each turn of the command: fewer make no suspect. Two periods, or one that noise has broken up."""
+"""In the tail, with two more for each turn of the command: fewer make no suspect. They are those of two periods."""
 SLOWEST_PERIODS = 3.0
 """A window of a continuation lasts so many periods of the model's slowest mode, as far as the run is not shorter."""
 FEWEST_CYCLES = 4.0
@@ -33,7 +33,7 @@ def suspects(reversals: Array, turns: int) -> Array:
 
 
 def window(slowest: float, tail: float, reversals: float, t_end: float) -> float:
-    """The length of a window [s]; ``slowest`` is the model's slowest period [s], ``reversals`` those of the tail of ``tail`` [s]."""
+    """The length of a window [s]; ``slowest`` is the model's slowest period [s], ``reversals`` are those of the ``tail`` [s]."""
     seen = FEWEST_CYCLES * 2 * tail / reversals if reversals > 0 else 0.0
     return min(max(SLOWEST_PERIODS * slowest, seen), LONGEST_SHARE * t_end)
 

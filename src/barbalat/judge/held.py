@@ -1,4 +1,4 @@
-"""What a command and the disturbances do in a run's tail, and at which values they are held when a suspect is looked at closely."""
+"""What commands and disturbances do in a run's tail, and at which values they are held when a suspect is looked at closely."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Cycles:
-    """What became of the suspects: (M, m) which controls cycle, their amplitudes and frequencies [rad/s]; (M,) who is a suspect."""
+    """What became of suspects: (M, m) which controls cycle, their amplitudes and frequencies [rad/s]; (M,) who is a suspect."""
 
     which: Array
     amplitude: Array

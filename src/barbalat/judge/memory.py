@@ -16,7 +16,7 @@ import numpy as np
 from barbalat.protocols import Value
 
 LEAST_RANGE = 1e-6
-"""The range of a control without limits, as a part of its largest magnitude, is taken to be at least this: below are roundings."""
+"""The range of a control without limits is at least this part of its largest magnitude: below are roundings."""
 RISES_FROM, RISES_TO = 0.1, 0.9
 """Between which shares of a step the rise time is counted, as in python-control's ``step_info``."""
 

@@ -55,10 +55,10 @@ class Judge(Settings):
     def require(self, problem: TrackingProblem) -> None:
         """InputError for a component that the problem does not have."""
         names = component_names(problem)
-        for field in ("follows", "lost"):
-            for key in getattr(self, field):
+        for bands in ("follows", "lost"):
+            for key in getattr(self, bands):
                 if key not in names:
-                    raise InputError.of(f"judge.{field}.{key}", f"names no component; there are {', '.join(names)}")
+                    raise InputError.of(f"judge.{bands}.{key}", f"names no component; there are {', '.join(names)}")
 
     def bands(self, names: tuple[str, ...], units: tuple[str, ...], scale: Array) -> Bands:
         """Of components with these names and units; ``scale`` (..., n)."""

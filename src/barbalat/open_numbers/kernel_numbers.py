@@ -87,7 +87,8 @@ class Family:
     @cached_property
     def members(self) -> Members:
         """The examples with their kernel."""
-        return self.reader.members(self.windows, many_delays=len(self.reader.known_delays) > 1)
+        windows = 0 if self.windows == 1 and self.reader.loop.sampled else self.windows  # see ``judging.finer_by``
+        return self.reader.members(windows, many_delays=len(self.reader.known_delays) > 1)
 
     @property
     def numbers(self) -> Numbers:

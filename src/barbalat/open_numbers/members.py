@@ -49,7 +49,9 @@ class Setting:
     made: dict[bytes, tuple[Numbers, ...]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, varied: Varied, kinds: Sequence[Kind], tried: Tried, base: Array, *, windows: int = 0, judged: bool = False) -> Setting:
+    def of(
+        cls, varied: Varied, kinds: Sequence[Kind], tried: Tried, base: Array, *, windows: int = 0, judged: bool = False
+    ) -> Setting:
         """``base`` has the numbers that are the same for all, in their columns; ``windows`` as of ``Members``.
 
         judged  whether the judge is beside all runs, by the case's own settings
@@ -61,7 +63,9 @@ class Setting:
         copied: dict[int, tuple[Effect | DelayEffect, ...]] = {}
         watched = watched_in_sweeps(example.judge) if judged else None
         families = tuple(
-            Family.of([(case.problem, case.controllers[i]) for case in cases], example.simulation, windows=windows, watched=watched)
+            Family.of(
+                [(case.problem, case.controllers[i]) for case in cases], example.simulation, windows=windows, watched=watched
+            )
             for i in range(len(example.controllers))
         )
         numbers = [family.numbers for family in families]

@@ -190,7 +190,7 @@ class Group:
     """As many members as the kernel has lanes.
 
     quiet        without the measurement's noise
-    before_tail  (rows, W) what the judge kept of the run before its tail, and ``judged`` of all of it; None as long as there is none
+    before_tail  (rows, W) what the judge kept of the run before its tail, and ``judged`` of all of it; None until it is known
     """
 
     batch: Batch

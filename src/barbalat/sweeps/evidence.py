@@ -28,7 +28,7 @@ EXAMINED = "the estimates alone: a limit cycle of the control or of the state wi
 DIVERGES = "beyond 1e12 within the horizon: a run that is on its way there, or lost at a smaller size, is not counted"
 """What ``diverged`` means; see ``run.metrics.DIVERGENCE_LIMIT``."""
 RING, NOT_SETTLED = "estimates ring", "not settled"
-"""Shares of what finer steps say: as ``oscillated``, split, and the members of which no step that was afforded settles a verdict."""
+"""Shares of what finer steps say: ``oscillated``, split, and the members of which no step that was afforded settles a verdict."""
 NO_FIGURES = (OSCILLATED, ERROR_BOUND, VERDICT, SETTLED, RINGS, FINER_BY)
 """Columns of a controller that are no figures of a run."""
 
@@ -172,7 +172,9 @@ def settled_shares(rows: Rows, controller: str) -> dict[str, SplitShare]:
         return {}
     verdict, rings, settled = (rows.column(f"{controller}/{name}") for name in (VERDICT, RINGS, SETTLED))
     known = settled == 1
-    found = {str(kind): (verdict == number, np.isfinite(verdict)) for number, kind in enumerate(CLASSES) if kind is not Class.FOLLOWS}
+    found = {
+        str(kind): (verdict == number, np.isfinite(verdict)) for number, kind in enumerate(CLASSES) if kind is not Class.FOLLOWS
+    }
     if np.isfinite(rings).any():
         found[RING] = rings == 1, np.isfinite(rings)
     shares = {

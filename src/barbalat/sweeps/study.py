@@ -23,9 +23,9 @@ from barbalat.run.judging import FACTORS, Terms, finer_by, judged
 from barbalat.run.members import Members
 from barbalat.run.metrics import Metrics
 from barbalat.run.progress import Progress, part_of
+from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Expected, Onset, tail_error
 from barbalat.study.ideal_benchmark import known_width
-from barbalat.solvers.simulation import Simulation
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.redesigned import redesigned
@@ -43,7 +43,9 @@ much smaller a step the member needs."""
 PILOTS = 32
 """Of a plan's members, by which it is decided what step can be afforded."""
 MOST_RERUN = 9.0
-"""Times the plain sweep's cost that runs with smaller steps may take in all."""
+"""Times the plain sweep's solver steps that runs with smaller steps may take in all."""
+ALWAYS_RERUN = 5 * 10**8
+"""Solver steps that they may take in a small sweep too: some seconds of one core."""
 TRIED_SHARES = (0.03, 0.4, 0.97)
 """Of a distribution, from one end to the other without its far tails, which may lie beyond what a constructor takes."""
 MOST_SETTINGS = 64
@@ -51,7 +53,7 @@ MOST_SETTINGS = 64
 
 
 class Figured(NamedTuple):
-    """What M runs of one controller came to: figures, and (M,) the numbers of the judge's classes and the finer steps they need."""
+    """What M runs of one controller came to: figures, (M,) numbers of the judge's classes, how much finer a step they need."""
 
     metrics: Metrics
     kinds: Array
@@ -198,8 +200,9 @@ class Study:
         found = self._as_run(numbers, parts, figures)
         needed = np.concatenate([found[f"{controller}/{FINER_BY}"] for controller in self.controllers])
         needed = needed[np.isfinite(needed) & (needed > 1)]
-        most = MOST_RERUN * len(numbers) * len(self.controllers)
-        return float(max((factor for factor in FACTORS if needed[needed <= factor].sum() <= most), default=1))
+        share = len(self) / len(numbers) * self.steps / len(self.controllers)  # steps of all members that a pilot stands for
+        most = max(MOST_RERUN * len(self) * self.steps, ALWAYS_RERUN)
+        return float(max((factor for factor in FACTORS if share * needed[needed <= factor].sum() <= most), default=1))
 
     def simulated(self, member: int) -> list[Metrics]:
         """Figures of one member, for each controller."""
@@ -246,7 +249,7 @@ class Study:
         return self._motions[setting]
 
     def _oscillated(self, setting: Setting, metrics: Sequence[Metrics], first: int = 0) -> list[Array]:
-        """Of each controller (M,), from the number ``first`` on: 1 where its estimates swing, NaN where nothing says what is much."""
+        """Of controllers from number ``first`` on (M,): 1 where estimates swing, NaN where nothing says what is much."""
         problem, motion = setting.example.problem, self._motion(setting)
         found = []
         controllers = setting.example.controllers[first : first + len(metrics)]
