@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 from barbalat import validate
 from barbalat.pictures.numbers import number_text
-from barbalat.sweeps.evidence import FINDINGS
+from barbalat.sweeps.evidence import FINDINGS, VERDICTS
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import InBall
+from barbalat.sweeps.statistics import Share, SplitShare
 from barbalat.sweeps.study import OSCILLATED
 
 SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "diverged_at")
@@ -45,15 +46,21 @@ def shares(found: SweepResult) -> list[list[str]]:
         [
             _judged(name),
             controller,
-            f"{share.count} of {share.judged}",
+            f"{share.count} of {share.judged}{_unsettled(share)}",
             *map(percent, (share.share, *share.interval)),
         ]
-        for name, by in found.evidence.shares.items()
+        for name, by in sorted(found.evidence.shares.items(), key=lambda one: one[0] not in VERDICTS)
         for controller, share in by.items()
     ]
     return rows + [
         [_judged(OSCILLATED), one, f"not examined: {why}", "-", "-", "-"] for one, why in found.evidence.unexamined.items()
     ]
+
+
+def _unsettled(share: Share) -> str:
+    """How many members may belong to it besides."""
+    unsettled = share.unsettled if isinstance(share, SplitShare) else 0
+    return f", {unsettled} not settled" if unsettled else ""
 
 
 def _judged(name: str) -> str:

@@ -21,14 +21,16 @@ from barbalat.sweeps.study import FINER_BY, OSCILLATED, RINGS, SETTLED, VERDICT
 from barbalat.validate import Array, Named
 
 DIVERGED, OUT_OF_BOUND = "diverged", "above the guaranteed bound"
-FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND})
+RING, NOT_SETTLED = "estimates ring", "not settled"
+"""Shares of what finer steps say: ``oscillated``, split, and the members of which no step that was afforded settles a verdict."""
+VERDICTS = (*(str(kind) for kind in Class if kind is not Class.FOLLOWS), RING, NOT_SETTLED)
+"""Shares of the judge's."""
+FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND, *VERDICTS})
 """Names of shares; any other share is that of the members which broke the requirement that it is named after."""
 EXAMINED = "the estimates alone: a limit cycle of the control or of the state with estimates at rest is not counted"
 """What ``oscillated`` looks at."""
 DIVERGES = "beyond 1e12 within the horizon: a run that is on its way there, or lost at a smaller size, is not counted"
 """What ``diverged`` means; see ``run.metrics.DIVERGENCE_LIMIT``."""
-RING, NOT_SETTLED = "estimates ring", "not settled"
-"""Shares of what finer steps say: ``oscillated``, split, and the members of which no step that was afforded settles a verdict."""
 NO_FIGURES = (OSCILLATED, ERROR_BOUND, VERDICT, SETTLED, RINGS, FINER_BY)
 """Columns of a controller that are no figures of a run."""
 

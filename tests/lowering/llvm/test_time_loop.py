@@ -14,7 +14,8 @@ from barbalat.adaptation.laws import LeastSquares
 from barbalat.controllers import RobustMrac
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel, Watch
-from barbalat.lowering.operations import read
+from barbalat.lowering.llvm.watch import LONGEST_INSIDE
+from barbalat.lowering.operations import Operation, Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.run import kernels
@@ -79,8 +80,9 @@ def test_a_watch_is_given_to_who_watches():
     for kernel, watch in ((plain, Watch(1, 0, 4, 8)), (watching, None), (watching, Watch(1, 0, 3, 8))):
         with pytest.raises(ValueError, match=r"watch|windows"):
             kernel(*arguments, watch=watch)
+    many = Program((Operation("input"), *(Operation("mul", (i, i)) for i in range(LONGEST_INSIDE))), ((LONGEST_INSIDE,),))
     with pytest.raises(ValueError, match="one member"):
-        Kernel(program, LoopShape(1, 0, 0, 0), (), 2, watch=program)
+        Kernel(program, LoopShape(1, 0, 0, 0), (), 4, watch=many)
 
 
 @pytest.mark.parametrize("lanes", [1, 4])
@@ -214,7 +216,8 @@ def test_kernels_that_are_gone_leave_no_memory():
 import casadi as ca, gc, numpy as np
 from pathlib import Path
 from barbalat.lowering.llvm.machine import Kernel
-from barbalat.lowering.operations import read
+from barbalat.lowering.llvm.watch import LONGEST_INSIDE
+from barbalat.lowering.operations import Operation, Program, read
 from barbalat.lowering.shape import LoopShape
 
 def compile(i):
