@@ -8,8 +8,8 @@ import numpy as np
 
 from barbalat.validate import Array
 
-FEWEST_REVERSALS = 4
-"""In the tail, with two more for each turn of the command: fewer make no suspect. They are those of two periods."""
+FEWEST_REVERSALS = 2
+"""In the tail, with two more for each turn of the command: a suspect reverses more often, one and a half periods at least."""
 SLOWEST_PERIODS = 3.0
 """A window of a continuation lasts so many periods of the model's slowest mode, as far as the run is not shorter."""
 FEWEST_CYCLES = 4.0

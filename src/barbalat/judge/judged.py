@@ -117,15 +117,19 @@ class Judged:
         if len(parts) == 1:
             return parts[0]
         first = parts[0]
-        joined = {
-            name: np.concatenate([getattr(part, name) for part in parts])
-            for name in ("kinds", "error", "at_limit", "at_rate_limit", "lost_at")
-        }
-        bands = {name: np.concatenate([getattr(part.bands, name) for part in parts]) for name in ("scale", "follows", "lost")}
-        cycles = {name: np.concatenate([getattr(part.cycles, name) for part in parts]) for name in vars(first.cycles)}
-        kept = {name: np.concatenate([getattr(part.kept, name) for part in parts], axis=1) for name in ("before_tail", "whole")}
+        scale, follows, lost = (_joined([getattr(part.bands, name) for part in parts]) for name in ("scale", "follows", "lost"))
+        before, whole = (_joined([getattr(part.kept, name) for part in parts], 1) for name in ("before_tail", "whole"))
+        cycles = {name: _joined([getattr(part.cycles, name) for part in parts]) for name in vars(first.cycles)}
         return replace(
-            first, bands=replace(first.bands, **bands), cycles=Cycles(**cycles), kept=replace(first.kept, **kept), **joined
+            first,
+            kinds=_joined([part.kinds for part in parts]),
+            bands=replace(first.bands, scale=scale, follows=follows, lost=lost),
+            error=_joined([part.error for part in parts]),
+            cycles=Cycles(**cycles),
+            at_limit=_joined([part.at_limit for part in parts]),
+            at_rate_limit=_joined([part.at_rate_limit for part in parts]),
+            lost_at=_joined([part.lost_at for part in parts]),
+            kept=replace(first.kept, before_tail=before, whole=whole),
         )
 
     def __len__(self) -> int:
@@ -203,3 +207,7 @@ class Judged:
                 Overshoot=100 * of("overshoot"),
             )
         return found
+
+
+def _joined(parts: Sequence[Array], axis: int = 0) -> Array:
+    return np.concatenate(parts, axis=axis)

@@ -85,8 +85,7 @@ class Audit:
         if swinging := {name: found for name, found in self.swinging.items() if found}:
             counts = ", ".join(f"{len(found)} of {name} (such as member {found[0]})" for name, found in swinging.items())
             said.append(
-                f"of the same {len(self.members)} the demand swings from limit to limit of the actuator until the end: {counts}; "
-                "no share counts that"
+                f"of the same {len(self.members)} the demand swings from limit to limit of the actuator until the end: {counts}"
             )
         elif self.limited:
             said.append(
@@ -208,8 +207,8 @@ def _run(
         figures.append([figured(batch, simulation, part.setting.terms, threads) for batch in batches])
         if record:
             cases = [study.varied.at(study.plan.values_for(numbers[[place]])[0]) for place in part.which]
-            for name, batch, one in zip(study.controllers, batches, figures[-1], strict=True):
-                which = _swinging(cases, batch, one.metrics)
+            for name, batch, found in zip(study.controllers, batches, figures[-1], strict=True):
+                which = _swinging(cases, batch, found.metrics)
                 swinging[name] += [int(numbers[place]) for place in part.which[which]]
     return study.columns_for(numbers, parts, figures), {name: tuple(sorted(found)) for name, found in swinging.items()}
 

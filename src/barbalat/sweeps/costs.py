@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from barbalat import budget, validate
 from barbalat.budget import Estimate, of_kernel
 from barbalat.loop.closed_loop import ClosedLoop
@@ -19,7 +21,7 @@ from barbalat.run.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet
-from barbalat.sweeps.study import Study
+from barbalat.sweeps.study import Figured, Study
 from barbalat.sweeps.worker_task import Tabulated, WorkerTask, figures
 
 MEASURING_SECONDS = 3.0
@@ -114,7 +116,7 @@ class Costs:
         return chunk_size(members, self.steps)
 
 
-def _handled(study: Study, count: int, found: Sequence[Sequence[Metrics]]) -> tuple[float, float]:
+def _handled(study: Study, count: int, found: Sequence[Sequence[Figured]]) -> tuple[float, float]:
     """Seconds of the client and bytes on the disk for each of so many members, whose figures are some that were ``found``."""
     begun = time.process_time()
     parts = list(study.parts(0, count))
@@ -123,7 +125,7 @@ def _handled(study: Study, count: int, found: Sequence[Sequence[Metrics]]) -> tu
     seconds = time.process_time() - begun
     many = [[_repeated(one, len(part.which)) for one in found[i % len(found)]] for i, part in enumerate(parts)]
     back, begun = pickle.dumps(many), time.process_time()
-    columns = study.columns(0, count, parts, pickle.loads(back))
+    columns = study.as_run(np.arange(count), parts, pickle.loads(back))
     seconds += time.process_time() - begun
     with tempfile.TemporaryDirectory() as folder, opened(Path(folder) / "store", {}, count, count) as store:
         (chunk,) = store.chunks
@@ -133,6 +135,7 @@ def _handled(study: Study, count: int, found: Sequence[Sequence[Metrics]]) -> tu
         return seconds / count, (store.folder / name_of(chunk)).stat().st_size / count
 
 
-def _repeated(metrics: Metrics, count: int) -> Metrics:
-    some = len(metrics.diverged_at)
-    return Metrics.together([metrics] * -(-count // some)).of(slice(0, count))
+def _repeated(found: Figured, count: int) -> Figured:
+    times, which = -(-count // len(found.kinds)), slice(0, count)
+    metrics = Metrics.together([found.metrics] * times).of(which)
+    return Figured(metrics, np.tile(found.kinds, times)[which], np.tile(found.finer_by, times)[which])

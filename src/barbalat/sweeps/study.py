@@ -142,13 +142,13 @@ class Study:
 
     def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
         """The same of the members with these numbers, (K,)."""
-        found = self._as_run(numbers, parts, figures)
+        found = self.as_run(numbers, parts, figures)
         if self.settling:
             for i, controller in enumerate(self.controllers):
                 self._settle(found, i, controller)
         return found
 
-    def _as_run(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
+    def as_run(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
         """The same without what finer steps say."""
         rows, count = self.plan.values_for(numbers), len(numbers)
         found: Columns = {"member": numbers}
@@ -197,7 +197,7 @@ class Study:
         for one in self.parts_for(numbers):
             figures.append(_simulated(one.setting, one.members, None, None))
             parts.append(replace(one, members=()))
-        found = self._as_run(numbers, parts, figures)
+        found = self.as_run(numbers, parts, figures)
         needed = np.concatenate([found[f"{controller}/{FINER_BY}"] for controller in self.controllers])
         needed = needed[np.isfinite(needed) & (needed > 1)]
         share = len(self) / len(numbers) * self.steps / len(self.controllers)  # steps of all members that a pilot stands for
