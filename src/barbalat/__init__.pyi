@@ -60,6 +60,8 @@ from .export.exported_step import exported_c as exported_c
 from .export.in_the_loop import InTheLoop as InTheLoop
 from .export.in_the_loop import simulate_export as simulate_export
 from .export.write import export_controller as export_controller
+from .judge.settings import Judge as Judge
+from .judge.verdict import Verdict as Verdict
 from .linear.enclosure import Enclosure as Enclosure
 from .linear.l1_norms import l1_norm as l1_norm
 from .linear.margins import Margins as Margins

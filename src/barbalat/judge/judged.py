@@ -164,6 +164,7 @@ class Judged:
             at_limit=tuple(np.nan_to_num(self.at_limit[i]).tolist()),
             at_rate_limit=tuple(np.nan_to_num(self.at_rate_limit[i]).tolist()),
             lost_at=lost_at if np.isfinite(lost_at) else None,
+            bands=self.bands.said(i),
             figures=self._figures(i) if self.kept.memory.detailed and kind is not Class.LOST and finite else None,
         )
 

@@ -85,11 +85,11 @@ class Bands:
     follows: Array
     lost: Array
 
-    def __str__(self) -> str:
-        """For one run: "theta: follows within 0.025 rad, lost beyond 50 rad; ..."."""
-        each = zip(self.names, self.units, self.follows, self.lost, strict=True)
+    def said(self, i: int) -> str:
+        """Of the i-th run: "theta follows within 0.025 rad and is lost beyond 50 rad; ..."."""
+        each = zip(self.names, self.units, self.follows[i], self.lost[i], strict=True)
         return "; ".join(
-            f"{name}: follows within {follows:.3g}{_unit(unit)}, lost beyond {lost:.3g}{_unit(unit)}"
+            f"{name} follows within {follows:.3g}{_unit(unit)} and is lost beyond {lost:.3g}{_unit(unit)}"
             for name, unit, follows, lost in each
         )
 

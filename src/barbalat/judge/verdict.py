@@ -96,6 +96,7 @@ class Verdict:
     at_limit       share of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
     lost_at        when the run was lost [s]; None where it was not
     figures        IAE and the like; None where they were not asked for
+    bands          of all components, as they are said
     """
 
     kind: Class
@@ -111,6 +112,7 @@ class Verdict:
     at_rate_limit: tuple[float, ...] = ()
     lost_at: float | None = None
     figures: Figures | None = None
+    bands: str = ""
 
     def __str__(self) -> str:
         """Such as "follows within 3 %, at its limits 12 % of the time"."""
@@ -160,6 +162,7 @@ class Verdict:
             "at_limit": list(self.at_limit),
             "at_rate_limit": list(self.at_rate_limit),
             "lost_at": self.lost_at,
+            "bands": self.bands,
             "sentence": str(self),
         }
 

@@ -40,6 +40,8 @@ def _verdicts(screen: Screen, results: Sequence[Result]) -> None:
     for result in results:
         if (verdict := result.verdict) is not None:
             screen.line(f"{screen.name(result.name)}: {verdict}", VERDICT_STYLES[verdict.kind], "  ")
+    for bands in dict.fromkeys(result.verdict.bands for result in results if result.verdict is not None):
+        screen.line(f"in the tail {bands}", "dim", "  ")
 
 
 def _tracking(screen: Screen, results: Sequence[Result]) -> None:
