@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
@@ -46,7 +45,7 @@ class Judge(Settings):
             if not isinstance(given, Mapping):
                 raise InputError.of(f"judge.{name}", f"must give bands by components, got {validate.show(given)}")
             bands = {str(key): validate.positive(f"judge.{name}.{key}", value) for key, value in given.items()}
-            object.__setattr__(self, name, MappingProxyType(bands))
+            object.__setattr__(self, name, bands)
         share = validate.positive("judge.cycle", self.cycle)
         if share >= 1:
             raise InputError.of("judge.cycle", f"must be a share of the control's range below 1, got {share:g}")

@@ -172,14 +172,29 @@ class Study:
             if not len(again):
                 continue
             finer = self._finer(factor)
-            for part in finer.parts_for(found["member"][again]):
+            for places, part in finer._accepted(found["member"], again):
                 one = replace(part, members=part.members[index : index + 1])
                 (fine,) = _simulated(one.setting, one.members, None, None)
-                places = again[part.which]
                 verdict[places] = fine.kinds
                 rings[places] = finer._oscillated(one.setting, [fine.metrics], index)[0]
                 settled[places] = np.where(fine.finer_by <= 1, 1.0, 0.0)
         found[f"{controller}/{SETTLED}"] = settled
+
+    def _accepted(self, numbers: Array, which: Array) -> Iterator[tuple[Array, StudyPart]]:
+        """Parts of the members at these places, and their places; without members that this step refuses.
+
+        A delay that varies may be a whole number of the finer steps wherever it was tried: its weights are then taken for constants.
+        Such members stay unsettled, whoever else runs with them.
+        """
+        try:
+            parts = list(self.parts_for(numbers[which]))
+        except InputError:
+            if len(which) > 1:
+                for place in which:
+                    yield from self._accepted(numbers, np.array([place]))
+            return
+        for part in parts:
+            yield which[part.which], part
 
     def _finer(self, factor: int) -> Study:
         if factor not in self._finer_studies:
