@@ -85,6 +85,7 @@ def _expected(case: Case, *, plots: bool) -> dict[str, float]:
 def _simulated(case: Case, running: Work) -> list[Result]:
     """All controllers, those that were numerically unstable also at a finer step."""
     from barbalat.run.check_numerics import check_numerics
+    from barbalat.run.settle import settle
     from barbalat.run.simulate import simulate
 
     with running.part("simulating") as progress:
@@ -94,7 +95,7 @@ def _simulated(case: Case, running: Work) -> list[Result]:
         say(f"outside the region of stability, repeated at a finer step: {', '.join(labelled)}")
         with running.part("checking the numerics") as progress:
             found = check_numerics(found, progress=progress)
-    return list(found.values())
+    return list(settle(found).values())
 
 
 def write_runs(folder: Folder, case: str, results: Sequence[Result], document: str, *, whole: bool = False) -> None:

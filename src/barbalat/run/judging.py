@@ -276,22 +276,30 @@ def finer_by(batch: Batch, simulation: Simulation) -> Array:
     undamped: no spectrum is taken, and the whole run counts as if it had been as stiff as at its stiffest instant. 1 for a step
     that is small enough, infinite where none of FACTORS is, NaN where nothing was watched. A sampled law is no solver's matter.
     """
-    coupling = np.full(batch.states.shape[1], np.nan)
+    coupling = np.full((1, batch.states.shape[1]), np.nan)
     if batch.loop.sampled:
-        return np.ones(len(coupling))
+        return np.ones(coupling.shape[1])
     for group in batch.groups:
         if group.watch is not None:
-            count = group.columns.stop - group.columns.start
-            coupling[group.columns] = (
-                group.watch.rows[:, :1].max() if group.watch.lanes == 1 else group.watch.rows.max(axis=0)[:count]
-            )
-    omega = np.sqrt(
-        np.maximum(coupling, 0.0) / 2
-    )  # minus infinity where nothing varies: the loop is linear, and the same for all
-    found = np.full(len(omega), np.inf)
+            rows = group.watch.rows[:, :1] if group.watch.lanes == 1 else group.watch.rows
+            coupling[0, group.columns] = rows.max(axis=0)[: group.columns.stop - group.columns.start]
+    return _needed(coupling, simulation.steps, simulation)
+
+
+def finer_by_along(batch: Batch, simulation: Simulation) -> float:
+    """The same of one recorded member, whose windows are taken one by one: each counts for as long as it lasts."""
+    if batch.loop.sampled or batch.watch is None:
+        return 1.0 if batch.loop.sampled else np.nan
+    return float(_needed(batch.watch.rows[:, :1], batch.watch.window, simulation)[0])
+
+
+def _needed(coupling: Array, steps: int, simulation: Simulation) -> Array:
+    """(M,) of so many steps in each of K windows with these tr J^2, (K, M); minus infinity where nothing varies."""
+    omega = np.sqrt(np.maximum(coupling, 0.0) / 2)
+    found = np.full(coupling.shape[1], np.inf)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for factor in reversed((1, *FACTORS)):
             growth = simulation.solver.growth(1j * simulation.dt / factor * omega)  # |R|^2 - 1
-            changed = 0.5 * np.abs(np.log1p(np.maximum(growth, -1.0))) * simulation.steps * factor
+            changed = (0.5 * np.abs(np.log1p(np.maximum(growth, -1.0)))).sum(axis=0) * steps * factor
             found = np.where(changed <= NEGLIGIBLE, factor, found)
-    return np.where(np.isnan(coupling), np.nan, found)
+    return np.where(np.isnan(coupling).any(axis=0), np.nan, found)

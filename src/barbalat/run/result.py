@@ -11,7 +11,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.judge.settings import Judge
-from barbalat.judge.verdict import Verdict
+from barbalat.judge.verdict import Class, Verdict
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.true_values import not_the_parameters, true_values
 from barbalat.problem.command_gain import command_warning
@@ -74,6 +74,8 @@ class Result:
     check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
     judged            the verdict without what is known of the solver; None for a run that nobody judged
     judge             what it was judged by
+    finer_by          how much smaller a step resolves all oscillations of the run; 1 where its own does, NaN where nobody knows
+    finer_kind        the judge's class at such a step, from ``settle``
     """
 
     problem: TrackingProblem
@@ -95,6 +97,8 @@ class Result:
     check: FinerStep | None = None
     judged: Verdict | None = None
     judge: Judge | None = None
+    finer_by: float = np.nan
+    finer_kind: Class | None = None
 
     @property
     def name(self) -> str:
@@ -140,15 +144,15 @@ class Result:
         """What the run did by its signals: lost, limit cycle, off or follows; None for a run that nobody judged.
 
         It is settled where the run stayed inside its solver's region of stability and the solver's damping hides nothing, or
-        where a finer step that does so comes to the same class. Where that damping may hide something, nobody has examined it.
+        where a finer step that does so comes to the same class: see ``check_numerics`` and ``settle``.
         """
         if self.judged is None:
             return None
         settled: bool | None = True
         if self.stiffness.unstable_from is not None:
             settled = self.check is not None and self.check.kind is self.judged.kind
-        elif self.stiffness.damping is not None:
-            settled = None
+        elif not self.finer_by <= 1:
+            settled = None if self.finer_kind is None else self.finer_kind is self.judged.kind
         return replace(self.judged, settled=settled)
 
     @property

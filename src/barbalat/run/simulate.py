@@ -19,7 +19,7 @@ from barbalat.run.breaks import lost_order
 from barbalat.run.delay import brings_bends
 from barbalat.run.diagnosis.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.engine import run
-from barbalat.run.judging import Terms, judged, watched_in_runs
+from barbalat.run.judging import Terms, finer_by_along, judged, watched_in_runs
 from barbalat.run.kinks import lost_along
 from barbalat.run.portable import at_instants
 from barbalat.run.progress import Progress
@@ -100,6 +100,7 @@ def result_of(
         metrics=metrics,
         stiffness=stiffness_along(made),
         judge=judge,
+        finer_by=finer_by_along(batch, simulation),
         judged=None if judge is None else judged(batch, simulation, Terms.of(problem, simulation, judge)).verdict(0),
         lost=lost_along(
             lost_order(problem.signals, simulation, delayed=loop.delayed, bends=brings_bends(loop)),
