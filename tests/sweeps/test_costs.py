@@ -15,7 +15,6 @@ from barbalat.sweeps.spread import Axis
 from barbalat.sweeps.study import Study
 from barbalat.validate import InputError
 
-
 AT_THE_CLIENT = ("oscillated", "rings", "settled")
 """Columns that the client makes of what workers return."""
 

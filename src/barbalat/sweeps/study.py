@@ -183,7 +183,7 @@ class Study:
     def _accepted(self, numbers: Array, which: Array) -> Iterator[tuple[Array, StudyPart]]:
         """Parts of the members at these places, and their places; without members that this step refuses.
 
-        A delay that varies may be a whole number of the finer steps wherever it was tried: its weights are then taken for constants.
+        A delay that varies may be a whole number of the finer steps wherever it was tried: its weights then pass for constants.
         Such members stay unsettled, whoever else runs with them.
         """
         try:

@@ -1,0 +1,169 @@
+"""Verdicts as sentences, in JSON, by bands in the plant's units; what is settled by the solver, for a run and in sweeps."""
+
+import json
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from labelled_runs import Gain, oscillator, relay_problem
+
+from barbalat import InputError, Judge, Labels, Simulation, simulate
+from barbalat.cases.load import CaseText, load_case, parse_case
+from barbalat.judge.settings import scale_of
+from barbalat.judge.verdict import Class, Cycle, Verdict
+from barbalat.run.settle import settle
+from barbalat.sweeps.sweep import sweep
+
+SECTION_V = """
+name = "Section V"
+[plant]
+A_m = [[0.0, 1.0], [-0.3, -1.0]]
+b = [0.0, 1.0]
+theta = [4.0, -3.0]
+x0 = [1.0, 1.0]
+[reference_model]
+k_0 = 4.0
+[reference]
+kind = "sine"
+amplitude = 50.0
+frequency = 0.5
+[uncertainty]
+lower = [-5.0, -5.0]
+upper = [5.0, 5.0]
+[simulation]
+t_end = 10.0
+dt = 1e-3
+[[controller]]
+name = "L1"
+scheme = "l1"
+gamma = GAMMA
+filter = { kappa = 0.02 }
+"""
+
+
+def verdict(**given) -> Verdict:
+    usual = {"kind": Class.FOLLOWS, "component": "x_1", "error": 0.03, "band": 0.05, "scale": 1.0, "settled": True}
+    return Verdict(**usual | given)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"at_limit": (0.12,)}, "follows within 3 %, at its limits 12 % of the time"),
+        ({"kind": Class.OFF, "error": 0.4}, "off by 40 % in x_1"),
+        ({"error": 1e-7}, "follows within 1e-05 %"),
+        ({"error": 0.5, "scale": 0.0, "unit": "rad"}, "follows within 0.5 rad in x_1"),
+        ({"kind": Class.LOST, "lost_at": 3.25, "error": None}, "lost at t = 3.25 s"),
+        ({"settled": False}, "follows within 3 %, not settled by the solver"),
+        (
+            {
+                "kind": Class.CYCLE,
+                "cycle": Cycle(signal="u_limited[0]", amplitude=10.0, frequency=59.1),
+                "input_unit": "V",
+                "at_rate_limit": (0.5,),
+            },
+            "limit cycle, u swings by ±10 V at 59.1 rad/s, at its rate limit 50 % of the time",
+        ),
+    ],
+)
+def test_a_verdict_is_one_sentence(given, said):
+    assert str(verdict(**given)) == said
+    keys = {"class", "error", "band", "settled", "cycle", "at_limit", "at_rate_limit", "lost_at"}
+    assert keys <= json.loads(json.dumps(verdict(**given).as_json(), allow_nan=False)).keys()
+
+
+def test_a_component_without_motion_has_the_initial_state_the_noise_or_its_own_motion_as_scale():
+    model = np.array([[4.0, 1e-12, 0.0, 0.0]])
+    found = scale_of(model, np.array([[9.0, -2.0, 0.0, 0.0]]), np.array([1.0, 1.0, 0.5, 0.0]), np.array([[1.0, 1.0, 1.0, 7.0]]))
+    np.testing.assert_array_equal(found, [[4.0, 2.0, 0.5, 7.0]])
+
+
+def test_bands_in_the_plants_units_decide():
+    problem = replace(oscillator(0.7, [1.0, 0.0]), labels=Labels(names=("angle", "rate"), units=("rad", "rad/s")))
+    simulation, law = Simulation(t_end=10.0, dt=0.01), Gain(k=np.zeros(2))
+    moved = replace(problem, plant=replace(problem.plant, theta=np.array([0.5, 0.0])))
+
+    def kind(judge: Judge | None) -> Class:
+        return simulate(moved, law, simulation, judge=judge)["law"].verdict.kind
+
+    error = simulate(moved, law, simulation)["law"].figures["tail_max_abs_e"]
+    assert kind(Judge(follows={"angle": 1.01 * error[0], "rate": 1.01 * error[1]})) is Class.FOLLOWS
+    assert kind(Judge(follows={"angle": 0.99 * error[0], "rate": 1.01 * error[1]})) is Class.OFF
+    assert kind(Judge(lost={"angle": 0.9})) is Class.LOST  # it starts at 1
+    with pytest.raises(InputError, match=r"judge.follows.angel names no component; there are angle, rate"):
+        kind(Judge(follows={"angel": 1.0}))
+
+
+def test_a_lost_run_says_when():
+    (result,) = simulate(oscillator(-0.2, [1.0, 0.0]), Gain(k=np.zeros(2)), Simulation(t_end=60.0, dt=0.01)).values()
+    first = result.t[(np.abs(result.x) > 100 * np.abs(result.x_m).max(axis=0)).any(axis=1)][0]
+    assert result.verdict.kind is Class.LOST
+    assert result.diverged_at is None
+    assert result.verdict.lost_at == pytest.approx(first, abs=0.1)
+
+
+def test_a_case_file_judges():
+    text = SECTION_V.replace("GAMMA", "10.0") + "\n[judge]\nfollows = { x_1 = 1e3, x_2 = 1e3 }\ncycle = 0.03\n"
+    case = parse_case(text)
+    assert case.judge == Judge(follows={"x_1": 1e3, "x_2": 1e3}, cycle=0.03)
+    (result,) = simulate(case.problem, case.controllers, case.simulation, judge=case.judge).values()
+    assert result.verdict.kind is Class.FOLLOWS
+    with pytest.raises(InputError, match=r"judge.lost.x_3 names no component; there are x_1, x_2"):
+        parse_case(SECTION_V.replace("GAMMA", "10.0") + "\n[judge]\nlost = { x_3 = 1 }\n")
+    with pytest.raises(InputError, match=r"judge.cycle must be a share of the control's range below 1, got 2"):
+        Judge(cycle=2.0)
+    assert pickle.loads(pickle.dumps(case.judge)) == case.judge
+
+
+def test_output_feedback_is_judged_by_y():
+    case = load_case("rohrs")
+    results = simulate(case.problem, case.controllers[1:2], case.simulation)
+    (found,) = [result.verdict for result in results.values()]
+    assert found.component == "y"
+    assert found.error == pytest.approx(next(iter(results.values())).figures["tail_max_abs_e"][0])
+
+
+def test_time_at_the_limits_is_that_of_the_demand():
+    (result,) = simulate(relay_problem(0.5, 0.2), [Gain(k=np.array([300.0]))], Simulation(t_end=10.0, dt=0.005)).values()
+    shares = np.mean(np.abs(result.u) >= 1.0)
+    assert result.verdict.at_limit[0] == pytest.approx(shares, abs=1e-3)
+
+
+def test_a_run_that_the_step_damps_is_settled_by_a_finer_one():
+    case = parse_case(SECTION_V.replace("GAMMA", "3.0"))
+    results = simulate(case.problem, case.controllers, case.simulation)
+    assert results["L1"].stiffness.unstable_from is None
+    assert 1 < results["L1"].finer_by < np.inf
+    assert results["L1"].verdict.settled is None
+    assert settle(results)["L1"].verdict.settled is True
+    assert settle(results, afforded_steps=10)["L1"].verdict.settled is None
+
+
+def test_ringing_shares_are_those_of_a_step_that_resolves_it():
+    """Section V at h = 1 ms, where every member rings: against the same members at 10 us."""
+    text = CaseText(SECTION_V.replace("GAMMA", "100.0"))
+    fine = CaseText(SECTION_V.replace("GAMMA", "100.0").replace("dt = 1e-3", "dt = 1e-5"))
+    given = {"sample": {"plant.theta": "known-set"}, "members": 24, "bounds": False, "audit": 0}
+    found, exact = (sweep(one.case(), **given) for one in (text, fine))
+    shares = found.evidence.shares
+    assert shares["oscillated"]["L1"].count == 24  # an artefact
+    assert shares["not settled"]["L1"].count == 0
+    assert shares["estimates ring"]["L1"].count == exact.evidence.shares["oscillated"]["L1"].count < 24
+    np.testing.assert_array_equal(found.column("L1/rings"), exact.column("L1/oscillated"))
+    assert shares["off"]["L1"].as_json()["did_not"] == 24 - shares["off"]["L1"].count
+
+
+def test_members_that_nothing_settles_widen_the_interval():
+    from barbalat.sweeps.statistics import Share, SplitShare
+
+    split = SplitShare(count=10, judged=100, unsettled=30)
+    assert split.interval[0] == Share(count=10, judged=100).interval[0]
+    assert split.interval[1] == Share(count=40, judged=100).interval[1]
+    assert split.as_json() | {"did_not": 60, "not_settled": 30, "failed": 10} == split.as_json()
+
+
+def test_two_inputs_are_judged_each():
+    case = load_case("satellite-spin")
+    (result,) = list(simulate(case.problem, case.controllers[:1], case.simulation).values())
+    assert len(result.verdict.at_limit) == 2
