@@ -27,7 +27,7 @@ from barbalat.linear.systems import StateSpace
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Controller, Sample, SampledEquations, Value
-from barbalat.roles import Role, roles_of
+from barbalat.roles import Role, declared_roles
 from barbalat.study.delay_search import Criterion
 from barbalat.study.ideal_benchmark import quiet
 from barbalat.validate import Array
@@ -60,7 +60,7 @@ class Both:
 
     @property
     def roles(self) -> Mapping[str, Role]:
-        return roles_of(self.added)
+        return declared_roles(self.added) or {}
 
     def initial(self) -> NamedTuple:
         return self.added.initial()
