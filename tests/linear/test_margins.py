@@ -22,10 +22,9 @@ from barbalat import (
 from barbalat.cases.load import load_case
 from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium, equilibrium
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.linear.delayed_peaks import delayed_peaks
-from barbalat.linear.interconnections import series
 from barbalat.linear.margins import margins
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.peaks import delayed_peaks
+from barbalat.linear.systems import StateSpace, TransferFunction, series
 from barbalat.loop.closed_loop import ClosedLoop
 
 

@@ -12,9 +12,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.crossings import Crossings
-from barbalat.linear.interconnections import sensitivity
 from barbalat.linear.rotation import phase_crossings
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.systems import StateSpace, sensitivity
 from barbalat.validate import Array, InputError
 
 LARGEST_FACTOR = 1e6

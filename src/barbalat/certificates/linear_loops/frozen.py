@@ -25,8 +25,7 @@ from barbalat import validate
 from barbalat.certificates.linear_loops.worst_case import MOST_EXTREMES, points_inside
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.linear.crossings import frequency_grid
-from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.systems import StateSpace, complementary_sensitivity, sensitivity, series
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import signals_at_rest
 from barbalat.loop.packing import column, flatten, symbols

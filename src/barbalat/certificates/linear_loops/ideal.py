@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.linear.interconnections import series
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.systems import StateSpace, series
 from barbalat.problem.plant import Plant
 from barbalat.validate import Array
 

@@ -16,11 +16,9 @@ from barbalat.certificates.picture import MarginLoop
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import is_left_out, is_needed
 from barbalat.controllers import L1Adaptive, Mrac
-from barbalat.linear.delayed_peaks import delayed_peaks
-from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
 from barbalat.linear.margins import margins
-from barbalat.linear.peaks import peak_gain
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.peaks import delayed_peaks, peak_gain
+from barbalat.linear.systems import StateSpace, complementary_sensitivity, sensitivity, series
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal

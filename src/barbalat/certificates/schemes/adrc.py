@@ -17,8 +17,7 @@ from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
 from barbalat.certificates.schemes.unregistered import WHOLE_LOOP, add_linearised
 from barbalat.certificates.step_limits.modes import largest_step
 from barbalat.controllers.adrc import Adrc, Equations
-from barbalat.linear.interconnections import sensitivity
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.systems import StateSpace, sensitivity
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array

@@ -28,9 +28,8 @@ from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta
 from barbalat.certificates.rounding import up
 from barbalat.certificates.schemes.output_feedback import NEGLIGIBLE_STEADY_ERROR
 from barbalat.linear.enclosure import Enclosure
-from barbalat.linear.interconnections import sensitivity
 from barbalat.linear.l1_norms import l1_norm
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.systems import StateSpace, TransferFunction, sensitivity
 from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
