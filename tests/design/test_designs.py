@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from barbalat.cases.load import load_case, parse_case
-from barbalat.certificates.linear_loops.robustness import robustness
+from barbalat.certificates.linear_loops.over_known_set import robustness
 from barbalat.certificates.schemes import linear_feedback
 from barbalat.controllers import LinearFeedback
 from barbalat.design import (

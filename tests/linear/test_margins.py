@@ -20,8 +20,7 @@ from barbalat import (
     input_filter,
 )  # fmt: skip
 from barbalat.cases.load import load_case
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium, equilibrium
-from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
+from barbalat.certificates.linear_loops.ideal import around_equilibrium, equilibrium, fast_adaptation, known_parameters
 from barbalat.linear.margins import margins
 from barbalat.linear.peaks import delayed_peaks
 from barbalat.linear.systems import StateSpace, TransferFunction, series

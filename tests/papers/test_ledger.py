@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.certificates.table_1 import Table1
 from barbalat.cli import main
 from barbalat.papers import ledger

@@ -9,7 +9,7 @@ import pytest
 
 from barbalat import Mrac, Simulation, certify, simulate
 from barbalat.cases.load import load_case
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.certificates.picture import distinct
 from barbalat.certificates.table_1 import Table1
 from barbalat.report import page, write

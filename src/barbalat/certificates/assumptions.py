@@ -101,6 +101,19 @@ def theta_in_the_set(problem: Problem) -> Assumption:
     return Assumption("theta lies in the known set", OUTSIDE_THE_SET if outside else "")
 
 
+MEAN_SQUARE = (
+    "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed"
+)
+
+
+def small_enough(present: str) -> Assumption:
+    """The case's own modelling error, where there is one, is small enough: how small it must be is not known."""
+    return Assumption(
+        "the case's own modelling error is small enough",
+        f"{present}: whether that is small enough is not known" if present else "",
+    )
+
+
 def departures(problem: TrackingProblem) -> tuple[str, ...]:
     """In a few words each, where the case's plant differs from (1)."""
     return tuple(found.broken for found in (exact_plant(problem), undisturbed(problem), measured(problem)) if found.broken)

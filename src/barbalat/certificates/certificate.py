@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, PlaceOfRest, checked, of_finite_numbers
 from barbalat.certificates.picture import TITLE, MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES, Quantity
-from barbalat.certificates.rounding import down, up
-from barbalat.certificates.rows import CertificateRow, rows_of
+from barbalat.certificates.rows import CertificateRow, down, rows_of, up
 from barbalat.validate import InputError, Named
 
 if TYPE_CHECKING:

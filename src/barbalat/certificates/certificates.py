@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from html import escape
 from typing import TYPE_CHECKING
 
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.picture import TITLE, distinct, figure_of
+from barbalat.certificates.picture import TITLE, distinct, figure_of, grouped
 from barbalat.certificates.table_1 import Table1, table_1
 from barbalat.validate import InputError, Named
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from barbalat.problem.tracking import TrackingProblem
     from barbalat.protocols import Controller
     from barbalat.solvers.simulation import Simulation
+
+CAPTION = "Bode, Nyquist and sensitivity"
 
 
 class Certificates(Named[Certificate]):
@@ -48,9 +51,25 @@ class Certificates(Named[Certificate]):
 
     def _repr_html_(self) -> str:
         """For notebooks: five lines for each controller, what was noted, the pictures of the loops."""
-        from barbalat.certificates.notebook import html_of
+        from barbalat.certificates.summary import five, measured
+        from barbalat.pictures.notebook import image_of
 
-        return html_of(self.table, self, self.simulation.dt)
+        rows = []
+        for column in self.table.columns:
+            certificate = self[column.name]
+            rows.append(f'<th scope="rowgroup">{escape(column.name)}</th><th scope="col">{escape(column.scheme)}</th>')
+            rows += [
+                f'<th scope="row">{escape(one.label)}</th><td>{escape(one.text)}</td>'
+                for one in (*five(column, certificate, self.simulation.dt), measured(certificate))
+                if one is not None
+            ]
+        lines = "".join(f"<tr>{row}</tr>" for row in rows)
+        notes = "<br>".join(escape(f"{name}: {note}") for name, certificate in self.items() for note in certificate.notes)
+        pictures = (
+            image_of(figure_of(loops, TITLE, shown=False), f"{CAPTION}: {'; '.join(one.name for one in loops)}")
+            for loops in grouped(distinct(self))
+        )
+        return f"<table>{lines}</table><small>{notes}</small><br>{''.join(pictures)}"
 
     def plot(self, *, narrow: bool = False) -> Figure:
         """The loops of all, each once, as ``Certificate.plot`` shows those of one; ``narrow`` for a phone or a column."""

@@ -3,12 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from typing import Any, NamedTuple
 
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.quantities import QUANTITIES, Form
-from barbalat.certificates.rounding import down, up
 from barbalat.pictures.numbers import number_text
+
+
+def up(value: float, digits: int = 4) -> str:
+    """The smallest decimal of so many significant digits that is not below the value."""
+    return _rounded(value, digits, ROUND_CEILING)
+
+
+def down(value: float, digits: int = 4) -> str:
+    """The largest decimal of so many significant digits that is not above the value."""
+    return _rounded(value, digits, ROUND_FLOOR)
+
+
+def _rounded(value: float, digits: int, rounding: str) -> str:
+    exact = Decimal(value)  # a float is a decimal
+    kept = Context(prec=digits, rounding=rounding).create_decimal(exact)
+    return f"{kept:.{digits}g}"  # nothing left to round
+
 
 KINDS = {"exact": "linear loop", "advice": "", "does not apply": "does not apply"}
 """How a kind is printed, where not by its own name."""

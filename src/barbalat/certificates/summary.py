@@ -7,7 +7,7 @@ from typing import NamedTuple
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from barbalat.pictures.symbols import held
 
 

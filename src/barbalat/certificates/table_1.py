@@ -10,11 +10,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from barbalat.certificates.cells import PROPERTIES, Column
-from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.columns import column_of
+from barbalat.certificates.cells import PROPERTIES, Column, nothing
+from barbalat.certificates.certificate import Certificate, reason
+from barbalat.certificates.schemes import scheme_file, unregistered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.validate import Named
+
+
+def column_of(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> Column:
+    """A controller's column; where its computation fails, each cell says so."""
+    file = scheme_file(controller) or unregistered
+    try:
+        scheme, cells = file.column(problem, controller, certificate)
+        limited = not all(path.is_linear for path in problem.plant.paths)
+        return Column(controller.name, scheme, Named.of("cell", cells), limited)
+    except Exception as error:  # noqa: BLE001 (one column; the others stand)
+        return Column(controller.name, type(controller).__name__, {key: nothing(key, reason(error)) for key in PROPERTIES})
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from functools import cache, cached_property
 from importlib import import_module
 from typing import Any
 
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.certificates.table_1 import Table1
 from barbalat.discovery import modules_in, packages_in, slices
 from barbalat.papers.measurement import Measurement

@@ -20,8 +20,8 @@ from barbalat import (
 )
 from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
 from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.certificates.bounds.network import ErrorBoundCase, NetworkLaw
 from barbalat.certificates.linear_loops.at_rest import rest_of
+from barbalat.certificates.schemes.mrac_network import ErrorBoundCase, NetworkLaw
 from barbalat.certificates.table_1 import table_1
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.signals import Constant, Sine

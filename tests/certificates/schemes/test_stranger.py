@@ -11,8 +11,8 @@ import pytest
 
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import NotApplicable
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.certificates.linear_loops.at_rest import rest_of
+from barbalat.certificates.linear_loops.ideal import around_equilibrium
 from barbalat.certificates.table_1 import table_1
 from barbalat.controllers import KnownParameters, L1Adaptive, Mrac, Sampled
 from barbalat.linear.margins import margins

@@ -15,7 +15,7 @@ from barbalat.certificates.linear_loops.margin_values import with_dynamics
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
 from barbalat.certificates.schemes.unregistered import WHOLE_LOOP, add_linearised
-from barbalat.certificates.step_limits.modes import largest_step
+from barbalat.certificates.step_limits.oscillator import largest_step
 from barbalat.controllers.adrc import Adrc, Equations
 from barbalat.linear.systems import StateSpace, sensitivity
 from barbalat.problem.state_feedback import Known, Problem

@@ -23,9 +23,9 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.margin_values import add_margins
-from barbalat.certificates.linear_loops.robustness import robustness
+from barbalat.certificates.linear_loops.over_known_set import robustness
 from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from barbalat.certificates.schemes.output_feedback import NEGLIGIBLE_STEADY_ERROR
 from barbalat.linear.enclosure import Enclosure
 from barbalat.linear.l1_norms import l1_norm

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW, beyond_the_paper, constant_in_the_end
-from barbalat.certificates.bounds import l1_reference, laws, theorem_1
+from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import denied, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -17,10 +17,10 @@ from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins, add_margins, finite
-from barbalat.certificates.linear_loops.robustness import robustness
+from barbalat.certificates.linear_loops.over_known_set import robustness
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.requested_keys import is_needed
-from barbalat.certificates.rounding import down, up
+from barbalat.certificates.rows import down, up
 from barbalat.certificates.schemes import midpoint, mrac
 from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
@@ -151,7 +151,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
         draft.missing("reference_error_bound", f"{not_below}: the distance to the reference system is not bounded")
         return None
     level = laws.error_level(problem, controller, nu_0)
-    draft.guarantee("reference_error_bound", l1_reference.reference_error_bound(level, found, C), *rests_on)
+    draft.guarantee("reference_error_bound", theorem_1.reference_error_bound(level, found, C), *rests_on)
     bound = theorem_1.l1_bound(level, 1.0, found, theta_max, known.k_0, model)
     draft.guarantee("error_bound", bound, *rests_on)
     remaining, root_n = 1 - found.value_upper, math.sqrt(known.n)

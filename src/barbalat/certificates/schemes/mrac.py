@@ -11,7 +11,7 @@ from barbalat.certificates.cells import estimate, limits_text, margins_cell, not
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
@@ -24,8 +24,8 @@ from barbalat.certificates.schemes.state_feedback import (
     of_the_lyapunov_law,
     unproven_robustness,
 )
-from barbalat.certificates.step_limits import any_regressor, at_model, frozen_laws
-from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
+from barbalat.certificates.step_limits import any_regressor, frozen_laws
+from barbalat.certificates.step_limits.oscillator import HeldOscillator
 from barbalat.controllers import Mrac
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
@@ -69,7 +69,7 @@ def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0
     if beyond_the_paper(problem):
         excited = _excited(problem, controller)
         limits = any_regressor.of_lyapunov_law(excited, simulation, nu_0, oscillator=held)
-        return limits | at_model.of_lyapunov_law(excited, simulation, oscillator=held)
+        return limits | any_regressor.of_lyapunov_law_at_model(excited, simulation, oscillator=held)
     reach = model_bounds(problem).x_m_euclidean
     values = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, reach, nu_0, oscillator=held)
     if laws.is_modified(controller):

@@ -6,17 +6,25 @@ What is guaranteed is Lemma 1's boundedness and convergence; its constants are n
 from __future__ import annotations
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
-from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, FROZEN_LAW, beyond_the_paper, bounded_command, departures
+from barbalat.certificates.assumptions import (
+    BEYOND_ONE_LINEAR_INPUT,
+    FROZEN_LAW,
+    MEAN_SQUARE,
+    beyond_the_paper,
+    bounded_command,
+    departures,
+    small_enough,
+)
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.cells import NONLINEAR, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.quantities import Quantity
-from barbalat.certificates.rounding import down
+from barbalat.certificates.rows import down
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
 from barbalat.certificates.schemes.unregistered import add_frozen
-from barbalat.certificates.step_limits import at_model, frozen_laws
+from barbalat.certificates.step_limits import any_regressor, frozen_laws
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.parametric_model import minimum_phase_model
 from barbalat.controllers.robust_mrac import Equations
@@ -42,7 +50,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
     limits = frozen_laws.of_parametric_model(problem, equations, simulation)
     draft.estimate(limits, FROZEN_LAW)
-    draft.estimate(at_model.of_parametric_model(problem, equations, simulation, limits), FROZEN_LAW)
+    draft.estimate(any_regressor.of_parametric_model_at_model(problem, equations, simulation, limits), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
     if controller.tau is not None:
         draft.advise({"tau_below": 1 / controller.normalization.delta_0})
@@ -126,12 +134,7 @@ def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found
     if not projected(box) and not found.leaks:
         return nothing("modelling_error", "needs projection or leakage, and there is neither")
     present = ", ".join(departures(problem))
-    text = "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed"
-    small = Assumption(
-        "the case's own modelling error is small enough",
-        f"{present}: whether that is small enough is not known" if present else "",
-    )
     ceiling = () if controller.tau is None else (_below_the_ceiling(controller, controller.tau),)
     enough = laws.bounds_the_parameters(found, problem.parameters)
-    rests_on = (small, bounded_command(problem), *inside(problem, box), MINIMUM_PHASE, enough, *ceiling)
-    return statement("modelling_error", text, *rests_on)
+    rests_on = (small_enough(present), bounded_command(problem), *inside(problem, box), MINIMUM_PHASE, enough, *ceiling)
+    return statement("modelling_error", MEAN_SQUARE, *rests_on)

@@ -13,7 +13,7 @@ from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY
 from barbalat.certificates.cells import nothing, on_damping, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
-from barbalat.certificates.linear_loops import over_known_set, robustness
+from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
 from barbalat.certificates.quantities import EACH_INPUT
@@ -40,7 +40,13 @@ LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
 """Of the continuous law; a sampled one has its own, where they are known."""
 ERROR_BOUND_KEYS = {"error_bound", "error_bound_worst"}
 OF_THE_CONTINUOUS_LOOP = frozenset(
-    {*KEYS_OF_MARGINS.values(), *EACH_INPUT.values(), *robustness.KEYS, over_known_set.MARGINS_KEY, "delay_margin_adapting"}
+    {
+        *KEYS_OF_MARGINS.values(),
+        *EACH_INPUT.values(),
+        *over_known_set.MU_KEYS,
+        over_known_set.MARGINS_KEY,
+        "delay_margin_adapting",
+    }
 )
 """Keys that say what the closed loop tolerates."""
 OF_THE_CONTINUOUS_ONE = ", of the continuous controller"

@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised
-from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS, finite
+from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS, finite, in_the_loop
 from barbalat.certificates.quantities import EACH_INPUT, Form, Quantity
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.linear.margins import margins
@@ -32,10 +32,7 @@ OF_THE_LOOP = "from sample to sample with the true parameters, broken at the pla
 
 def name_of(problem: TrackingProblem) -> str:
     """The loop of the certificate's exact values."""
-    beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
-    lag = problem.sensor.lag if problem.sensor is not None else 0.0
-    lagged = f", with its sensor's lag of {lag:g} s" if lag > 0 else ""
-    return OF_THE_LOOP + beside + lagged + ("" if all(path.is_linear for path in problem.plant.paths) else ", without its limits")
+    return OF_THE_LOOP + in_the_loop(problem)
 
 
 def add_loop(draft: Draft, problem: TrackingProblem, found: Linearised, linear: str) -> bool:

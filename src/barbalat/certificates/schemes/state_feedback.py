@@ -25,7 +25,7 @@ from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.schemes.unregistered import add_frozen
-from barbalat.certificates.step_limits import any_regressor, at_model
+from barbalat.certificates.step_limits import any_regressor
 from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
@@ -145,7 +145,7 @@ def of_lyapunov_law_beyond(
         draft.guarantee("error_bound", bound, *of_the_case(problem, equations.box, bound))
     limits = any_regressor.of_lyapunov_law(excited, simulation, draft["nu_0"], filter_poles)
     draft.estimate(limits, FROZEN_LAW, ON_THE_BOX, *((ERROR_ASSUMED,) if void else ()))
-    draft.estimate(at_model.of_lyapunov_law(excited, simulation, filter_poles), FROZEN_LAW)
+    draft.estimate(any_regressor.of_lyapunov_law_at_model(excited, simulation, filter_poles), FROZEN_LAW)
     add_frozen(draft, problem, cast("Controller", controller))
     return draft.finish()
 

@@ -18,7 +18,7 @@ from barbalat.certificates.linear_loops.margin_values import (
 )
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import is_needed
-from barbalat.certificates.step_limits.modes import largest_step
+from barbalat.certificates.step_limits.oscillator import largest_step
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from barbalat import Mrac, Simulation, certify
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.certificates.linear_loops.ideal import around_equilibrium
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction, series
 from barbalat.papers.jafari_2013 import section_v

@@ -19,7 +19,7 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_margins, finite, margins_of
 from barbalat.certificates.quantities import Form, Quantity
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from barbalat.certificates.schemes.output_feedback import (
     LINEAR_LOOP,
     OF_LINEAR_LOOPS,

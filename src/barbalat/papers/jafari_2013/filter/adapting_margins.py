@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.certificates.linear_loops.ideal import around_equilibrium
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.margins import Margins, margins
 from barbalat.linear.peaks import peak_gain
