@@ -58,7 +58,7 @@ NO_BOUND = (
 
 @dataclass(frozen=True)
 class WeightBounds:
-    """Bounds of every component of e, of a neuron's outer weights together, and of |V_hat|; None, with the reason, without one."""
+    """Bounds of every component of e, of a neuron's outer weights together, and of |V_hat|; None and the reason without one."""
 
     error: float | None = None
     W_hat: float | None = None
