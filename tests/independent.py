@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications import FixedSigma
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers import (
     Adrc,
@@ -29,9 +29,9 @@ from barbalat.controllers import (
     NormalizedMrac,
     RobustMrac,
 )
+from barbalat.controllers.l1_piecewise import AsFlown
 from barbalat.controllers.output import L1Output, L1OutputPiecewiseConstant, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent
-from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function

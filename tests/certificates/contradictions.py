@@ -14,7 +14,7 @@ from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certify import certify
 from barbalat.certificates.table_1 import table_1
-from barbalat.controllers.robust_mrac_state import OnParametricModel
+from barbalat.controllers.parametric_model import OnParametricModel
 from barbalat.problem.known_set import Gain
 from barbalat.roles import THETA
 from barbalat.run.result import Result

@@ -11,7 +11,7 @@ from barbalat import (
     Constant,
     Sine,
 )
-from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications import DeadZone
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.controllers.output import L1Output, L1OutputPiecewiseConstant, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent

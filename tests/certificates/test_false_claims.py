@@ -26,10 +26,7 @@ from barbalat import (
     input_filter,
     simulate,
 )
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.adaptation.modifications import DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.adaptation.normalization import Normalization
 from barbalat.certificates.certify import certify_where_possible
 from barbalat.certificates.table_1 import table_1

@@ -24,8 +24,7 @@ from barbalat import (
     TransferFunction,
     input_filter,
 )
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.adaptation.modifications import FixedSigma, SwitchingSigma
 from barbalat.adaptation.normalization import Normalization
 from barbalat.cases.bundled import bundled
 from barbalat.cases.load import load_case

@@ -42,8 +42,8 @@ from barbalat.comparison.contest.contest import posed
 from barbalat.comparison.contest.entrant import entrants_of
 from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import SCHEMES
+from barbalat.controllers.l1_piecewise import AsFlown
 from barbalat.controllers.output import OUTPUT_SCHEMES
-from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.settings import PLANT_FEATURES
 from barbalat.controllers.windup import ModifiedError
 from barbalat.explorer.commands import grids_of, is_computed, is_formula, points_of, smooth_module

@@ -9,9 +9,8 @@ import pytest
 
 from barbalat import CompositeLearning, EpsilonModification, FixedSigma, ParameterBall, ParameterBox, SwitchingSigma
 from barbalat.controllers import L1Adaptive
-from barbalat.controllers.l1_sampled import Predictor
-from barbalat.controllers.output.l1 import L1Output
-from barbalat.controllers.output.l1_sampled import OutputPredictor
+from barbalat.controllers.l1 import Predictor
+from barbalat.controllers.output.l1 import L1Output, OutputPredictor
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel

@@ -38,8 +38,8 @@ from barbalat import (
     input_filter,
 )
 from barbalat.controllers import L1Adaptive, L1PiecewiseConstant, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers.l1_piecewise import AsFlown
 from barbalat.controllers.output import L1OutputPiecewiseConstant, LinearOutput, MracOutput
-from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.windup import ModifiedError
 from barbalat.validate import InputError
 from independent import example_controllers, example_output_controllers

@@ -6,8 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import Enum
 
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications import DeadZone, Leakage
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.known_set.cone import EXACT_FACES
 

@@ -1,4 +1,4 @@
-"""What an adaptive law for the linear parametric model z = theta'phi is. One law per file; the registry is ``laws``.
+"""What an adaptive law for the linear parametric model z = theta'phi is. The registry is ``laws``.
 
 ``AdaptiveLaw`` is what every law has. What else may be known of it are protocols of their own, which a law from outside may
 leave out: ``SampledLaw``, ``RatedLaw``, ``GainLimitedLaw``, ``GuaranteedLaw``.
@@ -12,7 +12,7 @@ import numpy as np
 
 from barbalat import budget, validate
 from barbalat.adaptation.guarantee import Guarantee
-from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications import Leakage
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError

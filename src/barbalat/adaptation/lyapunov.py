@@ -8,8 +8,7 @@ from typing import Any, Protocol
 
 from barbalat import validate
 from barbalat.adaptation.learning import CompositeLearning
-from barbalat.adaptation.modifications import dead_zone as zone
-from barbalat.adaptation.modifications import leakage as leak
+from barbalat.adaptation.modifications import Borne, DeadZone, Leakage, accept_dead_zone, accept_leakage
 from barbalat.problem.known_set import EstimateSet, Gain, project
 from barbalat.protocols import Value
 from barbalat.roles import Role
@@ -20,10 +19,10 @@ class ModifiedSettings(Protocol):
     """Settings of a scheme whose law may be modified."""
 
     @property
-    def leakage(self) -> leak.Leakage | None: ...
+    def leakage(self) -> Leakage | None: ...
 
     @property
-    def dead_zone(self) -> zone.DeadZone | None: ...
+    def dead_zone(self) -> DeadZone | None: ...
 
     @property
     def learning(self) -> CompositeLearning | None: ...
@@ -38,17 +37,17 @@ class Modifications:
     learning   the memory Q, R of composite learning
     """
 
-    leakage: leak.Leakage | None = None
-    dead_zone: zone.DeadZone | None = None
+    leakage: Leakage | None = None
+    dead_zone: DeadZone | None = None
     learning: CompositeLearning | None = None
 
     def __post_init__(self) -> None:
-        zone.accept(self.dead_zone)
+        accept_dead_zone(self.dead_zone)
         if self.learning is None:
-            leak.accept(self.leakage, "the Lyapunov law")
+            accept_leakage(self.leakage, "the Lyapunov law")
             return
         validate.instance("learning", self.learning, CompositeLearning)
-        leak.accept(self.leakage, "composite learning", leak.Borne.BOUNDED, "its V' is not proportional to the present error")
+        accept_leakage(self.leakage, "composite learning", Borne.BOUNDED, "its V' is not proportional to the present error")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone can't go with composite learning: the memory keeps adapting inside the zone, on data that hold "

@@ -6,8 +6,7 @@ from dataclasses import KW_ONLY, dataclass
 
 from barbalat import validate
 from barbalat.adaptation.guarantee import CORNERS, Estimates, Guarantee, nothing
-from barbalat.adaptation.modifications import dead_zone as zone
-from barbalat.adaptation.modifications import leakage as leak
+from barbalat.adaptation.modifications import DeadZone, Leakage, accept_dead_zone, accept_leakage
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.settings import Settings
@@ -31,13 +30,13 @@ class LyapunovLaw(Settings):
 
     gamma: float | Array
     _: KW_ONLY
-    leakage: leak.Leakage | None = None
-    dead_zone: zone.DeadZone | None = None
+    leakage: Leakage | None = None
+    dead_zone: DeadZone | None = None
 
     def __post_init__(self) -> None:
         validate.freeze(self, gamma=gain.accept("law.gamma", self.gamma))
-        leak.accept(self.leakage, "the Lyapunov law")
-        zone.accept(self.dead_zone)
+        accept_leakage(self.leakage, "the Lyapunov law")
+        accept_dead_zone(self.dead_zone)
 
     def require_size(self, n: int) -> None:
         Gain(self.gamma).require_size("law.gamma", n)

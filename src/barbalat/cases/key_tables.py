@@ -20,8 +20,8 @@ from barbalat.cases.keys import REQUIRED, Key, summary
 from barbalat.cases.schema import NAMES_OF_TYPE, case_table, members_of, table_of
 from barbalat.cases.scheme_keys import SAMPLING, LowPass, sampling_of
 from barbalat.controllers import SCHEMES
+from barbalat.controllers.l1_piecewise import AsFlown
 from barbalat.controllers.output import OUTPUT_SCHEMES
-from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.settings import PLANT_FEATURES, beyond_of
 from barbalat.controllers.windup import ModifiedError
 from barbalat.linear.systems import TransferFunction

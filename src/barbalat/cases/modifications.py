@@ -5,8 +5,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, get_args
 
-from barbalat.adaptation.modifications import leakage
-from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications import DeadZone, leakage
 from barbalat.cases.keys import Differences, Given, Key, keys_of
 from barbalat.validate import InputError
 

@@ -9,8 +9,7 @@ import numpy as np
 
 from barbalat.adaptation.law import SampleData, SampledLaw
 from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers.sampled_form import SampledForm
-from barbalat.controllers.steps import Filter, LinearStep
+from barbalat.controllers.steps import Filter, LinearStep, SampledForm
 from barbalat.problem.known_set import EstimateSet
 from barbalat.protocols import Equations, Sample, Value, kept
 

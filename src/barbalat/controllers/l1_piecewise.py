@@ -15,16 +15,98 @@ import numpy as np
 from barbalat import validate
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.controllers.piecewise_filter import FilterStep, filter_step
-from barbalat.controllers.piecewise_predictor import AsFlown, PredictorStep
 from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.problem.regressors import Uncertainty
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample, Value, kept
 from barbalat.roles import Role
-from barbalat.validate import Array, InputError
+from barbalat.settings import Settings
+from barbalat.validate import Array, InputError, Vector
+
+
+@dataclass(frozen=True, eq=False)
+class PredictorStep:
+    """x_hat[k+1] of x_hat, x and what acts through B: sigma_hat, and the known input v (m,) on its first columns.
+
+    sigma_hat = -G x_tilde, x_tilde = x_hat - x.
+    """
+
+    of_x_hat: Array  # (n, n)
+    of_x: Array  # (n, n)
+    of_acting: Array  # (n, n)
+    G: Array  # (n, n)
+
+    @classmethod
+    def exact(cls, A_m: Array, B: Array, T: float) -> PredictorStep:
+        """x_hat' = A_m x_hat + b v + B sigma_hat with v and sigma_hat held: B^-1 Phi^-1 inverts what B does in a sample."""
+        held = HeldSystem.of(A_m, B, T)
+        G = np.linalg.solve(held.Gamma, held.Phi)
+        return cls(held.Phi, np.zeros_like(A_m), held.Gamma, G)
+
+    def following(self, x_hat: Value, x: Value, v: Value, sigma_hat: Value) -> Value:
+        """The predictor one sample later."""
+        acting = np.concatenate([v + sigma_hat[: v.shape[0]], sigma_hat[v.shape[0] :]])
+        return self.of_x_hat @ x_hat + self.of_x @ x + self.of_acting @ acting
+
+    def estimate(self, x_tilde: Value) -> Value:
+        return -(self.G @ x_tilde)
+
+
+@dataclass(frozen=True, eq=False)
+class AsFlown(Settings):
+    """x_hat[k+1] = x_hat + T [A_m x + b (theta_0'phi(x) + u) + B sigma_hat + A_s x_tilde], A_s = diag(a): Euler's step.
+
+    sigma_hat = -B^-1 diag(a e^(aT)/(e^(aT) - 1)) x_tilde, each state for itself, and u = k_0 r - theta_0'phi(x)
+    + C(s)[-sigma_hat_m - ...]: the baseline is not filtered.
+
+    predictor_poles      a [1/s], a number for all states or (n,), at most 0; with 0 the factor is 1/T
+    nominal              theta_0, (p,) or (p m,): of the baseline, which the predictor knows; zero by default
+    assumed_sample_time  T in these numbers [s], where the loop does not run as fast as it is told to; sample_time by default
+
+    Source: Wu et al., L1Quad, arXiv 2302.07208, section III.
+    """
+
+    predictor_poles: float | Vector = -5.0
+    nominal: Vector | None = None
+    assumed_sample_time: float | None = None
+
+    def __post_init__(self) -> None:
+        single = validate.dimensions(self.predictor_poles) == 0
+        poles = validate.vector("as_flown.predictor_poles", [self.predictor_poles] if single else self.predictor_poles)
+        if (poles > 0).any():
+            raise InputError.of("as_flown.predictor_poles", f"must be at most 0, got {validate.show(self.predictor_poles)}")
+        validate.freeze(self, predictor_poles=float(poles[0]) if single else poles)
+        if self.nominal is not None:
+            validate.freeze(self, nominal=validate.vector("as_flown.nominal", self.nominal))
+        if self.assumed_sample_time is not None:
+            assumed = validate.positive("as_flown.assumed_sample_time", self.assumed_sample_time)
+            validate.freeze(self, assumed_sample_time=assumed)
+
+    def poles(self, n: int) -> Array:
+        """a of each state, (n,)."""
+        if np.ndim(self.predictor_poles) == 0:
+            return np.full(n, self.predictor_poles)
+        return validate.vector("as_flown.predictor_poles", self.predictor_poles, n)
+
+    def baseline(self, parameters: int) -> Array:
+        """(p,) the parameters theta_0 that the predictor assumes; zeros where none are given."""
+        if self.nominal is None:
+            return np.zeros(parameters)
+        return validate.vector("as_flown.nominal", self.nominal, parameters)
+
+    def step(self, A_m: Array, B: Array, T: float) -> PredictorStep:
+        """From sample to sample, by the assumed T [s]."""
+        a = self.poles(len(A_m))
+        with np.errstate(over="ignore"):  # of a T far beyond the loop's own: the factor tends to 0
+            decay = -np.expm1(-a * T)  # a e^(aT)/(e^(aT) - 1) = a/(1 - e^(-aT)), which is 1/T for a = 0
+        factor = np.where(a == 0, 1 / T, a / np.where(a == 0, 1.0, decay))
+        A_s = np.diag(a)
+        return PredictorStep(np.eye(len(a)) + T * A_s, T * (A_m - A_s), T * B, np.linalg.solve(B, np.diag(factor)))
+
 
 PATENT_NOTE = (
     "This is the piecewise-constant L1 law of published papers; nothing of the flight code L1Quad is used in it. That code\n"

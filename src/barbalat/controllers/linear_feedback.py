@@ -10,9 +10,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.settings import Scheme, require_taken
-from barbalat.controllers.steps import LinearStep
+from barbalat.controllers.steps import LinearStep, Tustin
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
-from barbalat.controllers.tustin import Tustin
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.state_feedback import Known

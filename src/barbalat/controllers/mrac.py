@@ -10,11 +10,10 @@ import numpy as np
 from barbalat import validate
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications import DeadZone, Leakage
 from barbalat.controllers import l1
-from barbalat.controllers.l1_sampled import Predictor
-from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box
+from barbalat.controllers.l1 import Predictor
+from barbalat.controllers.settings import Scheme, bound_with_lyapunov_law, check_common
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import ModifiedError, applied, known_limits
 from barbalat.linear.systems import StateSpace
@@ -155,22 +154,8 @@ class Mrac(Scheme):
         )
 
     def bind(self, known: Known) -> Equations:
-        gamma = Gain(self.gamma)
-        gamma.require_size("gamma", known.parameters)
-        modifications = Modifications.of(self)
-        modifications.require_fit(known.inputs)
-        box = projection_box(self.projection, known)
         return Equations(
-            A_m=known.A_m,
-            b=known.b,
-            k_0=known.k_0,
-            P=known.P,
-            uncertainty=known.uncertainty,
-            gamma=gamma,
-            theta_hat0=initial_estimate(self.theta_hat0, box, known),
-            x0=known.x0,
-            box=box,
-            modifications=modifications,
+            **bound_with_lyapunov_law(self, known),
             windup=self.modified_error,
             limits=None if self.modified_error is None else known_limits("modified_error", known),
         )

@@ -8,9 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications import EpsilonModification, FixedSigma, Leakage
 from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.problem.state_feedback import Known

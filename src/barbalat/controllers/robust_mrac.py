@@ -11,14 +11,14 @@ from typing import ClassVar
 import numpy as np
 
 from barbalat import validate
+from barbalat.adaptation import implicit
 from barbalat.adaptation.law import AdaptiveLaw, Estimation, require_law
 from barbalat.adaptation.laws.gradient import Gradient
 from barbalat.adaptation.laws.least_squares import LeastSquares
 from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import robust_mrac_several as several
-from barbalat.controllers.parametric_model import auxiliary_filter, minimum_phase_model
-from barbalat.controllers.robust_mrac_sampled import StateEstimator
-from barbalat.controllers.robust_mrac_state import OnParametricModel, State
+from barbalat.controllers.estimator import Estimator
+from barbalat.controllers.parametric_model import OnParametricModel, State, auxiliary_filter, minimum_phase_model
 from barbalat.controllers.settings import (
     Scheme,
     check_common,
@@ -26,14 +26,39 @@ from barbalat.controllers.settings import (
     projection_box,
     require_taken,
 )
+from barbalat.controllers.steps import Filter, LinearStep
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.regressors import Regressor
 from barbalat.problem.state_feedback import Known
-from barbalat.protocols import Value
+from barbalat.protocols import Sample, Value
 from barbalat.validate import Array, Vector
+
+
+@dataclass(frozen=True, eq=False)
+class StateEstimator(Estimator):
+    """The normalised laws on the parametric model (13)."""
+
+    continuous: Equations
+
+    @classmethod
+    def of(cls, equations: Equations, T: float) -> StateEstimator:
+        law = implicit.require_sampled(equations.law, equations.box)
+        Q = None if equations.Q is None else Filter.of(equations.Q, T)
+        return cls(equations, T, law, LinearStep.of(equations.A_m, T), Q)
+
+    def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
+        c = self.continuous
+        u = applied(u, c.limits)
+        x_mid = (before.x + now.x) / 2
+        xi_mid = self.model.middle(state.xi, c.b * u)
+        Xi_mid = self.model.middle(state.Xi, np.outer(c.b, (c.regressor(before.x) + c.regressor(now.x)) / 2))
+        learnt = self.learnt(state, z=c.c_0 @ (x_mid - xi_mid), phi=c.c_0 @ Xi_mid, driven=u * u)  # (13)
+        following = state._replace(**learnt._asdict(), xi=2 * xi_mid - state.xi, Xi=2 * Xi_mid - state.Xi)
+        following = following._replace(swapping=self.swapped(state, following, Xi_mid))
+        return following._replace(filter=self.filtered(state, following, before, now))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,7 +14,7 @@ from barbalat import validate
 from barbalat.adaptation.guarantee import ModifiedLaw
 from barbalat.adaptation.law import AdaptiveLaw, Estimation
 from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers.robust_mrac_state import OnParametricModel, State
+from barbalat.controllers.parametric_model import OnParametricModel, State
 from barbalat.controllers.settings import initial_estimate
 from barbalat.controllers.windup import applied
 from barbalat.linear.conditions import require_hurwitz

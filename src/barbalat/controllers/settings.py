@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.known_set import EstimateSet, with_gains
+from barbalat.adaptation.lyapunov import Modifications, ModifiedSettings
+from barbalat.problem.known_set import EstimateSet, Gain, with_gains
 from barbalat.problem.regressors import Linear
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Controller
@@ -44,6 +45,16 @@ class Adaptive(Protocol):
 
     @property
     def theta_hat0(self) -> Array | None: ...
+
+
+class LyapunovSettings(Adaptive, ModifiedSettings, Protocol):
+    """Settings of a scheme with a Lyapunov law that may be modified."""
+
+    @property
+    def gamma(self) -> float | Array: ...
+
+    @property
+    def projection(self) -> bool | None: ...
 
 
 def check_common(settings: Adaptive) -> None:
@@ -120,6 +131,26 @@ def beyond_of(scheme: type) -> tuple[str, ...]:
     """What of plants a scheme declares that it does not take; of one from outside nothing is known before it is bound."""
     beyond: tuple[str, ...] = getattr(scheme, "beyond", ())
     return beyond
+
+
+def bound_with_lyapunov_law(settings: LyapunovSettings, known: Known) -> dict[str, Any]:
+    """The fields that the equations of L1-AC and of the MRAC have in common, on a plant; InputError where the two don't fit."""
+    gamma, modifications = Gain(settings.gamma), Modifications.of(settings)
+    gamma.require_size("gamma", known.parameters)
+    modifications.require_fit(known.inputs)
+    box = projection_box(settings.projection, known)
+    return {
+        "A_m": known.A_m,
+        "b": known.b,
+        "k_0": known.k_0,
+        "P": known.P,
+        "uncertainty": known.uncertainty,
+        "gamma": gamma,
+        "theta_hat0": initial_estimate(settings.theta_hat0, box, known),
+        "x0": known.x0,
+        "box": box,
+        "modifications": modifications,
+    }
 
 
 def projection_box(projection: bool | None, known: Known) -> EstimateSet | None:

@@ -1,9 +1,8 @@
 """Linear robust design for the same problems: mixed-sensitivity H-infinity and PI, the yardsticks beside the adaptive schemes."""
 
 from barbalat.design.design_model import default_delay, delay_weight, design_model
-from barbalat.design.feedback import hinf_feedback, pi_feedback
+from barbalat.design.feedback import hinf_feedback, pi_controller, pi_feedback
 from barbalat.design.hinf import MixedSensitivity, mixed_sensitivity
-from barbalat.design.pi import pi_controller
 
 __all__ = [
     "MixedSensitivity",

@@ -15,7 +15,7 @@ import numpy as np
 
 from barbalat.adaptation.laws.least_squares import LeastSquares
 from barbalat.controllers import Adrc, L1Adaptive, L1PiecewiseConstant, RobustMrac, Sampled
-from barbalat.controllers.piecewise_predictor import AsFlown
+from barbalat.controllers.l1_piecewise import AsFlown
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad_vec
 
 from barbalat.adaptation.laws import Estimation, Gradient, LeastSquares
-from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.laws.least_squares import Memory
 from barbalat.adaptation.normalization import Normalization
 from independent import integrate
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from barbalat import L1Adaptive, PlantInput, Problem, Simulation, TransferFunction, input_filter
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications import FixedSigma
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry

@@ -12,8 +12,7 @@ from scipy.integrate import solve_ivp
 
 from adaptation.examples import LAW_EXAMPLES
 from barbalat.adaptation.laws import LAWS, Gradient, LeastSquares
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications import DeadZone, FixedSigma
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify

@@ -10,17 +10,53 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from barbalat.adaptation import implicit
 from barbalat.adaptation.law import AdaptiveLaw, Estimation
 from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers.output.mrac_sampled import OutputEstimator
+from barbalat.controllers.estimator import Estimator
 from barbalat.controllers.output.mrac_unnormalized import REGRESSOR_FILTERS
 from barbalat.controllers.parametric_model import PARAMETRIC_MODEL
+from barbalat.controllers.steps import Filter, LinearStep
 from barbalat.controllers.windup import applied
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import ParameterBox, limit
-from barbalat.protocols import Value
+from barbalat.protocols import Sample, Value
 from barbalat.roles import Role, within
 from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False)
+class OutputEstimator(Estimator):
+    """The laws on the parametric model z = W_m[u] = theta'phi_p; ``regressors`` advances omega_1 and omega_2."""
+
+    continuous: Equations
+    regressors: LinearStep
+
+    @classmethod
+    def of(cls, equations: Equations, T: float) -> OutputEstimator:
+        law = implicit.require_sampled(equations.law, equations.box)
+        Q = None if equations.Q is None else Filter.of(equations.Q, T)
+        regressors, model = LinearStep.of(equations.regressor_filter.A, T), LinearStep.of(equations.W_m.A, T)
+        return cls(equations, T, law, model, Q, regressors)
+
+    def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
+        c = self.continuous
+        y, r, u = (before.x + now.x) / 2, (before.r + now.r) / 2, applied(u, c.limits)
+        g, W_m = c.regressor_filter.B, c.W_m
+        omega_1, omega_2 = self.regressors.middle(state.omega_1, g * u), self.regressors.middle(state.omega_2, g * y)
+        omega = np.concatenate([omega_1, omega_2, y.reshape(1), r.reshape(1)])
+        xi, Xi = self.model.middle(state.xi, W_m.B * u), self.model.middle(state.Xi, np.outer(W_m.B, omega))
+        phi = np.concatenate([(W_m.C @ Xi)[:-1], y.reshape(1)])
+        learnt = self.learnt(state, z=W_m.C @ xi, phi=phi, driven=u * u + y * y)
+        following = state._replace(
+            **learnt._asdict(),
+            omega_1=2 * omega_1 - state.omega_1,
+            omega_2=2 * omega_2 - state.omega_2,
+            xi=2 * xi - state.xi,
+            Xi=2 * Xi - state.Xi,
+        )
+        following = following._replace(swapping=self.swapped(state, following, Xi))
+        return following._replace(filter=self.filtered(state, following, before, now))
 
 
 class State(NamedTuple):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications import DeadZone
 from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.adaptation.modifications import SwitchingSigma
 from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.systems import TransferFunction
