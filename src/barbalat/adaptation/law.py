@@ -90,7 +90,7 @@ class OutputErrorLaw(Protocol):
         """InputError where the settings don't fit n parameters."""
         ...
 
-    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, box: EstimateSet | None) -> Value:
+    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, estimate_set: EstimateSet | None) -> Value:
         """theta_hat'; ``sign`` is that of k_p/k_m."""
         ...
 

@@ -41,7 +41,7 @@ class LyapunovLaw(Settings):
     def require_size(self, n: int) -> None:
         Gain(self.gamma).require_size("law.gamma", n)
 
-    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, box: EstimateSet | None) -> Value:
+    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, estimate_set: EstimateSet | None) -> Value:
         """theta_hat'; ``sign`` is that of k_p/k_m."""
         if self.dead_zone is not None:
             e = self.dead_zone.weight(e * e) * e
@@ -49,7 +49,7 @@ class LyapunovLaw(Settings):
         rate = -gamma.scaled(sign * e, omega)
         if self.leakage is not None:
             rate = rate - gamma.times(self.leakage.coefficient(theta_hat, e) * theta_hat)
-        return project(rate, theta_hat, box, gamma)
+        return project(rate, theta_hat, estimate_set, gamma)
 
     @property
     def plain(self) -> LyapunovLaw:

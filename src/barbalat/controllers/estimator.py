@@ -21,7 +21,7 @@ class ParametricEquations(Equations, Protocol):
     def normalization(self) -> Normalization: ...
 
     @property
-    def box(self) -> EstimateSet | None: ...
+    def estimate_set(self) -> EstimateSet | None: ...
 
     def auxiliary_input_argument(self, state: Any, x: Value) -> Value: ...
 
@@ -59,7 +59,7 @@ class Estimator(SampledForm):
         decay = np.exp(-c.normalization.delta_0 * T)
         n_d = decay * state.n_d + (1 - decay) / c.normalization.delta_0 * driven  # (16), exact for what was held
         data = SampleData(T, z, phi, c.normalization.m_s_squared(phi, (state.n_d + n_d) / 2))
-        moved = self.law.sampled_step(state.theta_hat, state.memory, data, c.box)
+        moved = self.law.sampled_step(state.theta_hat, state.memory, data, c.estimate_set)
         return Learnt(kept(self.frozen, state.theta_hat, moved.theta_hat), kept(self.frozen, state.memory, moved.memory), n_d)
 
     def freezing(self, frozen: Value) -> Self:

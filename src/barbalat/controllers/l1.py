@@ -18,7 +18,7 @@ from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import ModifiedError, applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.problem.known_set import EstimateSet, Gain, KnownSet, gain, limit
-from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample, Value, kept
 from barbalat.roles import Role, resting, within
@@ -46,19 +46,20 @@ class Predictor:
 
     @classmethod
     def of(cls, equations: Equations, T: float, windup: ModifiedError | None = None) -> Predictor:
-        modifications, box = equations.modifications, equations.box
+        modifications, estimate_set = equations.modifications, equations.estimate_set
         if modifications.dead_zone is not None:
             raise InputError(
                 "discretization = 'midpoint' takes no dead zone on sqrt(e'P e): its implicit step has no closed form; take "
                 "'euler', or a dead zone in a law on the parametric model"
             )
-        implicit.require_projectable(equations.gamma, box)
+        implicit.require_projectable(equations.gamma, estimate_set)
+        size, leaking = len(equations.theta_hat0), modifications.leakage is not None
         end = half_step(equations.A_m, 2 * T)
         coupling = T * (equations.b.T @ equations.P @ end @ equations.b)
         return cls(
             equations,
             T,
-            None if box is None else box.kept_by_steps(len(equations.theta_hat0), leaking=modifications.leakage is not None),
+            None if estimate_set is None else estimate_set.kept_by_steps(size, leaking=leaking),
             end,
             Filter.of(equations.C, T),
             float(coupling) if np.ndim(coupling) == 0 else coupling,
@@ -81,7 +82,7 @@ class Predictor:
         )
         theta_hat, memory = kept(self.frozen, state.theta_hat, moved), self._remembered(state.memory, memory)
         x_hat = unmoved.x_hat + T * (self.end @ np.dot(c.b, unmoved.phi.T @ theta_hat))
-        inside = kept(self.frozen, theta_hat, implicit.into(theta_hat, c.box, c.gamma))
+        inside = kept(self.frozen, theta_hat, implicit.into(theta_hat, c.estimate_set, c.gamma))
         following = state._replace(theta_hat=inside, x_hat=x_hat, memory=memory)
         wanted = c.filter_input(state, before.x, before.r), c.filter_input(following, now.x, now.r)
         return following._replace(filter=self.filter.end(state.filter, *wanted))
@@ -96,9 +97,9 @@ class Predictor:
 
     def _unmoved(self, state: State, before: Sample, u: Value, now: Sample) -> Unmoved:
         c, T = self.continuous, self.sample_time
-        phi = (c.uncertainty.with_input(before.x, u) + c.uncertainty.with_input(now.x, u)) / 2
+        phi = (c.matched.with_input(before.x, u) + c.matched.with_input(now.x, u)) / 2
         # A_m acts on x_mid - x_tilde: what is measured enters as in the midpoint rule, what is estimated at the sample's end
-        measured = np.dot(c.b, c.uncertainty.known_input(u)) - c.A_m @ ((now.x - before.x) / 2)
+        measured = np.dot(c.b, c.matched.known_input(u)) - c.A_m @ ((now.x - before.x) / 2)
         x_hat = self.end @ (state.x_hat + T * measured)
         error = (now.x - x_hat) @ (c.P @ c.b) - np.dot(self.coupling, phi.T @ state.theta_hat)
         return Unmoved(x_hat, error, phi)
@@ -115,8 +116,8 @@ class Predictor:
         c, learning = self.continuous, self.continuous.modifications.learning
         if learning is None:
             return state.memory
-        phi = (c.uncertainty.with_input(before.x, u) + c.uncertainty.with_input(now.x, u)) / 2
-        known = c.uncertainty.known_input(u)
+        phi = (c.matched.with_input(before.x, u) + c.matched.with_input(now.x, u)) / 2
+        known = c.matched.known_input(u)
         return learning.advance(state.memory, self.sample_time, c.A_m, c.b, (before.x + now.x) / 2, phi, known)
 
 
@@ -137,12 +138,12 @@ class Equations:
     b: Array
     k_0: Array | float
     P: Array
-    uncertainty: Uncertainty
+    matched: MatchedTerm
     gamma: Gain
     C: StateSpace
     theta_hat0: Array
     x0: Array
-    box: EstimateSet | None
+    estimate_set: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
     limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
 
@@ -151,7 +152,7 @@ class Equations:
         return within("memory", self.modifications)
 
     def initial(self) -> State:
-        inputs = self.uncertainty.inputs
+        inputs = self.matched.inputs
         at_rest = np.zeros(self.C.order if inputs == 1 else (self.C.order, inputs))
         return State(self.theta_hat0, self.x0, at_rest, self.modifications.initial(self.b, self.x0, len(self.theta_hat0)))
 
@@ -160,9 +161,9 @@ class Equations:
 
     def filter_input(self, state: State, x: Value, r: Value) -> Value:
         """What C(s) filters. With an unknown gain u = C/(1 - C)[-theta_hat'phi - omega_hat u + k_0 r] stands for (5)."""
-        theta_hat, omega_hat = self.uncertainty.split(state.theta_hat)
-        wanted = -self.uncertainty.phi(x).T @ theta_hat + np.dot(self.k_0, r)
-        if not self.uncertainty.gain_unknown:
+        theta_hat, omega_hat = self.matched.split(state.theta_hat)
+        wanted = -self.matched.phi(x).T @ theta_hat + np.dot(self.k_0, r)
+        if not self.matched.gain_unknown:
             return wanted
         if self.C.order == 0:
             return wanted / omega_hat  # C = 1
@@ -173,19 +174,21 @@ class Equations:
         return applied(u, self.limits)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        return self.uncertainty.with_input(x, self.applied(u))
+        return self.matched.with_input(x, self.applied(u))
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         x_tilde = x - state.x_hat
         law, u = self.modifications, self.applied(u)
-        phi, known = self.uncertainty.with_input(x, u), self.uncertainty.known_input(u)
-        theta_hat_dot = law.rate(self.gamma, x_tilde, self.P, self.b, phi, state.theta_hat, state.memory, self.box)  # (7)
+        phi, known = self.matched.with_input(x, u), self.matched.known_input(u)
+        theta_hat_dot = law.rate(
+            self.gamma, x_tilde, self.P, self.b, phi, state.theta_hat, state.memory, self.estimate_set
+        )  # (7)
         x_hat_dot = self.A_m @ state.x_hat + np.dot(self.b, phi.T @ state.theta_hat + known)  # (8)
         filter_dot = self.C.derivative(state.filter, self.filter_input(state, x, r))
         return State(theta_hat_dot, x_hat_dot, filter_dot, law.memory_rates(state.memory, self.A_m, self.b, x, phi, known))
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set))
 
     def sampled(self, T: float) -> Predictor:
         return Predictor.of(self, T)
@@ -243,7 +246,7 @@ class L1Adaptive(Scheme):
     def bind(self, known: Known) -> Equations:
         return Equations(
             **bound_with_lyapunov_law(self, known),
-            C=self._filter(unknown_gain=known.uncertainty.gain_unknown),
+            C=self._filter(unknown_gain=known.matched.gain_unknown),
             limits=limits_of_predictor(self.saturated_predictor, known),
         )
 

@@ -20,7 +20,7 @@ from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.linear.zero_order_hold import HeldSystem
-from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample, Value, kept
 from barbalat.roles import Role
@@ -130,7 +130,7 @@ class Equations:
     sample_time: float
     predictor: PredictorStep
     filter: FilterStep
-    uncertainty: Uncertainty
+    matched: MatchedTerm
     k_0: Array  # (m, q)
     direct: Array | None  # theta_0 (p m,), whose baseline acts unfiltered; None: the command passes the filter
     x0: Array
@@ -146,7 +146,7 @@ class Equations:
         u = self.filter.output(state.filter, self._filtered(state.sigma_hat, r))
         if self.direct is not None:
             u = u + self._commanded(r) - self._nominal(x)
-        return u[0] if self.uncertainty.inputs == 1 else u
+        return u[0] if self.matched.inputs == 1 else u
 
     def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
         reaches = applied(u, self.limits).reshape(-1)
@@ -161,7 +161,7 @@ class Equations:
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
         """What passes C(s): k_0 r - sigma_hat of the inputs, and sigma_hat beside them."""
-        m = self.uncertainty.inputs
+        m = self.matched.inputs
         wanted = -sigma_hat[:m] if self.direct is not None else self._commanded(r) - sigma_hat[:m]
         return np.concatenate([wanted, sigma_hat[m:]])
 
@@ -169,7 +169,7 @@ class Equations:
         return self.k_0 @ r.reshape(-1)
 
     def _nominal(self, x: Value) -> Value:
-        return (self.uncertainty.phi(x).T @ self.direct).reshape(-1)
+        return (self.matched.phi(x).T @ self.direct).reshape(-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +239,7 @@ class L1PiecewiseConstant(Scheme):
             sample_time=self.sample_time,
             predictor=PredictorStep.exact(known.A_m, B, T) if flown is None else flown.step(known.A_m, B, T),
             filter=filter_step(known.A_m, B, known.inputs, self.filter, self._output(known), T),
-            uncertainty=known.uncertainty,
+            matched=known.matched,
             k_0=np.reshape(known.k_0, (known.inputs, -1)),
             direct=None if flown is None else flown.baseline(known.parameters),
             x0=known.x0,

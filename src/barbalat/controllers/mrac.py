@@ -18,7 +18,7 @@ from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import ModifiedError, applied, known_limits
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
-from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.roles import Role, within
@@ -41,11 +41,11 @@ class Equations:
     b: Array
     k_0: Array | float
     P: Array
-    uncertainty: Uncertainty
+    matched: MatchedTerm
     gamma: Gain
     theta_hat0: Array
     x0: Array
-    box: EstimateSet | None
+    estimate_set: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
     windup: ModifiedError | None = None
     limits: Array | None = None  # of the input, where windup is cared for
@@ -63,27 +63,27 @@ class Equations:
         return u_c if self.windup is None else self.windup.control(u_c, self.limits)
 
     def unlimited_control(self, state: State, x: Value, r: Value) -> Value:
-        theta_hat, omega_hat = self.uncertainty.split(state.theta_hat)
-        return (-self.uncertainty.phi(x).T @ theta_hat + np.dot(self.k_0, r)) / omega_hat  # (3)
+        theta_hat, omega_hat = self.matched.split(state.theta_hat)
+        return (-self.matched.phi(x).T @ theta_hat + np.dot(self.k_0, r)) / omega_hat  # (3)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        return self.uncertainty.with_input(x, applied(u, self.limits))
+        return self.matched.with_input(x, applied(u, self.limits))
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         e, e_d = x - x_m, state.e_d
         if self.windup is not None:
             e, u_c, u = e - e_d, self.unlimited_control(state, x, r), applied(u, self.limits)
-            _, omega_hat = self.uncertainty.split(state.theta_hat)
+            _, omega_hat = self.matched.split(state.theta_hat)
             e_d = self.A_m @ e_d + np.dot(self.b, omega_hat * (u - u_c))
-        phi, known = self.uncertainty.with_input(x, u), self.uncertainty.known_input(u)
+        phi, known = self.matched.with_input(x, u), self.matched.known_input(u)
         return State(
-            self.modifications.rate(self.gamma, e, self.P, self.b, phi, state.theta_hat, state.memory, self.box),  # (4)
+            self.modifications.rate(self.gamma, e, self.P, self.b, phi, state.theta_hat, state.memory, self.estimate_set),  # (4)
             self.modifications.memory_rates(state.memory, self.A_m, self.b, x, phi, known),
             e_d,
         )
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set))
 
     def sampled(self, T: float) -> Predictor:
         """Return the sampled form, L1-AC's with C = 1: its predictor is then the model, adapted to ``limits`` where there are
@@ -93,12 +93,12 @@ class Equations:
             b=self.b,
             k_0=self.k_0,
             P=self.P,
-            uncertainty=self.uncertainty,
+            matched=self.matched,
             gamma=self.gamma,
             C=StateSpace.gain(1.0),
             theta_hat0=self.theta_hat0,
             x0=self.x0,
-            box=self.box,
+            estimate_set=self.estimate_set,
             modifications=self.modifications,
             limits=self.limits,
         )

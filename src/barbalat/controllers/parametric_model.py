@@ -80,7 +80,7 @@ class OnParametricModel(ABC):
     law: AdaptiveLaw
     theta_hat0: Array
     x0: Array
-    box: EstimateSet | None
+    estimate_set: EstimateSet | None
 
     @abstractmethod
     def estimation(self, state: State, x: Value) -> Estimation:
@@ -112,4 +112,4 @@ class OnParametricModel(ABC):
         return swapping_dot, self.Q.derivative(state.filter, self.auxiliary_input_argument(state, x))
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=self.law.limit(state.memory))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set), memory=self.law.limit(state.memory))

@@ -23,7 +23,7 @@ from barbalat.controllers.settings import (
     Scheme,
     check_common,
     initial_estimate,
-    projection_box,
+    projection_set,
     require_taken,
 )
 from barbalat.controllers.steps import Filter, LinearStep
@@ -45,7 +45,7 @@ class StateEstimator(Estimator):
 
     @classmethod
     def of(cls, equations: Equations, T: float) -> StateEstimator:
-        law = implicit.require_sampled(equations.law, equations.box)
+        law = implicit.require_sampled(equations.law, equations.estimate_set)
         Q = None if equations.Q is None else Filter.of(equations.Q, T)
         return cls(equations, T, law, LinearStep.of(equations.A_m, T), Q)
 
@@ -75,7 +75,7 @@ class Equations(OnParametricModel):
     normalization: Normalization
     theta_hat0: Array
     x0: Array
-    box: EstimateSet | None
+    estimate_set: EstimateSet | None
     limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
 
     def estimation(self, state: State, x: Value) -> Estimation:
@@ -97,7 +97,7 @@ class Equations(OnParametricModel):
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         u = applied(u, self.limits)
-        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.box)  # (15)
+        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.estimate_set)  # (15)
         swapping_dot, filter_dot = self.auxiliary_rates(state, x, rates.theta_hat)
         return State(
             theta_hat=rates.theta_hat,
@@ -250,7 +250,7 @@ def _several(settings: RobustMrac | NormalizedMrac, known: Known) -> several.Equ
         law=settings.law,
         normalization=settings.normalization,
         theta_hat0=settings.theta_hat0,
-        box=projection_box(settings.projection, known),
+        estimate_set=projection_set(settings.projection, known),
         limits=limits_of_predictor(settings.saturated_predictor, known),
     )
 
@@ -260,18 +260,18 @@ def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpac
     c_0 = _output_vector(settings.c_0, known)
     minimum_phase_model(c_0, known)
     settings.law.initial(known.n)  # refuses settings of another size
-    box = projection_box(settings.projection, known)
+    estimate_set = projection_set(settings.projection, known)
     return Equations(
         A_m=known.A_m,
         b=known.b,
         k_0=known.k_0,
-        regressor=known.uncertainty.regressor,
+        regressor=known.matched.regressor,
         c_0=c_0,
         Q=Q,
         law=settings.law,
         normalization=settings.normalization,
-        theta_hat0=initial_estimate(settings.theta_hat0, box, known),
+        theta_hat0=initial_estimate(settings.theta_hat0, estimate_set, known),
         x0=known.x0,
-        box=box,
+        estimate_set=estimate_set,
         limits=limits_of_predictor(settings.saturated_predictor, known),
     )

@@ -154,7 +154,7 @@ REGRESSORS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Uncertainty:
+class MatchedTerm:
     """How theta enters the input channels: u_j + theta_j'phi(x), theta = (theta_1, ..., theta_m) stored row by row of (p, m).
 
     With one input Phi(x) is the vector phi(x), (p,), and everything reads as in the paper; with m it is (p m, m), so that

@@ -495,7 +495,7 @@ def test_c_0_min_alone_keeps_c_0_on_its_side_of_zero(sign):
     """c_0 = k_m/k_p: the mirrored plant has the mirrored interval, and c_0's first estimate is the end nearest to zero."""
     controller = MracOutput(order=1, relative_degree=1, sign=sign, law=Gradient(gamma=1.0), c_0_min=0.1)
     equations = problem_bind(TF([2.0 * sign], [1.0, 1.0]), controller, TF([3.0], [1.0, 3.0])).equations
-    near, far = sorted((equations.box.lower[-1], equations.box.upper[-1]), key=abs)
+    near, far = sorted((equations.estimate_set.lower[-1], equations.estimate_set.upper[-1]), key=abs)
     assert near == 0.1 * sign and far * sign > 1e3
     assert equations.theta_hat0[-1] == near
 

@@ -28,7 +28,7 @@ class Bound(Equations, Protocol):
     def theta_hat0(self) -> Array: ...
 
     @property
-    def box(self) -> EstimateSet | None: ...
+    def estimate_set(self) -> EstimateSet | None: ...
 
 
 class LyapunovScheme(Protocol):
@@ -87,7 +87,7 @@ def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
     It does with composite learning, which adds -2 gamma_c theta_tilde'R theta_tilde to V', and with a switching sigma that
     bounds every theta in question.
     """
-    known_set, gamma = controller.bind(problem.known).box, controller.gamma
+    known_set, gamma = controller.bind(problem.known).estimate_set, controller.gamma
     if keeps_V_in_corners(gamma, known_set).broken:
         return (
             f"with a gain matrix and a box of more than {EXACT_FACES} parameters, or input gains beside a ball, what the "
@@ -102,7 +102,9 @@ def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
     if M_0 is None:
         return f"{type(controller.leakage).__name__} pulls the estimates to zero, so the bounds (9) and (10) don't hold"
     of_theta = sum((Fraction(value) ** 2 for value in problem.parameters.ravel().tolist()), Fraction(0))
-    if of_theta <= Fraction(M_0) ** 2 and (problem.known.box is None or problem.known.box.within(Fraction(M_0))):
+    if of_theta <= Fraction(M_0) ** 2 and (
+        problem.known.estimate_set is None or problem.known.estimate_set.within(Fraction(M_0))
+    ):
         return None
     return f"the switching sigma's M_0 = {M_0:g} does not bound |theta| over the known set and the case's theta"
 

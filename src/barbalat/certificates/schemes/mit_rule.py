@@ -80,7 +80,7 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
 def _loop_gain(known: Known, equations: Equations, level: float, omega: float) -> tuple[float, float]:
     """kappa and G(0)."""
     gains, at_rest = equations.gains, np.linalg.solve(known.A_m, -known.b)
-    phi = np.asarray(gains.uncertainty.phi(at_rest * float(known.k_0) * level)) * (not equations.feedforward_only)
+    phi = np.asarray(gains.matched.phi(at_rest * float(known.k_0) * level)) * (not equations.feedforward_only)
     steady = float(equations.c @ at_rest)
     g = float(phi @ gains.gamma.times(phi)) + gains.gamma_r * level**2
     if equations.normalization is not None:

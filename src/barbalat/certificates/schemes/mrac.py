@@ -40,7 +40,7 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
     equations, draft = controller.bind(problem.known), Draft()
     model = model_bounds(problem)
     add_parameter_errors(draft, problem, equations)
-    rests_on, void = of_the_case(problem, equations.box), laws.why_no_bound(controller, problem)
+    rests_on, void = of_the_case(problem, equations.estimate_set), laws.why_no_bound(controller, problem)
     if void is not None:
         draft.missing("error_bound", void)
     else:
@@ -49,7 +49,7 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
         if nu_0_worst is not None:
             worst = theorem_1.mrac_bound(nu_0_worst, laws.least_gain(controller.gamma))
             draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
-    add_ingredients(draft, problem, equations.box, model)
+    add_ingredients(draft, problem, equations.estimate_set, model)
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, draft["nu_0"])
     draft.estimate(frozen_laws.with_modifications(limits, controller, simulation), FROZEN_LAW)
     if not laws.is_modified(controller):

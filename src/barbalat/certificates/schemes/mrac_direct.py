@@ -147,15 +147,15 @@ def _feedforward_V(gains: ControlGains, omega: Array) -> float:
 def _rests_on(problem: Problem, gains: ControlGains, bound: float | None) -> tuple[Assumption, ...]:
     """The plant (1) with any gain of its input, and ideal gains that the projection can reach."""
     regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, bound))
-    corners = laws.keeps_V_in_corners(gains.gamma.value, gains.box)
+    corners = laws.keeps_V_in_corners(gains.gamma.value, gains.estimate_set)
     return (*nominal(problem, gain_adapted=True), _reachable(problem, gains), *regressor, corners)
 
 
 def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
-    omega, box, interval = _each_omega(problem), gains.box, gains.interval
-    if box is None and interval is None:
+    omega, estimate_set, interval = _each_omega(problem), gains.estimate_set, gains.interval
+    if estimate_set is None and interval is None:
         return Assumption("the ideal gains are theta/omega and k_0/omega")
-    inside = box is None or box.contains(gains.ideal(problem.plant.theta, omega))
+    inside = estimate_set is None or estimate_set.contains(gains.ideal(problem.plant.theta, omega))
     inside &= interval is None or interval.contains(gains.ideal_feedforward(omega))
     return Assumption(
         "the ideal gains theta/omega and k_0/omega lie in the sets that the estimates are projected onto",
@@ -165,7 +165,7 @@ def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
 
 def _all_reachable(problem: Problem, gains: ControlGains) -> Assumption:
     """Return a set that holds theta/omega for every theta of the known set; without an interval of omega, omega is 1."""
-    if gains.box is None or problem.known.gains is not None:
+    if gains.estimate_set is None or problem.known.gains is not None:
         return NUMBERS_ALONE
     apart = (_each_omega(problem) != 1).any()
     return Assumption(

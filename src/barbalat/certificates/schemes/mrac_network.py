@@ -136,7 +136,7 @@ class ErrorBoundCase:
             bound = d.bound
         return cls(problem, NetworkLaw.of(equations), np.array(state_bounds(problem)), bound)
 
-    def uncertainty(self, reach: float) -> Array:
+    def largest_matched(self, reach: float) -> Array:
         """At least |theta_j'phi(x) + d_j| for each input, (m,), every |x_i| at most the model's bound plus ``reach``."""
         plant, far = self.problem.plant, self.x_m + reach
         theta = plant.theta.reshape(-1, plant.inputs)
@@ -175,7 +175,7 @@ class ErrorBoundCase:
 
     def globally(self) -> tuple[float, float | None] | None:
         """The bound of e, and of L where it follows from that, for phi(x) = x: the true A takes the place of A_m."""
-        A, F = self.problem.plant.A, self.uncertainty(0.0)
+        A, F = self.problem.plant.A, self.largest_matched(0.0)
         found: list[tuple[float, float | None]] = []
         try:
             level = self.level(A, F)
@@ -191,7 +191,7 @@ class ErrorBoundCase:
         """A bound E of e for any phi: as long as |e| <= E holds, |e| stays below E."""
         A, reach = self.problem.known.A_m, 0.0
         for _ in range(MOST_TRIALS):
-            F = self.uncertainty(reach)
+            F = self.largest_matched(reach)
             if not np.isfinite(F).all():
                 return None
             level = self.level(A, F)

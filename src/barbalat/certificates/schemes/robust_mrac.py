@@ -41,7 +41,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     """The initial parameter error, the limits of the step, the margins at rest; with an auxiliary input the limit of tau."""
     equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
     error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.plant.theta)
-    draft.guarantee("initial_parameter_error", error, *(inside(problem, equations.box) or (NUMBERS_ALONE,)))
+    draft.guarantee("initial_parameter_error", error, *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)
@@ -62,14 +62,14 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
 
 def midpoint_form(problem: Problem, controller: NormalizedMrac | RobustMrac, _: float) -> midpoint.MidpointForm:
     """Say what the sampled form keeps: what its law's own implicit step keeps."""
-    return midpoint.of_law(controller.law, controller.bind(problem.known).box)
+    return midpoint.of_law(controller.law, controller.bind(problem.known).estimate_set)
 
 
 def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
-    box = controller.bind(problem.known).box
-    found = laws.guarantee_of(controller.law, box)
-    rests_on = (*of_the_case(problem, box), MINIMUM_PHASE, laws.bounds_the_parameters(found, problem.parameters))
+    estimate_set = controller.bind(problem.known).estimate_set
+    found = laws.guarantee_of(controller.law, estimate_set)
+    rests_on = (*of_the_case(problem, estimate_set), MINIMUM_PHASE, laws.bounds_the_parameters(found, problem.parameters))
     why = laws.kept_from_zero(found)
 
     def claimed(key: str, text: str, holds: bool) -> Entry:
@@ -124,17 +124,17 @@ def _estimates(found: Guarantee, linear: bool) -> str:
 
 
 def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found: Guarantee) -> Entry:
-    box = controller.bind(problem.known).box
+    estimate_set = controller.bind(problem.known).estimate_set
     if not found.bounded:
         return nothing("modelling_error", found.why)
     if problem.plant.inputs > 1:
         return nothing("modelling_error", SEVERAL_INPUTS)
     if controller.normalization.alpha_0 == 0:
         return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
-    if not projected(box) and not found.leaks:
+    if not projected(estimate_set) and not found.leaks:
         return nothing("modelling_error", "needs projection or leakage, and there is neither")
     present = ", ".join(departures(problem))
     ceiling = () if controller.tau is None else (_below_the_ceiling(controller, controller.tau),)
     enough = laws.bounds_the_parameters(found, problem.parameters)
-    rests_on = (small_enough(present), bounded_command(problem), *inside(problem, box), MINIMUM_PHASE, enough, *ceiling)
+    rests_on = (small_enough(present), bounded_command(problem), *inside(problem, estimate_set), MINIMUM_PHASE, enough, *ceiling)
     return statement("modelling_error", MEAN_SQUARE, *rests_on)

@@ -98,7 +98,7 @@ class Excited:
         error = equations.theta_hat0 - problem.parameters
         largest = float(np.linalg.norm(theta) + np.linalg.norm(error))
         known_set = problem.uncertainty
-        if known_set is None or equations.box is None or not equations.box.bounds_theta:
+        if known_set is None or equations.estimate_set is None or not equations.estimate_set.bounds_theta:
             return largest
         return min(largest, known_set.farthest(np.zeros(known_set.size)))
 
@@ -148,7 +148,7 @@ def _largest_square_at_model(problem: Problem, simulation: Simulation) -> float:
     known = problem.known
     t, x_m = motion_along_the_command(problem, simulation)
     state_column, x = symbols("x", known.n)
-    phi, matched = known.uncertainty.regressor(x), known.uncertainty.phi(x).T @ problem.plant.theta
+    phi, matched = known.matched.regressor(x), known.matched.phi(x).T @ problem.plant.theta
     parts = ca.Function("parts", [state_column], [column(phi), column(np.reshape(matched, -1))])
     phi_m, matched_m = (np.array(part) for part in parts(x_m.T))
     with np.errstate(over="ignore", invalid="ignore"):  # what is no number has no limit

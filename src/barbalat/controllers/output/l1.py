@@ -45,7 +45,7 @@ class OutputPredictor(SampledForm):
         end = 1 / (1 + m * T)
         at_rest = end * (state.y_hat + T * m * ((now.x - before.x) / 2 + u + state.theta_hat))  # y_hat, were sigma to rest
         moved = T * c.gamma * (now.x - at_rest) / (1 + T**2 * m * c.gamma * end)
-        sigma = kept(self.frozen, state.theta_hat, limit(state.theta_hat + moved, c.box))
+        sigma = kept(self.frozen, state.theta_hat, limit(state.theta_hat + moved, c.estimate_set))
         y_hat = at_rest + end * T * m * (sigma - state.theta_hat)
         wanted = before.r - state.theta_hat[0], now.r - sigma[0]
         return state._replace(theta_hat=sigma, y_hat=y_hat, filter=self.filter.end(state.filter, *wanted))
@@ -66,7 +66,7 @@ class Equations:
     m: float
     gamma: float
     C: StateSpace
-    box: ParameterBox | None
+    estimate_set: ParameterBox | None
 
     def initial(self) -> State:
         return State(np.zeros(1), np.zeros(1), np.zeros(self.C.order))
@@ -76,13 +76,13 @@ class Equations:
 
     def derivative(self, state: State, y: Value, y_m: Value, r: Value, u: Value) -> State:
         return State(
-            theta_hat=project(self.gamma * (y - state.y_hat), state.theta_hat, self.box),  # (21)
+            theta_hat=project(self.gamma * (y - state.y_hat), state.theta_hat, self.estimate_set),  # (21)
             y_hat=-self.m * state.y_hat + self.m * (u + state.theta_hat),  # (21)
             filter=self.C.derivative(state.filter, r - state.theta_hat[0]),
         )
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set))
 
     def sampled(self, T: float) -> OutputPredictor:
         return OutputPredictor.of(self, T)
@@ -136,8 +136,8 @@ class L1Output(Scheme):
                 f"den = {validate.show(known.W_m.den)}; l1-output-piecewise takes models of any order"
             )
         bound = self.sigma_bound
-        box = None if bound is None else ParameterBox(lower=[-bound], upper=[bound])
-        return Equations(m=self.m, gamma=self.gamma, C=self.filter.realise(), box=box)
+        estimate_set = None if bound is None else ParameterBox(lower=[-bound], upper=[bound])
+        return Equations(m=self.m, gamma=self.gamma, C=self.filter.realise(), estimate_set=estimate_set)
 
     @property
     def G_m(self) -> TransferFunction:

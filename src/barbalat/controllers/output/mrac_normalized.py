@@ -34,7 +34,7 @@ class OutputEstimator(Estimator):
 
     @classmethod
     def of(cls, equations: Equations, T: float) -> OutputEstimator:
-        law = implicit.require_sampled(equations.law, equations.box)
+        law = implicit.require_sampled(equations.law, equations.estimate_set)
         Q = None if equations.Q is None else Filter.of(equations.Q, T)
         regressors, model = LinearStep.of(equations.regressor_filter.A, T), LinearStep.of(equations.W_m.A, T)
         return cls(equations, T, law, model, Q, regressors)
@@ -83,7 +83,7 @@ class Equations:
     normalization: Normalization
     Q: StateSpace | None
     theta_hat0: Array
-    box: ParameterBox | None
+    estimate_set: ParameterBox | None
     limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
 
     @property
@@ -132,7 +132,7 @@ class Equations:
 
     def derivative(self, state: State, y: Value, y_m: Value, r: Value, u: Value) -> State:
         omega, u = self.omega(state, y, r), applied(u, self.limits)
-        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, y), self.box)
+        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, y), self.estimate_set)
         swapping, filter_dot = state.swapping, state.filter
         if self.Q is not None:
             swapping = self.W_m.A @ state.swapping + state.Xi @ rates.theta_hat
@@ -150,7 +150,7 @@ class Equations:
         )
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=self.law.limit(state.memory))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set), memory=self.law.limit(state.memory))
 
     def sampled(self, T: float) -> OutputEstimator:
         return OutputEstimator.of(self, T)

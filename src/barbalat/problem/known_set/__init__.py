@@ -43,7 +43,7 @@ class Projecting(Protocol):
     """Equations that may keep their estimates in a set."""
 
     @property
-    def box(self) -> EstimateSet | None: ...
+    def estimate_set(self) -> EstimateSet | None: ...
 
 
 def project(rate: Value, theta_hat: Value, known_set: EstimateSet | None, gain: Gain = UNIT_GAIN) -> Value:

@@ -86,14 +86,14 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
 
 def midpoint_form(problem: OutputProblem, controller: MracOutput, _: float) -> midpoint.MidpointForm:
     """Say what the sampled form keeps: what its law's own implicit step keeps."""
-    return midpoint.of_law(controller.law, controller.bind(problem.known).box)
+    return midpoint.of_law(controller.law, controller.bind(problem.known).estimate_set)
 
 
 def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption, ...]:
     """What the guarantees of these schemes rest on, checked on the case."""
     n, n_star, order = controller.order, controller.relative_degree, len(problem.plant.transfer_function.poles)
     beyond = f"the plant is of order {order} and the design of {n}: the rest is unmodelled" if order > n else ""
-    known_set, theta = controller.bind(problem.known).box, _theta_star(problem, controller)
+    known_set, theta = controller.bind(problem.known).estimate_set, _theta_star(problem, controller)
     inside = known_set is None or theta is None or known_set.contains(theta)
     outside = "" if inside else "theta* outside the known set"
     return (
@@ -110,7 +110,7 @@ def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption
 
 def column(problem: OutputProblem, controller: MracOutput, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
-    found = laws.guarantee_of(controller.law, controller.bind(problem.known).box)
+    found = laws.guarantee_of(controller.law, controller.bind(problem.known).estimate_set)
     theta = _theta_star(problem, controller)
     rest = (*rests_on(problem, controller), laws.bounds_the_parameters(found, theta))
     known, pulled = found.estimates is not Estimates.UNKNOWN, found.estimates is Estimates.PULLED
