@@ -57,7 +57,9 @@ class Case:
         from barbalat.problem.tracking import table_of
 
         rows = {one.name: one_line(one) if is_dataclass(one) else show(one) for one in self.controllers}  # type: ignore[redundant-expr]
-        return "".join([self.problem._repr_html_(), table_of("Controllers", rows), table_of("Simulation", given_of(self.simulation))])
+        return "".join(
+            [self.problem._repr_html_(), table_of("Controllers", rows), table_of("Simulation", given_of(self.simulation))]
+        )
 
 
 @contextmanager

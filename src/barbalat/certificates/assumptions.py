@@ -45,7 +45,7 @@ def nominal(problem: TrackingProblem, *, gain_adapted: bool = False) -> tuple[As
 
 def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assumption:
     """No dynamics, limits or delay before the plant; with ``gain_adapted`` the scheme takes any gain of its input."""
-    known = not gain_adapted and _gain_known(problem)
+    known = not gain_adapted and (not isinstance(problem, Problem) or problem.input_gain is None)
     return Assumption(
         "the plant is (1): matched uncertainty, no unmodelled dynamics, no delay or limits",
         ", ".join(dict.fromkeys(word for path in problem.plant.paths for word in _on_the_way(path, known))),
@@ -117,10 +117,6 @@ def small_enough(present: str) -> Assumption:
 def departures(problem: TrackingProblem) -> tuple[str, ...]:
     """In a few words each, where the case's plant differs from (1)."""
     return tuple(found.broken for found in (exact_plant(problem), undisturbed(problem), measured(problem)) if found.broken)
-
-
-def _gain_known(problem: TrackingProblem) -> bool:
-    return not isinstance(problem, Problem) or problem.input_gain is None
 
 
 def _on_the_way(path: PlantInput, gain_known: bool) -> list[str]:

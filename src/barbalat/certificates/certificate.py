@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from html import escape
@@ -188,6 +188,11 @@ class Draft:
     def missing(self, key: str, why: str) -> None:
         """A value that the scheme would have, and that this case has not."""
         self.entries[key] = Entry(key=key, value=None, kind="does not apply", quantity=self._quantity(key), why=why)
+
+    def all_missing(self, keys: Iterable[str], why: str) -> None:
+        """Several values that are missing for one reason."""
+        for key in keys:
+            self.missing(key, why)
 
     @contextmanager
     def part(self, key: str) -> Iterator[None]:

@@ -68,14 +68,6 @@ def _plain(entry: Entry, kind: str) -> list[CertificateRow]:
     return [CertificateRow(entry.key, value if isinstance(value, str) else _text(entry, value), meaning, kind)]
 
 
-def _matrix(entry: Entry, kind: str) -> list[CertificateRow]:
-    return [CertificateRow(entry.key, number_text(entry.value, "; "), entry.meaning, kind)]
-
-
-def _names(entry: Entry, _: str) -> list[CertificateRow]:
-    return [CertificateRow(entry.key, ", ".join(entry.value), entry.meaning, "")]
-
-
 def _norms(entry: Entry, kind: str) -> list[CertificateRow]:
     ends = {name: f"{down(found['lower'], 10)} ... {up(found['upper'], 10)}" for name, found in entry.value.items()}
     return [CertificateRow(f"||{name}||_1", text, "L1 norm", kind) for name, text in ends.items()]
@@ -87,12 +79,13 @@ def _bounds(entry: Entry, kind: str) -> list[CertificateRow]:
     ]
 
 
-def _over_the_set(entry: Entry, _: str) -> list[CertificateRow]:
-    return [row for loop in entry.value for row in _worst_case(loop)]
-
-
 def _transfer_functions(entry: Entry, _: str) -> list[CertificateRow]:
-    return [_coefficients(f"{entry.key}, {name}", system, entry.meaning) for name, system in entry.value.items()]
+    """Coefficients, highest power first."""
+    rows = []
+    for name, system in entry.value.items():
+        text = ", ".join(f"{side} = [{number_text(values)}]" for side, values in system.items())
+        rows.append(CertificateRow(f"{entry.key}, {name}", text, entry.meaning, "linear loop"))
+    return rows
 
 
 def _per_unit(entry: Entry, kind: str) -> list[CertificateRow]:
@@ -107,12 +100,6 @@ def _condition(entry: Entry, kind: str) -> list[CertificateRow]:
         return [CertificateRow(quantity, "infinite", "condition < 1 fails", kind)]
     verdict = "< 1: holds" if value["holds"] else "not shown to be below 1"
     return [CertificateRow(quantity, f"<= {up(value['value_upper'], 6)}", f"condition {verdict}", kind)]
-
-
-def _coefficients(quantity: str, system: dict[str, list[float]], meaning: str) -> CertificateRow:
-    """A transfer function, highest power first."""
-    text = ", ".join(f"{side} = [{number_text(values)}]" for side, values in system.items())
-    return CertificateRow(quantity, text, meaning, "linear loop")
 
 
 def _worst_case(loop: dict[str, Any]) -> list[CertificateRow]:
@@ -131,12 +118,12 @@ def _worst_case(loop: dict[str, Any]) -> list[CertificateRow]:
 
 ROWS_BY_FORM: dict[Form, Callable[[Entry, str], list[CertificateRow]]] = {
     Form.PLAIN: _plain,
-    Form.MATRIX: _matrix,
-    Form.NAMES: _names,
+    Form.MATRIX: lambda entry, kind: [CertificateRow(entry.key, number_text(entry.value, "; "), entry.meaning, kind)],
+    Form.NAMES: lambda entry, _: [CertificateRow(entry.key, ", ".join(entry.value), entry.meaning, "")],
     Form.NORMS: _norms,
     Form.BOUNDS: _bounds,
     Form.CONDITION: _condition,
-    Form.OVER_THE_SET: _over_the_set,
+    Form.OVER_THE_SET: lambda entry, _: [row for loop in entry.value for row in _worst_case(loop)],
     Form.TRANSFER_FUNCTIONS: _transfer_functions,
     Form.PER_UNIT: _per_unit,
 }

@@ -234,23 +234,19 @@ class L1PiecewiseConstant(Scheme):
 
     def bind(self, known: Known) -> Equations:
         require_taken(L1PiecewiseConstant, known)
-        B, T, flown = input_directions(known.b), self.assumed_sample_time, self.as_flown
+        B, T, flown, output = input_directions(known.b), self.assumed_sample_time, self.as_flown, self.output
+        if output is not None:  # c', (m, n)
+            output = validate.array("output", np.atleast_2d(output), (known.inputs, known.n))
         return Equations(
             sample_time=self.sample_time,
             predictor=PredictorStep.exact(known.A_m, B, T) if flown is None else flown.step(known.A_m, B, T),
-            filter=filter_step(known.A_m, B, known.inputs, self.filter, self._output(known), T),
+            filter=filter_step(known.A_m, B, known.inputs, self.filter, output, T),
             matched=known.matched,
             k_0=np.reshape(known.k_0, (known.inputs, -1)),
             direct=None if flown is None else flown.baseline(known.parameters),
             x0=known.x0,
             limits=limits_of_predictor(self.saturated_predictor, known),
         )
-
-    def _output(self, known: Known) -> Array | None:
-        """c', (m, n)."""
-        if self.output is None:
-            return None
-        return validate.array("output", np.atleast_2d(self.output), (known.inputs, known.n))
 
 
 def input_directions(b: Array) -> Array:

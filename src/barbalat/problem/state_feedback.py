@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, field
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -127,7 +127,8 @@ class Problem(TrackingProblem, Settings):
                 raise InputError("disturbance needs a plant with one input; give unmatched with a direction instead")
         if self.sensor is not None:
             validate.instance("sensor", self.sensor, Sensor)
-            _one_for_each_state("sensor.noise.std", () if self.sensor.noise is None else self.sensor.noise.std, self.plant.n)
+            if self.sensor.noise is not None and len(self.sensor.noise.std) > 1:
+                validate.vector("sensor.noise.std", self.sensor.noise.std, self.plant.n)
         if self.labels is not None:
             validate.instance("labels", self.labels, Labels)
             self.labels.require(self.plant.n, self.plant.inputs)
@@ -226,8 +227,3 @@ def _limits(plant: Plant) -> Array | None:
     if len(limits) < plant.inputs:
         return None
     return limits[0] if plant.inputs == 1 else np.column_stack(limits)
-
-
-def _one_for_each_state(field: str, values: Any, n: int) -> None:
-    if len(values) > 1:
-        validate.vector(field, values, n)

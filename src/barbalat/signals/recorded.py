@@ -209,7 +209,9 @@ def variables(path: Path) -> dict[str, Array]:
 
     try:
         packed = contents(path, "the data file", FILE_BYTE)
-        _require_room(path, _unpacked(packed))
+        size, name = _unpacked(packed), f"the data file {validate.show(str(path))}"
+        fits = lambda most: f"at most {most} bytes"  # noqa: E731
+        budget.require(name, size, FILE_BYTE.times, given=f"holds {size} bytes, unpacked, and", fits=fits)
         found = loadmat(cast("Any", BytesIO(packed)), appendmat=False)  # which its stubs do not know
     except InputError:
         raise
@@ -270,11 +272,6 @@ def _claimed(head: bytes, order: str) -> int:
     count = min(size, len(head) - SHAPE_AT - TAG_BYTES) // 4
     shape: tuple[int, ...] = struct.unpack_from(f"{order}{count}I", head, SHAPE_AT + TAG_BYTES)
     return 8 * math.prod(shape)
-
-
-def _require_room(path: Path, size: int) -> None:
-    name = f"the data file {validate.show(str(path))}"
-    budget.require(name, size, FILE_BYTE.times, given=f"holds {size} bytes, unpacked, and", fits=lambda n: f"at most {n} bytes")
 
 
 def _numbers(name: str, value: Any) -> Iterator[tuple[str, Array]]:

@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -31,7 +30,6 @@ from barbalat.linear.enclosure import OUTWARD_FACTOR, Enclosure
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.largest import largest_from
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
-from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array
 
@@ -90,22 +88,9 @@ def kappa_admissible(known: Known, theta_max: float, relative: float = 1e-6) -> 
     return largest_from(holds, start, within=relative)
 
 
-def ingredients(known: Known, known_set: KnownSet | None, model: ModelBounds) -> dict[str, Any]:
-    """What (9) and (10) are computed from, by the certificate's keys: P, its lambda_min, theta_max, the bounds of r and x_m."""
-    values: dict[str, Any] = {"P": known.P.tolist(), "lambda_min": smallest_eigenvalue(known.P)}
-    if known_set is not None:
-        values["theta_max"] = known_set.theta_max
-    return values | {"bounds": {"r": model.r, "x_m": model.x_m}}
-
-
 def initial_parameter_error(theta_hat0: Array, theta: Array) -> float:
     """||theta_hat(0) - theta||_2, rounded up."""
     return float(np.linalg.norm(theta_hat0 - theta)) * OUTWARD_FACTOR
-
-
-def largest_parameter_error(theta_hat0: Array, known_set: KnownSet) -> float:
-    """Return the largest |theta_hat - theta| for the worst theta in the known set."""
-    return known_set.farthest(theta_hat0) * OUTWARD_FACTOR
 
 
 def nu_0(parameter_error: float, known: Known) -> float:

@@ -131,8 +131,7 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_of_the_controller(draft, problem, controller, equations)
     if not problem.plant.is_linear:
-        for key in ("delay_margin", "reference_distance", "reference_distance_between"):
-            draft.missing(key, NO_LOOP)
+        draft.all_missing(("delay_margin", "reference_distance", "reference_distance_between"), NO_LOOP)
         return draft.finish()
     found = linearised(problem, controller)
     if add_loop(draft, problem, found, LINEAR_CONTROLLER):
@@ -181,8 +180,7 @@ def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConsta
     try:
         away = distance(problem, controller, levels)
     except InputError as error:
-        for key in ("reference_distance", "reference_distance_between"):
-            draft.missing(key, str(error))
+        draft.all_missing(("reference_distance", "reference_distance_between"), str(error))
     else:
         draft.guarantee("reference_distance", away.at_samples, *rests_on(problem))
         draft.guarantee("reference_distance_between", away.between, *rests_on(problem))

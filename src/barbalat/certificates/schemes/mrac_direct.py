@@ -63,7 +63,7 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
         return _of_several(draft, problem, controller, gains, simulation)
     theta, omega, k_0 = problem.plant.theta, _omega(problem), float(problem.model.k_0)
     draft.advise({"k_x": (theta / omega).tolist(), "k_r": k_0 / omega})
-    bound = _error_level(problem, gains, _off(gains, theta, omega), omega)
+    bound = _error_level(problem, gains, omega)
     rests_on = _rests_on(problem, gains, bound)
     draft.guarantee("error_bound", bound, *rests_on)
     _add_worst(draft, problem, gains, rests_on)
@@ -100,18 +100,15 @@ def _each_omega(problem: Problem) -> Array:
     return np.array([path.gain for path in problem.plant.paths], dtype=float)
 
 
-def _off(gains: ControlGains, theta: Array, omega: float) -> float:
-    """sqrt(k_x_tilde'Gamma^-1 k_x_tilde) at t = 0, rounded up."""
-    off, gamma = gains.theta_hat0 - theta / omega, gains.gamma
+def _error_level(problem: Problem, gains: ControlGains, omega: float) -> float:
+    """sqrt(V(0)/lambda_min(P)), rounded up, for one input."""
+    off, gamma = gains.theta_hat0 - problem.plant.theta / omega, gains.gamma
     if gamma.dimensions:
-        return laws.weighted_error(off, np.asarray(gamma.value))
-    return float(np.linalg.norm(off)) / math.sqrt(gamma.value) * OUTWARD_FACTOR
-
-
-def _error_level(problem: Problem, gains: ControlGains, off: float, omega: float) -> float:
-    """sqrt(V(0)/lambda_min(P)), rounded up, from the feedback's part ``off`` of V(0)."""
+        k_x_off = laws.weighted_error(off, np.asarray(gamma.value))
+    else:
+        k_x_off = float(np.linalg.norm(off)) / math.sqrt(gamma.value) * OUTWARD_FACTOR
     k_r_off = abs(float(gains.k_r0[0]) - float(problem.model.k_0) / omega) / math.sqrt(gains.gamma_r) * OUTWARD_FACTOR
-    return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(off, k_r_off) * OUTWARD_FACTOR**2
+    return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(k_x_off, k_r_off) * OUTWARD_FACTOR**2
 
 
 def _add_worst(draft: Draft, problem: Problem, gains: ControlGains, rests_on: tuple[Assumption, ...]) -> None:

@@ -252,8 +252,7 @@ def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulatio
     else:
         draft.guarantee("error_bound", found.error, *nominal)
     if found.W_hat is None:
-        for key in ("W_hat_bound", "V_hat_bound", "control_bound"):
-            draft.missing(key, NO_WEIGHTS)
+        draft.all_missing(("W_hat_bound", "V_hat_bound", "control_bound"), NO_WEIGHTS)
     else:
         draft.guarantee("W_hat_bound", found.W_hat, *always)
         draft.guarantee("V_hat_bound", found.V_hat, *always)

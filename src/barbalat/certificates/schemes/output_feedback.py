@@ -155,8 +155,7 @@ def add_linear_loop(draft: Draft, problem: OutputProblem, controller: Controller
     """Norm and steady error of the loop around a linear controller, and its bounds; None, with the reason, without them."""
     found = output_bounds(problem, controller, simulation.t_end)
     if isinstance(found, NotApplicable):
-        for key in ("output_bound", "error_bound"):
-            draft.missing(key, found.why)
+        draft.all_missing(("output_bound", "error_bound"), found.why)
         return None
     draft.guarantee("norms", {"y/(d+f)": found.gain.ends}, NUMBERS_ALONE)
     draft.exact({"steady_error": dict(zip("rd", found.steady, strict=True))}, "without f")

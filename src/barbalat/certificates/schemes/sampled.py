@@ -18,14 +18,13 @@ from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import leaving_out
-from barbalat.certificates.schemes import HeldFile, LinearFile, SchemeFile, scheme_file, unregistered
+from barbalat.certificates.schemes import HeldFile, LinearFile, scheme_file, unregistered
 from barbalat.certificates.schemes.midpoint import MidpointFile
 from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop
 from barbalat.controllers import Sampled
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
 from barbalat.solvers import EULER
 from barbalat.solvers.simulation import Simulation
 
@@ -66,7 +65,7 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     controller.bind(problem.known)  # refuses what has no sampled form
     scheme, T, judged = controller.controller, controller.sample_time, judged_at(controller, simulation)
     file = scheme_file(scheme)
-    linear = _linear_when(problem, scheme, file)
+    linear = file.linear_when(problem, scheme) if isinstance(file, LinearFile) else None
     with leaving_out(*(OF_THE_CONTINUOUS_LOOP if linear else ())):
         continuous = (file or unregistered).certificate(problem, scheme, judged)
     entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in LIMIT_KEYS_AT_MODEL]
@@ -95,10 +94,6 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
             draft.entries[key] = replace(draft.entries[key], why=f"{draft.entries[key].why}; {unstable}")
         draft.note(unstable)
     return on_damping(continuous.with_entries(tuple(draft.entries.values()), *draft.notes))
-
-
-def _linear_when(problem: TrackingProblem, scheme: Controller, file: SchemeFile | None) -> str | None:
-    return file.linear_when(problem, scheme) if isinstance(file, LinearFile) else None
 
 
 def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certificate, linear: str) -> Certificate:

@@ -122,8 +122,10 @@ def add_noise(draft: Draft, problem: TrackingProblem, found: Linearised, measure
             warnings.simplefilter("error", LinAlgWarning)
             covariance = solve_discrete_lyapunov(closed, N @ N.T)
     except (LinAlgError, LinAlgWarning):
-        for key in ("noise_in_sigma_hat", "noise_in_u"):
-            draft.missing(key, "the loop is too close to losing stability from sample to sample for its covariance")
+        draft.all_missing(
+            ("noise_in_sigma_hat", "noise_in_u"),
+            "the loop is too close to losing stability from sample to sample for its covariance",
+        )
         return
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     values = {"noise_in_sigma_hat": deviation[rows["sigma_hat"]].tolist(), "noise_in_u": deviation[rows["u"]].tolist()}

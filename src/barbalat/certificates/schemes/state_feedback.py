@@ -26,6 +26,8 @@ from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.schemes.unregistered import add_frozen
 from barbalat.certificates.step_limits import any_regressor
+from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
@@ -112,16 +114,18 @@ def add_parameter_errors(draft: Draft, problem: Problem, equations: laws.Bound, 
     error = theorem_1.initial_parameter_error(theta_hat0, problem.parameters)
     draft.guarantee("nu_0", theorem_1.nu_0(error, known), *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
     if known_set is not None and problem.input_gain is None:
-        worst = theorem_1.largest_parameter_error(theta_hat0, known_set)
+        worst = known_set.farthest(theta_hat0) * OUTWARD_FACTOR
         draft.guarantee("nu_0_worst", theorem_1.nu_0(worst, known), theta_in_the_set(problem))
 
 
 def add_ingredients(draft: Draft, problem: Problem, estimate_set: EstimateSet | None, model: ModelBounds) -> None:
     """What (9) and (10) are computed from, which no controller and no theta changes."""
-    values = theorem_1.ingredients(problem.known, None if estimate_set is None else problem.known.theta_set, model)
-    draft.advise({"P": values.pop("P")})
-    for key, value in values.items():
-        draft.guarantee(key, value, NUMBERS_ALONE)
+    known = problem.known
+    draft.advise({"P": known.P.tolist()})
+    draft.guarantee("lambda_min", smallest_eigenvalue(known.P), NUMBERS_ALONE)
+    if estimate_set is not None and known.theta_set is not None:
+        draft.guarantee("theta_max", known.theta_set.theta_max, NUMBERS_ALONE)
+    draft.guarantee("bounds", {"r": model.r, "x_m": model.x_m}, NUMBERS_ALONE)
 
 
 def of_lyapunov_law_beyond(

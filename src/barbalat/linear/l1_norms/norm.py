@@ -386,7 +386,7 @@ def matrices(system: Any) -> tuple[Array, Array, Array, Array]:
     A state space is taken as it is, with any number of inputs and outputs; a transfer function has one of each and is realised:
     its coefficients over the leading one of the denominator, rounded to floats.
     """
-    if _is_python_control_state_space(system):
+    if all(hasattr(system, name) for name in ("A", "B", "C", "D", "dt")):  # a state space of python-control
         if system.dt not in (0, None):
             raise InputError(f"the system must be a continuous-time one, got one with the sample time {system.dt}")
         return tuple(np.asarray(getattr(system, name), dtype=float) for name in "ABCD")  # type: ignore[return-value]
@@ -397,7 +397,3 @@ def matrices(system: Any) -> tuple[Array, Array, Array, Array]:
         )
     found = StateSpace.accept("the system", system)
     return found.A, found.B[:, None], found.C[None, :], np.array([[found.D]])
-
-
-def _is_python_control_state_space(system: Any) -> bool:
-    return all(hasattr(system, name) for name in ("A", "B", "C", "D", "dt"))

@@ -104,8 +104,7 @@ def _add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output, simu
             f"inside its bounds sigma may need {found.sigma:.6g}, more than sigma_bound = {limit:g}, and what holds when the "
             "projection acts is not known"
         )
-        for key in ("sigma_needed", "output_bound", "error_bound"):
-            draft.missing(key, why)
+        draft.all_missing(("sigma_needed", "output_bound", "error_bound"), why)
         return
     draft.guarantee("sigma_needed", found.sigma, *SMALL_GAIN)
     add_bounds(draft, problem, found)

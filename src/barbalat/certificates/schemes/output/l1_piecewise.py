@@ -214,8 +214,7 @@ def _add_error_bound(draft: Draft, problem: OutputProblem, equations: Equations,
     except InputError as error:
         found = NotApplicable(str(error))
     if isinstance(found, NotApplicable):
-        for key in ("error_bound", "error_bound_held"):
-            draft.missing(key, found.why)
+        draft.all_missing(("error_bound", "error_bound_held"), found.why)
         return
     rests_on = _of_the_bound(problem)
     if isinstance(found.error, NotApplicable):

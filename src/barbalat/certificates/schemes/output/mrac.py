@@ -198,18 +198,13 @@ def add_limits(draft: Draft, problem: OutputProblem, controller: MracOutput, sim
     theta = draft.get("theta_star")
     where = "theta_hat(0)" if theta is None else "theta*"
     if not isinstance(law, FreezableLaw):
-        _without_limits(draft, f"how {type(law).__name__} is modified is not known")
+        draft.all_missing(("gamma_max", "step_max"), f"how {type(law).__name__} is modified is not known")
         return
     found = _frozen(problem, controller, law, None if theta is None else np.array(theta), where)
     if isinstance(found, NotApplicable):
-        _without_limits(draft, found.why)
+        draft.all_missing(("gamma_max", "step_max"), found.why)
     else:
         draft.estimate(_of_lyapunov_law(found, law, simulation), LYAPUNOV.format(where=where))
-
-
-def _without_limits(draft: Draft, why: str) -> None:
-    for key in ("gamma_max", "step_max"):
-        draft.missing(key, why)
 
 
 def _of_parametric_model(
@@ -239,18 +234,13 @@ def _of_lyapunov_law(frozen: Frozen, law: FreezableLaw, simulation: Simulation) 
         return values | {"step_max": min(step, solver.real_limit / (gamma * law.leakage.largest))}
     values["step_max"] = step
     if np.ndim(law.gamma) == 0 and frozen.omega_squared > 0:
-        largest_g = _largest_g(frozen, simulation)
+
+        def bears(g: float) -> bool:
+            return not amplifies(simulation, simulation.dt, frozen.modes(g))
+
+        largest_g = largest_from(bears, 1e-12, factor=1.5) if bears(0.0) else 0.0
         values["gamma_max"] = largest_g / frozen.omega_squared if largest_g else STEP_TOO_LONG
     return values
-
-
-def _largest_g(frozen: Frozen, simulation: Simulation) -> float:
-    """The largest g up to which no mode is amplified by the solver alone."""
-
-    def bears(g: float) -> bool:
-        return not amplifies(simulation, simulation.dt, frozen.modes(g))
-
-    return largest_from(bears, 1e-12, factor=1.5) if bears(0.0) else 0.0
 
 
 def _frozen(
