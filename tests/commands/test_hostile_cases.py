@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from barbalat.cases.load import load_case
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify, certify_where_possible
 from barbalat.certificates.schemes import l1, mrac
-from barbalat.certificates.table_1 import table_1
 from barbalat.cli import main
 
 HOSTILE = sorted((Path(__file__).parents[1] / "cases" / "hostile").glob("*.toml"))

@@ -9,8 +9,8 @@ import pytest
 from scipy import linalg
 from scipy import signal as scipy_signal
 
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.laws import Gradient, LeastSquares
-from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.parametric_model import State
 from barbalat.loop.closed_loop import ClosedLoop

@@ -31,8 +31,8 @@ from barbalat import (
     load_case,
     simulate,
 )
-from barbalat.adaptation.normalization import Normalization
-from barbalat.certificates.table_1 import table_1
+from barbalat.adaptation.law import Normalization
+from barbalat.certificates.certificates import table_1
 from barbalat.controllers import robust_mrac_several as several
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.solvers.simulation import Simulation

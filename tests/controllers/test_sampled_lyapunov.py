@@ -12,8 +12,7 @@ from barbalat.controllers import L1Adaptive
 from barbalat.controllers.l1 import Predictor
 from barbalat.controllers.output.l1 import L1Output, OutputPredictor
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.problem.regressors import Linear, MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample

@@ -7,11 +7,10 @@ from typing import Any, NamedTuple
 
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
-from barbalat.certificates.certificates import Certificates
+from barbalat.certificates.certificates import Certificates, Table1, column_of, table_1
 from barbalat.certificates.entry import NUMBERS_ALONE, Entry
 from barbalat.certificates.requested_keys import needing
 from barbalat.certificates.schemes import scheme_file, unregistered
-from barbalat.certificates.table_1 import Table1, column_of, table_1
 from barbalat.loop.binding import bound, is_sampled, numbered
 from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem

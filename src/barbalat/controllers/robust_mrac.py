@@ -12,13 +12,11 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation import implicit
-from barbalat.adaptation.law import AdaptiveLaw, Estimation, require_law
+from barbalat.adaptation.law import AdaptiveLaw, Estimation, Normalization, require_law
 from barbalat.adaptation.laws.gradient import Gradient
 from barbalat.adaptation.laws.least_squares import LeastSquares
-from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import robust_mrac_several as several
-from barbalat.controllers.estimator import Estimator
-from barbalat.controllers.parametric_model import OnParametricModel, State, auxiliary_filter, minimum_phase_model
+from barbalat.controllers.parametric_model import Estimator, OnParametricModel, State, auxiliary_filter, minimum_phase_model
 from barbalat.controllers.settings import (
     Scheme,
     check_common,

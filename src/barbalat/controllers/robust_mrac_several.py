@@ -12,8 +12,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation.guarantee import ModifiedLaw
-from barbalat.adaptation.law import AdaptiveLaw, Estimation
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.law import AdaptiveLaw, Estimation, Normalization
 from barbalat.controllers.parametric_model import OnParametricModel, State
 from barbalat.controllers.settings import initial_estimate
 from barbalat.controllers.windup import applied

@@ -6,8 +6,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers import LinearFeedback
-from barbalat.design.design_model import default_delay, delay_weight, design_model
-from barbalat.design.hinf import mixed_sensitivity
+from barbalat.design.hinf import default_delay, delay_weight, design_model, mixed_sensitivity
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array, InputError

@@ -25,9 +25,9 @@ from barbalat import (
     input_filter,
 )
 from barbalat.certificates.bounds import laws
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops.ideal import around_equilibrium
-from barbalat.certificates.table_1 import table_1
 from barbalat.linear.margins import margins
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.run.ensemble import simulate_ensemble

@@ -19,9 +19,9 @@ from barbalat import (
     simulate,
 )
 from barbalat.adaptation.modifications import EpsilonModification, FixedSigma
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.linear_loops.at_rest import rest_of
 from barbalat.certificates.schemes.mrac_network import ErrorBoundCase, NetworkLaw
-from barbalat.certificates.table_1 import table_1
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.signals import Constant, Sine
 

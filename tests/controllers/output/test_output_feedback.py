@@ -12,13 +12,13 @@ from scipy.integrate import solve_ivp
 
 from adaptation.examples import LAW_EXAMPLES
 from barbalat.adaptation.laws import LAWS, Gradient, LeastSquares
+from barbalat.adaptation.lyapunov import LyapunovLaw
 from barbalat.adaptation.modifications import DeadZone, FixedSigma
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
 from barbalat.cases.load import load_case
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.schemes.output.l1 import condition_norm, small_gain_system
 from barbalat.certificates.schemes.output.mrac import matched_feedback
-from barbalat.certificates.table_1 import table_1
 from barbalat.controllers import Mrac, Sampled
 from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
@@ -30,8 +30,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.run.ensemble import simulate_ensemble
 from barbalat.run.simulate import simulate
 from barbalat.signals import Sine, Step

@@ -10,7 +10,7 @@ from barbalat.adaptation.laws.least_squares import LeastSquaresBounded as LeastS
 from barbalat.adaptation.laws.least_squares import LeastSquaresBoundedGain as LeastSquaresBoundedGain
 from barbalat.adaptation.laws.least_squares import LeastSquaresForgetting as LeastSquaresForgetting
 from barbalat.adaptation.laws.least_squares import LeastSquaresResetting as LeastSquaresResetting
-from barbalat.adaptation.output_lyapunov import LyapunovLaw as LyapunovLaw
+from barbalat.adaptation.lyapunov import LyapunovLaw as LyapunovLaw
 
 LAWS = {
     "gradient": Gradient,

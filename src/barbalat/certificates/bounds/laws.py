@@ -6,13 +6,14 @@ from fractions import Fraction
 from typing import Any, Protocol
 
 import numpy as np
+from flint import arb_mat
 
 from barbalat.adaptation.guarantee import Guarantee, nothing
 from barbalat.adaptation.law import AdaptiveLaw, GuaranteedLaw, OutputErrorLaw
 from barbalat.adaptation.lyapunov import ModifiedSettings
 from barbalat.certificates.bounds.theorem_1 import mrac_bound, nu_0
 from barbalat.certificates.entry import Assumption
-from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR, float_above
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.known_set.cone import EXACT_FACES
@@ -54,8 +55,6 @@ def least_gain(gamma: float | Array) -> float:
 
 def weighted_error(theta_tilde: Array, gamma: Array) -> float:
     """sqrt(theta_tilde'Gamma^-1 theta_tilde), rounded up, for a diagonal or a matrix gain."""
-    from flint import arb_mat
-
     column = arb_mat(theta_tilde[:, None].tolist())
     matrix = arb_mat(Gain(gamma).as_matrix(len(theta_tilde)).tolist())
     return float_above((column.transpose() * matrix.inv() * column)[0, 0].sqrt()) * OUTWARD_FACTOR

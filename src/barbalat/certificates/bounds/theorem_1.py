@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.certificates.bounds.model import ModelBounds, require_lyapunov
-from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR, Enclosure
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.largest import largest_from

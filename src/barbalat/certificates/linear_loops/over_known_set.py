@@ -30,8 +30,7 @@ from barbalat.certificates.linear_loops.worst_case import (
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.linear.margins import Margins, margins
 from barbalat.linear.robust_stability import MatchedFamily, RobustStability, robust_stability
-from barbalat.linear.sampled_loop import SampledLoop
-from barbalat.linear.sampled_margins import delay_margin
+from barbalat.linear.sampled_loop import SampledLoop, delay_margin
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant

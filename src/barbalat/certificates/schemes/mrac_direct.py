@@ -17,8 +17,8 @@ import numpy as np
 
 from barbalat.certificates.assumptions import FROZEN_LAW, nominal, theta_in_the_set
 from barbalat.certificates.bounds import laws
+from barbalat.certificates.bounds.formulas import largest_square
 from barbalat.certificates.bounds.model import largest_along_the_command, model_bounds, require_lyapunov, state_bounds
-from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.cells import statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
@@ -34,7 +34,7 @@ from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers.control_gains import ControlGains, feedforward_gain
 from barbalat.controllers.mrac_direct import DirectMrac
-from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.problem.known_set import Gain, KnownSet
 from barbalat.problem.state_feedback import Problem

@@ -26,8 +26,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, START_TOGETHER, bounded_command, exact_plant, measured
+from barbalat.certificates.bounds.formulas import largest_square
 from barbalat.certificates.bounds.model import command_bounds, require_lyapunov, state_bounds
-from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.cells import denied, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
@@ -35,7 +35,7 @@ from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rows import up
 from barbalat.certificates.schemes.unregistered import add_linearised
 from barbalat.controllers.mrac_network import Equations, NetworkMrac
-from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.problem.state_feedback import Problem

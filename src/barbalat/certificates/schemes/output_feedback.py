@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from barbalat.certificates.assumptions import constant_in_the_end
-from barbalat.certificates.bounds.slopes import largest_at_zero, largest_slope
+from barbalat.certificates.bounds.formulas import largest_at_zero, largest_slope
 from barbalat.certificates.cells import nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry, NotApplicable

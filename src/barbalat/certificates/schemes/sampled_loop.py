@@ -13,8 +13,7 @@ from barbalat.certificates.quantities import EACH_INPUT, Form, Quantity
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.linear.margins import margins
 from barbalat.linear.peaks import peak_gain
-from barbalat.linear.sampled_loop import SampledLoop
-from barbalat.linear.sampled_margins import delay_margin, gain_margins
+from barbalat.linear.sampled_loop import SampledLoop, delay_margin, gain_margins
 from barbalat.linear.systems import complementary_sensitivity, sensitivity
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.validate import Array, InputError

@@ -16,8 +16,8 @@ from barbalat.certificates.assumptions import (
     theta_in_the_set,
 )
 from barbalat.certificates.bounds import laws, theorem_1
+from barbalat.certificates.bounds.formulas import largest_square
 from barbalat.certificates.bounds.model import ModelBounds, state_bounds
-from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.cells import nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
@@ -26,7 +26,7 @@ from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.schemes.unregistered import add_frozen
 from barbalat.certificates.step_limits import any_regressor
-from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.state_feedback import Known, Problem

@@ -19,8 +19,8 @@ import numpy as np
 
 from barbalat.certificates.assumptions import departures
 from barbalat.certificates.bounds import laws
+from barbalat.certificates.bounds.formulas import largest_square
 from barbalat.certificates.bounds.model import command_bounds, motion_along_the_command, state_bounds
-from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.entry import NotApplicable
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.step_limits.frozen_laws import (

@@ -11,8 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw, require_law
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.law import AdaptiveLaw, Normalization, OutputErrorLaw, require_law
 from barbalat.controllers.output import mrac_normalized, mrac_unnormalized
 from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
 from barbalat.controllers.parametric_model import auxiliary_filter

@@ -11,11 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.adaptation import implicit
-from barbalat.adaptation.law import AdaptiveLaw, Estimation
-from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers.estimator import Estimator
+from barbalat.adaptation.law import AdaptiveLaw, Estimation, Normalization
 from barbalat.controllers.output.mrac_unnormalized import REGRESSOR_FILTERS
-from barbalat.controllers.parametric_model import PARAMETRIC_MODEL
+from barbalat.controllers.parametric_model import PARAMETRIC_MODEL, Estimator
 from barbalat.controllers.steps import Filter, LinearStep
 from barbalat.controllers.windup import applied
 from barbalat.linear.systems import StateSpace

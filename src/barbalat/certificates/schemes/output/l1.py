@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.bounds.slopes import steepest_seen
+from barbalat.certificates.bounds.formulas import steepest_seen
 from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
