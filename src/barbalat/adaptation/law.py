@@ -99,7 +99,7 @@ class OutputErrorLaw(Protocol):
 
 @runtime_checkable
 class FreezableLaw(OutputErrorLaw, Protocol):
-    """One whose modifications are known, so that its loop can be looked at with the regressor frozen."""
+    """A law of output feedback whose modifications are known, so that its loop can be looked at with the regressor frozen."""
 
     @property
     def gamma(self) -> float | Array:
@@ -111,7 +111,7 @@ class FreezableLaw(OutputErrorLaw, Protocol):
 
     @property
     def plain(self) -> OutputErrorLaw:
-        """The same without modifications."""
+        """The law without its modifications."""
         ...
 
     @property
@@ -158,7 +158,7 @@ class GuaranteedLaw(Protocol):
     """A law of which is known what a normalised scheme with it guarantees."""
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
-        """With projection onto ``known_set``, on the plant without modelling error."""
+        """The guarantee with projection onto ``known_set``, on the plant without modelling error."""
         ...
 
 

@@ -63,7 +63,7 @@ class Modifications:
 
     @property
     def roles(self) -> Mapping[str, Role]:
-        """Of the memory of composite learning."""
+        """Roles of the memory of composite learning."""
         return {} if self.learning is None else self.learning.roles
 
     def initial(self, b: Array, x0: Array, parameters: int) -> Any:
@@ -144,7 +144,7 @@ class LyapunovLaw(Settings):
         return self.leakage is None and self.dead_zone is None
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
-        """On a plant of the assumed class."""
+        """The guarantee on a plant of the assumed class."""
         leaks = self.leakage is not None
         if Gain(self.gamma).is_matrix and known_set is not None and known_set.cuts_corners:
             return nothing(CORNERS, leaks=leaks)

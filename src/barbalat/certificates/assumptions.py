@@ -68,13 +68,13 @@ def measured(problem: TrackingProblem) -> Assumption:
 
 
 def bounded_command(problem: TrackingProblem) -> Assumption:
-    """Boundedness is of every bounded r."""
+    """The command is bounded, as every statement of boundedness asks."""
     known = all(isinstance(command, BoundedSignal) for command in problem.commands)
     return Assumption("r is bounded", "" if known else "r has no known bound")
 
 
 def constant_in_the_end(problem: TrackingProblem) -> Assumption:
-    """What converges for constant signals only does so where the case's own command and disturbance come to rest."""
+    """The case's own command and disturbance come to rest, which convergence for constant signals alone asks for."""
     acting = {"r": problem.commands, "d": () if problem.disturbance is None else (problem.disturbance,)}
     said = {
         name: [one.settles if isinstance(one, SettlingSignal) else None for one in signals] for name, signals in acting.items()
@@ -87,7 +87,7 @@ def constant_in_the_end(problem: TrackingProblem) -> Assumption:
 
 
 def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:
-    """Where the estimates are projected onto a set, theta lies in it; theta_hat(0) does by construction."""
+    """Theta lies in the set that the estimates are projected onto; theta_hat(0) does by construction."""
     return Assumption(
         "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it",
         "" if known_set.contains(problem.parameters) else OUTSIDE_THE_SET,
@@ -95,7 +95,7 @@ def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:
 
 
 def theta_in_the_set(problem: Problem) -> Assumption:
-    """What is said of every theta in the known set is said of the case's."""
+    """The case's theta lies in the known set, so that what holds for every theta there holds for it."""
     known_set = problem.uncertainty
     outside = known_set is not None and not known_set.contains(problem.plant.theta)
     return Assumption("theta lies in the known set", OUTSIDE_THE_SET if outside else "")
@@ -115,7 +115,7 @@ def small_enough(present: str) -> Assumption:
 
 
 def departures(problem: TrackingProblem) -> tuple[str, ...]:
-    """In a few words each, where the case's plant differs from (1)."""
+    """List, in a few words each, where the case's plant differs from (1)."""
     return tuple(found.broken for found in (exact_plant(problem), undisturbed(problem), measured(problem)) if found.broken)
 
 

@@ -159,7 +159,7 @@ class Draft:
         return self.entries[key].value
 
     def get(self, key: str) -> Any:
-        """The same, or None where nothing stands there."""
+        """The value that stands under a key, or None where nothing stands there."""
         return self[key] if key in self.entries else None
 
     def note(self, sentence: str) -> None:

@@ -53,7 +53,7 @@ class Table1:
 
 
 def table_1(problem: TrackingProblem, controllers: Sequence[Controller], certificates: dict[str, Certificate]) -> Table1:
-    """One column for each controller."""
+    """Table 1 with one column for each controller, each cell checked on the problem."""
     return Table1(tuple(column_of(problem, controller, certificates[controller.name]) for controller in controllers))
 
 

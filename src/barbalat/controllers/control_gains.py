@@ -100,7 +100,7 @@ class ControlGains:
         return -self.matched.phi(x).T @ k_x_hat + k_r_hat.reshape(self.inputs, -1) @ r.reshape(-1)
 
     def exciting(self, k_x_hat: Value, k_r_hat: Value, x: Value, u: Value) -> Value:
-        """What excites the gains: phi(x) and, with several inputs, K_r'K_r r, which is r but for its directions' lengths."""
+        """The exciting signals: phi(x) and, with several inputs, K_r'K_r r, which is r but for its directions' lengths."""
         if self.inputs == 1:
             return self.with_input(x, u)
         Phi, m = self.matched.phi(x), self.inputs
@@ -116,7 +116,7 @@ class ControlGains:
         return np.asarray(theta / np.tile(omega, len(theta) // self.inputs))
 
     def ideal_feedforward(self, omega: Array) -> Array:
-        """k_r, by the other one, omega k_r = k_0."""
+        """k_r, by the matching condition omega k_r = k_0."""
         return np.asarray(self.k_0 / np.repeat(omega, len(self.k_0) // self.inputs))
 
     def rates(self, error: Value, of_x: Value, of_r: Value, k_x_hat: Value, k_r_hat: Value) -> tuple[Value, Value]:

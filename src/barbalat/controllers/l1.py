@@ -91,7 +91,7 @@ class Predictor:
         return replace(self, frozen=frozen)
 
     def _remembered(self, before: Any, memory: Any) -> Any:
-        """What was learnt; the filters of what is measured go on while it rests."""
+        """The memory with what was learnt; the filters of what is measured go on while it rests."""
         learning = self.continuous.modifications.learning
         return memory if self.frozen is None or learning is None else resting(self.frozen, learning.roles, before, memory)
 

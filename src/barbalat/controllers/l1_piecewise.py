@@ -99,7 +99,7 @@ class AsFlown(Settings):
         return validate.vector("as_flown.nominal", self.nominal, parameters)
 
     def step(self, A_m: Array, B: Array, T: float) -> PredictorStep:
-        """From sample to sample, by the assumed T [s]."""
+        """The predictor's step from sample to sample, by the assumed T [s]."""
         a = self.poles(len(A_m))
         with np.errstate(over="ignore"):  # of a T far beyond the loop's own: the factor tends to 0
             decay = -np.expm1(-a * T)  # a e^(aT)/(e^(aT) - 1) = a/(1 - e^(-aT)), which is 1/T for a = 0
@@ -125,7 +125,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """From sample to sample."""
+    """The equations from sample to sample."""
 
     sample_time: float
     predictor: PredictorStep
@@ -160,7 +160,7 @@ class Equations:
         return replace(self, frozen=frozen)
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
-        """What passes C(s): k_0 r - sigma_hat of the inputs, and sigma_hat beside them."""
+        """The signals that pass C(s): k_0 r - sigma_hat of the inputs, and sigma_hat beside them."""
         m = self.matched.inputs
         wanted = -sigma_hat[:m] if self.direct is not None else self._commanded(r) - sigma_hat[:m]
         return np.concatenate([wanted, sigma_hat[m:]])

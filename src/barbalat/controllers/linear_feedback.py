@@ -28,7 +28,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """With theta = theta_0 the loop around K(s) is that of c'(sI - A_m)^-1 b."""
+    """The equations of the linear controller; with theta = theta_0 its loop is K(s) around c'(sI - A_m)^-1 b."""
 
     k_0: float
     c: Array

@@ -90,7 +90,7 @@ class OnParametricModel(ABC):
 
     @abstractmethod
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
-        """What -Q(s) filters to become the auxiliary input."""
+        """The signal that -Q(s) filters to become the auxiliary input."""
 
     @property
     def roles(self) -> dict[str, Role]:

@@ -83,7 +83,7 @@ class Equations(OnParametricModel):
         return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
 
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
-        """What -Q(s) filters. The paper prints the second term with the opposite sign: an erratum, see the class RobustMrac."""
+        """The signal that -Q(s) filters; the paper prints its second term with the opposite sign, an erratum: see RobustMrac."""
         estimation = self.estimation(state, x)
         return estimation.epsilon * estimation.m_s_squared + self.c_0 @ state.swapping
 

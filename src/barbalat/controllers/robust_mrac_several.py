@@ -73,7 +73,7 @@ class Equations(OnParametricModel):
         return Estimation(phi, m_s_squared, (z - phi.T @ state.theta_hat) / m_s_squared)
 
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
-        """What -Q(s) filters to become the auxiliary input."""
+        """The signal that -Q(s) filters to become the auxiliary input."""
         estimation = self.estimation(state, x)
         return estimation.epsilon * estimation.m_s_squared + self.C_0 @ state.swapping
 

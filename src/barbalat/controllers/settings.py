@@ -38,7 +38,7 @@ class PatentNamed(Protocol):
 
 
 class Adaptive(Protocol):
-    """What every adaptive controller's settings share."""
+    """Settings that every adaptive controller has."""
 
     @property
     def name(self) -> str: ...
@@ -128,7 +128,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def beyond_of(scheme: type) -> tuple[str, ...]:
-    """What of plants a scheme declares that it does not take; of one from outside nothing is known before it is bound."""
+    """Plant features that a scheme declares as beyond it; of one from outside nothing is known before it is bound."""
     beyond: tuple[str, ...] = getattr(scheme, "beyond", ())
     return beyond
 
@@ -154,7 +154,7 @@ def bound_with_lyapunov_law(settings: LyapunovSettings, known: Known) -> dict[st
 
 
 def projection_set(projection: bool | None, known: Known) -> EstimateSet | None:
-    """What to project onto: by default the known set where one is given; the input gains, where unknown, always onto theirs.
+    """The set to project onto: by default the known set where one is given; unknown input gains are always projected onto theirs.
 
     u is divided by their estimates, which must stay away from zero.
     """

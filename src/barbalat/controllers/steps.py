@@ -64,7 +64,7 @@ class Unmoved(NamedTuple):
 
 
 class SampledForm:
-    """It starts as they do, and holds their control."""
+    """A sampled form that starts as its continuous equations do, and holds their control."""
 
     continuous: Equations
 

@@ -119,7 +119,7 @@ def performance_weight(bandwidth: float) -> TransferFunction:
 
 
 def generalised_plant(G: StateSpace, W_S: StateSpace, W_KS: float, W_T: StateSpace) -> tuple[Array, Array, Array, Array]:
-    """From (w, u) to (W_S (w - G u), W_KS u, W_T G u, w - G u); G strictly proper."""
+    """The generalised plant from (w, u) to (W_S (w - G u), W_KS u, W_T G u, w - G u); G strictly proper."""
     g, s, t = G.order, W_S.order, W_T.order
     A = np.block([
         [G.A, np.zeros((g, s + t))],
@@ -180,7 +180,7 @@ def _suboptimal(plant: tuple[Array, Array, Array, Array]) -> tuple[StateSpace, f
 
 
 def _closed(plant: tuple[Array, Array, Array, Array], K: StateSpace) -> tuple[Array, Array, Array, Array]:
-    """From w to what is weighted, with u = K v around the generalised plant, whose v doesn't hold u itself."""
+    """The closed loop from w to what is weighted, with u = K v around the generalised plant, whose v doesn't hold u itself."""
     A, B, C, D = plant
     w, u = B[:, [0]], B[:, [1]]
     weighted, v = C[:-1], C[[-1]]

@@ -156,7 +156,7 @@ def _refined(family: MatchedFamily, w: Array) -> Array:
 
 
 def _real_crossings(family: MatchedFamily, grid: Array) -> Array:
-    """Where some a_i is real: there a parameter can act alone, and mu of real parameters may jump."""
+    """Frequencies at which some a_i is real: there a parameter can act alone, and mu of real parameters may jump."""
     from scipy.optimize import brentq
 
     def imaginary(point: float, i: int) -> float:

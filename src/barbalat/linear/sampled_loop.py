@@ -91,7 +91,7 @@ class SampledLoop:
         return M, N, np.hstack([self.C, np.zeros((m, len(of_earlier)))])
 
     def broken_at(self, i: int, delay: float | Array) -> tuple[Array, Array, Array]:
-        """The same, open at the input i alone: the others are closed."""
+        """(M, N, C) of the loop that is open at the input i alone: the others are closed."""
         M, N, C = self.broken(delay)
         others = np.arange(self.inputs) != i
         return M + N[:, others] @ C[others], N[:, [i]], C[[i]]
@@ -112,7 +112,7 @@ class SampledLoop:
         return np.asarray(self.J @ self.over(self.T)[0])
 
     def closed(self, delay: float | Array, factor: float = 1.0) -> Array:
-        """From sample to sample; ``factor`` multiplies all inputs."""
+        """The closed loop's matrix from sample to sample; ``factor`` multiplies all inputs."""
         M, N, C = self.broken(delay)
         return np.asarray(M + factor * N @ C)
 
@@ -224,7 +224,7 @@ def _between_neighbours(w: Array, room: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _DelaySearch:
-    """For a delay of the inputs ``at``, or of all, beside the one that all have."""
+    """The search for the delay of the inputs ``at``, or of all, beside the one that all have, at which stability is lost."""
 
     loop: SampledLoop
     delay: float
@@ -326,7 +326,7 @@ class _DelaySearch:
 
 @dataclass(frozen=True, eq=False)
 class _GainSearch:
-    """For a factor that multiplies all inputs."""
+    """The search for the factor on all inputs at which stability is lost."""
 
     loop: SampledLoop
     delay: float

@@ -36,7 +36,7 @@ class SampledNorms:
         return self._bounded(s, summed=True)
 
     def largest(self, s: Array) -> Array:
-        """max_k |C M^k s|, of the same shape."""
+        """max_k |C M^k s|, of the shape of ``summed``."""
         return self._bounded(s, summed=False)
 
     def _bounded(self, s: Array, *, summed: bool) -> Array:

@@ -252,7 +252,7 @@ SOLVED_AT_ONCE = 2**22
 
 
 def of_response(states: float, frequencies: int) -> Estimate:
-    """What frequency responses cost by solving at each frequency: 3.6 s in all for the 165 states of a network's loop."""
+    """The cost of frequency responses by solving at each frequency: 3.6 s in all for the 165 states of a network's loop."""
     return Estimate(memory=64.0 * max(states**2, SOLVED_AT_ONCE), seconds=2e-9 * frequencies * states**3)
 
 

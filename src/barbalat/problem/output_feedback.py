@@ -41,7 +41,7 @@ class Nonlinearity:
 
     @property
     def bend(self) -> str | None:
-        """Where f has a corner."""
+        """The place where f has a corner."""
         return BEND_OF_ABS if self._parsed.bends else None
 
     def at(self, y: Any, t: Any) -> Any:

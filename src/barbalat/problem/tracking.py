@@ -60,7 +60,7 @@ class ModelDynamics(Dynamics, Protocol):
         ...
 
     def remedy(self, gain: float) -> str | None:
-        """What would make it settle at a command of which it settles at ``gain`` times; None where nothing is known to."""
+        """A change that would make it settle at a command of which it settles at ``gain`` times; None where none is known."""
         ...
 
 
@@ -151,7 +151,7 @@ class TrackingProblem:
 
     @property
     def history(self) -> Array:
-        """What left the delay before anything of the run did, for each input, (m,)."""
+        """The signal that leaves the delay before anything of the run does, for each input, (m,)."""
         return np.array([path.history for path in self.plant.paths])
 
     @property

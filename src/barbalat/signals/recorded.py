@@ -172,7 +172,7 @@ def _text(content: bytes) -> str:
 
 
 def _separator(lines: list[str]) -> str:
-    """What stands between two numbers in the first line that begins with one, else has any: the surest sign first."""
+    """The separator of two numbers in the first line that begins with one, else has any: the surest sign first."""
     numbers = [line.strip() for line in lines if re.match(r'[\s"]*[-+.]?\d', line)]
     first = next((line.strip() for line in [*numbers, *lines] if any(map(str.isdigit, line))), "")
     for sign in ("\t", ";"):

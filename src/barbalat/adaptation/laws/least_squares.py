@@ -75,7 +75,7 @@ class CovarianceLaw(ModifiedLaw):
 
 @dataclass(frozen=True, eq=False)
 class BoundedCovarianceLaw(CovarianceLaw):
-    """One that forgets, and keeps |P|_F below a bound."""
+    """A least-squares law that forgets, and keeps |P|_F below a bound."""
 
     covariance0: float | Array
     _: KW_ONLY

@@ -33,7 +33,7 @@ class Bound(Equations, Protocol):
 
 
 class LyapunovScheme(Protocol):
-    """Settings of a scheme whose law follows from that V."""
+    """Settings of a scheme whose law follows from V = e'P e + theta_tilde'Gamma^-1 theta_tilde."""
 
     @property
     def gamma(self) -> float | Array: ...
@@ -45,7 +45,7 @@ class LyapunovScheme(Protocol):
 
 
 class ModifiedScheme(LyapunovScheme, ModifiedSettings, Protocol):
-    """One whose law may be modified."""
+    """Settings of a scheme with that V whose law may be modified."""
 
 
 def least_gain(gamma: float | Array) -> float:

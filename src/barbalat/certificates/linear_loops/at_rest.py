@@ -80,7 +80,7 @@ class Rest:
         return np.linalg.eigvals(np.asarray(jacobian_function(self.loop)(self.state, self.signals)))
 
     def broken(self, *, frozen: bool) -> StateSpace:
-        """From the plant's input v to -u, with the estimates ``frozen``, as a freeze would, or with their law; for one input.
+        """The loop of one input from the plant's input v to -u, with the estimates ``frozen``, as by a freeze, or with their law.
 
         Left out: the model, which v doesn't move, the dynamics at the plant's input, the sensor's lag, and combinations of
         the state that nothing moves, such as the estimates in directions in which the regressor has no part.
@@ -93,7 +93,7 @@ class Rest:
         return _reduced(inner, jacobians(rest, reaches), frozen)
 
     def broken_at(self, i: int, *, frozen: bool) -> StateSpace:
-        """From what reaches the plant's input i to what would, with the sign of L; the others are closed, all dynamics in it."""
+        """The loop from what reaches the plant's input i to what would, with the sign of L, the others closed, with all dynamics."""
         loop, alone = self.loop, np.arange(self.loop.inputs) == i
 
         def given_input(state: Value, v: Value) -> tuple[Value, Value]:
@@ -202,7 +202,7 @@ def _resting(loop: ClosedLoop) -> list[StatePart]:
 
 
 def _rows(loop: ClosedLoop, parts: Iterable[StatePart]) -> Array:
-    """Where the parts stand in the flat state."""
+    """The rows of the flat state in which the parts stand."""
     return np.concatenate([np.zeros(0, dtype=int), *(np.arange(loop.size)[part.rows] for part in parts)])
 
 

@@ -74,7 +74,7 @@ def _least(name: str, found: list[Margins], points: Array) -> tuple[float, Array
 
 
 def _delay(loop: SampledLoop, delay: float) -> float | None:
-    """None where none is found up to the longest that is tried."""
+    """The delay margin; None where none is found up to the longest delay that is tried."""
     try:
         return delay_margin(loop, delay)
     except InputError:
@@ -124,13 +124,13 @@ def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
 
 @lru_cache(maxsize=16)
 def _worst_at_rest(plant: Plant, known_set: KnownSet, lag: StateSpace | None) -> WorstCase:
-    """Several schemes of one case share it."""
+    """The worst case of the loop at rest, which several schemes of one case share."""
     return worst_case(LoopsOverTheta(plant, lambda plant: known_parameters(plant, plant.theta), lag), known_set)
 
 
 @lru_cache(maxsize=16)
 def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace, lag: StateSpace | None) -> list[tuple[str, WorstCase]]:
-    """L1-ACs of one case that differ in the gain alone share it."""
+    """The worst cases of L1-AC's two readings, which L1-ACs of one case that differ in the gain alone share."""
     families = {
         LOOP_OF_FAST_ADAPTATION: LoopsOverTheta(plant, lambda plant: fast_adaptation(plant, C), lag),
         LOOP_AT_REST: LoopsOverTheta(plant, lambda plant: known_parameters(plant, plant.theta, C), lag),

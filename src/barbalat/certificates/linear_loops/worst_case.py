@@ -44,17 +44,17 @@ class LoopsOverTheta:
 
     @property
     def delay(self) -> float:
-        """At the plant's input, not in the loop [s]."""
+        """The delay at the plant's input [s], which is not in the loop."""
         return float(self.plant.paths[0].delay)
 
     def loop(self, theta: Array) -> StateSpace:
-        """Broken at the plant's input."""
+        """The loop for a theta, broken at the plant's input."""
         loop, dynamics = self.around(replace(self.plant, theta=theta)), self.plant.paths[0].dynamics
         loop = loop if dynamics is None else series(dynamics.realise(), loop)
         return loop if self.lag is None else series(loop, self.lag)
 
     def responses(self, w: Array) -> Callable[[Array], tuple[Array, Array]]:
-        """From thetas (M, n) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.
+        """A function from thetas (M, n) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.
 
         Both are affine in theta: from the origin and the unit vectors.
         """
@@ -71,7 +71,7 @@ class LoopsOverTheta:
         return np.asarray(np.linalg.eigvals(origin + np.tensordot(thetas, slopes, 1)).real.max(axis=1))
 
     def frequencies(self, thetas: Array) -> Array:
-        """From far below to far above every pole and every crossover that the set allows, denser at faint damping.
+        """Frequencies from far below to far above every pole and every crossover that the set allows, denser at faint damping.
 
         A loop that is stable with the delay d has its crossovers below 2 pi/d: some turns are looked at closely.
         """

@@ -71,7 +71,7 @@ def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> C
 
 
 def linear_when(problem: Problem, _: Adrc) -> str | None:
-    """On every plant with phi(x) = x, with several inputs too."""
+    """The controller is linear on every plant with phi(x) = x, with several inputs too."""
     return LINEAR_CONTROLLER if problem.plant.is_linear else None
 
 

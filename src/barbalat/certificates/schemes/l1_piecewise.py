@@ -55,7 +55,7 @@ class Distance(NamedTuple):
 
 
 def distance(problem: Problem, controller: L1PiecewiseConstant, levels: Array) -> Distance:
-    """For commands of these sizes (q,), held from sample to sample; InputError where loop or reference system is unstable."""
+    """The distance to the reference system for held commands of these sizes (q,); InputError where one of the two is unstable."""
     equations, plant = controller.bind(problem.known), problem.plant
     T, n, q = controller.sample_time, plant.n, len(levels)
     single = StateSpace.gain(1.0) if controller.filter is None else controller.filter.realise()
@@ -141,7 +141,7 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation
 
 
 def _add_of_the_controller(draft: Draft, problem: Problem, controller: L1PiecewiseConstant, equations: Equations) -> None:
-    """What no plant changes."""
+    """Add what no plant changes: the estimate of a constant sigma, the transfer functions, the ratio of the sample times."""
     p, n = equations.predictor, problem.plant.n
     at_dc = p.G @ np.linalg.solve(np.eye(n) - p.of_x_hat + p.of_acting @ p.G, p.of_acting)
     of = "the controller alone"

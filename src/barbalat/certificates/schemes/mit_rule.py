@@ -39,7 +39,7 @@ SLOW_ADAPTATION_RATIO = 1e-4
 
 
 def certificate(problem: Problem, controller: MitRule, simulation: Simulation) -> Certificate:
-    """What its linearisations say: nothing is guaranteed."""
+    """The findings of the rule's linearisations: nothing is guaranteed."""
     draft = Draft(own=OWN_QUANTITIES)
     draft.note(f"of the MIT rule no bound is known, {ITS_BASIS}")
     draft.missing("error_bound", NONE_KNOWN)

@@ -119,7 +119,7 @@ def _largest(a: float, b: float, end: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ErrorBoundCase:
-    """What of the problem the bound of e needs."""
+    """The numbers of the problem that the bound of e needs."""
 
     problem: Problem
     law: NetworkLaw
@@ -204,7 +204,7 @@ class ErrorBoundCase:
 
 
 def bounds(problem: Problem, equations: Equations) -> WeightBounds:
-    """All that is found."""
+    """All bounds that are found: of e, of the outer and of the inner weights."""
     always = NetworkLaw.of(equations).whatever_acts
     try:
         case = ErrorBoundCase.of(problem, equations)
@@ -243,7 +243,7 @@ NOT_TO_ZERO = "its modification promises no convergence of the error to zero: it
 
 
 def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulation) -> Certificate:
-    """What its modification guarantees, and what its linearisations say."""
+    """The guarantees of the scheme's modification, and the findings of its linearisations."""
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     draft.note("the network never makes L = e'P e + |W_hat|^2/gamma + |V_hat|^2/gamma_v grow; that it helps is not proven")
     found, nominal, always = bounds(problem, equations), _nominal(problem), _of_the_weights(problem, controller)

@@ -43,7 +43,7 @@ MOST_ENLARGEMENTS = 200
 
 @dataclass(frozen=True)
 class OutputBounds:
-    """What holds at all times up to t_end.
+    """Bounds of an output-feedback loop that hold at all times up to t_end.
 
     y, e    bounds of |y_G| and of |y - y_m|
     sigma   bound of |sigma|; 0 for a controller without it

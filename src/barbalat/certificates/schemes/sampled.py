@@ -61,7 +61,7 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
 
 
 def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simulation) -> Certificate:
-    """From the continuous controller's certificate at ``judged_at``."""
+    """The sampled controller's certificate, from that of the continuous one at ``judged_at``."""
     controller.bind(problem.known)  # refuses what has no sampled form
     scheme, T, judged = controller.controller, controller.sample_time, judged_at(controller, simulation)
     file = scheme_file(scheme)
@@ -97,7 +97,7 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
 
 
 def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certificate, linear: str) -> Certificate:
-    """With the sampled loop's own stability and margins; a solver's or a law's step then decides nothing."""
+    """The certificate with the sampled loop's own stability and margins; a solver's or a law's step then decides nothing."""
     left = {entry.key: entry for entry in continuous.entries if entry.key not in LIMIT_KEYS}
     draft, found = Draft(left, list(continuous.notes), own=OF_SAMPLED_LOOPS), linearised(problem, controller)
     if add_loop(draft, problem, found, linear) and isinstance(problem, Problem) and problem.plant.inputs == 1:
@@ -116,7 +116,7 @@ def _unstable(step_max: float, whole_loop: bool) -> str:
 
 
 def _sampled(entry: Entry, controller: Sampled) -> Entry:
-    """What is left of a continuous controller's value when the controller acts at samples only."""
+    """The entry that is left of a continuous controller's when the controller acts at samples only."""
     if entry.kind == "guaranteed" and not entry.quantity.timeless:
         return replace(entry, kind="does not apply", why=f"sampled every {controller.sample_time:g} s")
     if entry.kind == "exact" or (entry.kind == "estimate" and entry.key in OF_THE_CONTINUOUS_LOOP):
@@ -131,7 +131,7 @@ def _sampled(entry: Entry, controller: Sampled) -> Entry:
 
 
 def column(problem: TrackingProblem, controller: Sampled, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
-    """What holds in continuous time is not claimed of a sampled controller, but what the midpoint rule keeps of V is."""
+    """The column of a sampled controller: it claims of the continuous one's only what the midpoint rule keeps of V."""
     name, continuous = (scheme_file(controller.controller) or unregistered).column(problem, controller.controller, certificate)
     why = f"sampled every {controller.sample_time:g} s"
     cells = {

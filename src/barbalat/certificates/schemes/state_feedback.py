@@ -51,7 +51,7 @@ def of_the_case(problem: Problem, estimate_set: EstimateSet | None, error: float
 
 
 def of_the_lyapunov_law(problem: Problem, controller: laws.LyapunovScheme, certificate: Certificate) -> tuple[Assumption, ...]:
-    """What its V rests on; with a leakage or a dead zone V is bounded all the same."""
+    """The assumptions of a Lyapunov law's V; with a leakage or a dead zone V is bounded all the same."""
     estimate_set, bound = controller.bind(problem.known).estimate_set, certificate.entry("error_bound")
     case = of_the_case(problem, estimate_set, None if bound is None else bound.value)
     return (*case, laws.keeps_V_in_corners(controller.gamma, estimate_set))
@@ -119,7 +119,7 @@ def add_parameter_errors(draft: Draft, problem: Problem, equations: laws.Bound, 
 
 
 def add_ingredients(draft: Draft, problem: Problem, estimate_set: EstimateSet | None, model: ModelBounds) -> None:
-    """What (9) and (10) are computed from, which no controller and no theta changes."""
+    """Add what (9) and (10) are computed from, which no controller and no theta changes."""
     known = problem.known
     draft.advise({"P": known.P.tolist()})
     draft.guarantee("lambda_min", smallest_eigenvalue(known.P), NUMBERS_ALONE)

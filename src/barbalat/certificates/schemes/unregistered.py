@@ -41,7 +41,7 @@ def certificate(problem: TrackingProblem, controller: Controller, simulation: Si
 def add_linearised(
     draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation, *, bent: str = ""
 ) -> None:
-    """What follows from the equations alone: margins, and the step that the modes bear.
+    """Add what follows from the equations alone: margins, and the step that the modes bear.
 
     ``bent`` says why the law has no slope where the loop rests.
     """
@@ -96,7 +96,7 @@ def add_frozen(draft: Draft, problem: TrackingProblem, controller: Controller) -
 
 
 def _add_frozen(draft: Draft, problem: TrackingProblem, loop: ClosedLoop, still: Rest | NotApplicable) -> bool:
-    """Whether it rests."""
+    """Add the margins with the estimates frozen; whether the loop rests."""
     if isinstance(still, NotApplicable):
         draft.missing("delay_margin", still.why)
         return False

@@ -31,7 +31,7 @@ KEYS_AT_MODEL = {key: f"{key}_at_model" for key in ("gamma_max", "step_max")}
 
 
 class FrozenLaw(Protocol):
-    """What bears a frozen law: an Oscillator under a solver, a HeldOscillator from sample to sample."""
+    """A frozen law and what integrates it: an Oscillator under a solver, a HeldOscillator from sample to sample."""
 
     @property
     def bPb(self) -> float: ...
@@ -60,7 +60,7 @@ def of_lyapunov_law(
     filter_poles: Array | None = None,
     oscillator: FrozenLaw | None = None,
 ) -> dict[str, Any]:
-    """For a law theta_hat' = Gamma (e'P b) x and |x|_2 <= offset + factor/sqrt(Gamma); for a matrix by its extreme eigenvalues.
+    """Limits of a law theta_hat' = Gamma (e'P b) x, |x|_2 <= offset + factor/sqrt(Gamma), by a matrix' extreme eigenvalues.
 
     ``None`` for gamma_max where no gain is too large, which takes x = 0, and for a matrix; why not where none is shown to be
     borne.
@@ -132,7 +132,7 @@ def _largest_gain(root_g: float, offset: float, factor: float) -> float | NotApp
 def of_parametric_model(
     problem: Problem, equations: Equations | robust_mrac_several.Equations, simulation: Simulation
 ) -> dict[str, Any]:
-    """For a law on the parametric model (13), whose adaptation is a decay: the regressor does not depend on the estimates."""
+    """Limits of a law on the parametric model (13), whose adaptation is a decay: no estimate moves the regressor."""
     filters = [np.linalg.eigvals(problem.known.A_m), input_poles(problem), np.array([-equations.normalization.delta_0])]
     if equations.Q is not None:
         filters.append(np.linalg.eigvals(equations.Q.A))

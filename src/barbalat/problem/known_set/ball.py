@@ -163,7 +163,7 @@ class ParameterBall(Settings):
         return np.where(outside, self.center + g * (reach / np.sqrt(np.where(outside, g @ g, 1.0))), theta_hat)
 
     def nearest(self, theta_hat: Value, gain: Gain) -> Value:
-        """The same: only a scalar gain is asked for."""
+        """The nearest point of the set: only a scalar gain is asked for."""
         return self.limit(theta_hat)
 
     def _reach(self, slack: float) -> Value:
@@ -277,7 +277,7 @@ class ParameterProduct:
 
     @property
     def steps_cut_corners(self) -> bool:
-        """The same: a gain matrix has no implicit step here."""
+        """Whether projecting at the end of a step cuts corners: a gain matrix has no implicit step here."""
         return self.cuts_corners
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
@@ -297,7 +297,7 @@ class ParameterProduct:
         return np.concatenate([theta if self.theta is None else self.theta.limit(theta), self.gains.limit(gains)])
 
     def nearest(self, theta_hat: Value, gain: Gain) -> Value:
-        """The same: no gain matrix is asked for."""
+        """The nearest point of the set: no gain matrix is asked for."""
         return self.limit(theta_hat)
 
     def why_no_step(self, gain: Gain) -> str | None:

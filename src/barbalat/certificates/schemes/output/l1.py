@@ -174,7 +174,7 @@ def _bears(solver: Tableau, h: float, m: float, gamma: float) -> bool:
 
 
 def linear_when(_problem: OutputProblem, _controller: L1Output) -> str | None:
-    """Inside the bounds of sigma, as in continuous time."""
+    """The controller is linear inside the bounds of sigma, as in continuous time."""
     return f"{LINEAR_LOOP}; sigma is inside its bounds"
 
 

@@ -231,7 +231,7 @@ def _of_the_bound(problem: OutputProblem) -> tuple[Assumption, ...]:
 
 
 def _add_at_dc(draft: Draft, equations: Equations) -> None:
-    """What no plant changes."""
+    """Add what no plant changes: the estimate of a constant sigma at rest, and what it leaves."""
     Phi, Gamma, c, G = equations.model.Phi, equations.model.Gamma, equations.c, equations.G
     at_rest = np.linalg.solve((np.eye(len(c)) - Phi).T, c)  # c'(I - Phi)^-1
     s, q = at_rest @ Gamma, float(at_rest @ Gamma @ G)

@@ -246,7 +246,7 @@ def _of_lyapunov_law(frozen: Frozen, law: FreezableLaw, simulation: Simulation) 
 def _frozen(
     problem: OutputProblem, controller: MracOutput, law: FreezableLaw, theta: Array | None, where: str
 ) -> Frozen | NotApplicable:
-    """From the exact Jacobian at rest with r = 1."""
+    """The loop around frozen estimates, from the exact Jacobian at rest with r = 1."""
     plain = replace(controller, law=law.plain, lower=None, upper=None, c_0_min=None)
     loop = ClosedLoop.of(problem, plain)
     loop = replace(loop, paths=tuple(path and replace(path, rate_limit=None) for path in loop.paths))  # one that does not act
