@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.papers.claim import Claim
 from barbalat.papers.measurement import Measurement
 from barbalat.papers.paper import Paper, paper_of, papers

@@ -118,7 +118,7 @@ def along(problem: Problem, controller: RobustMrac, simulation: Simulation) -> A
     phi, m_s_squared, epsilon = (np.array([getattr(f, name) for f in found]) for name in Estimation._fields)
     covariance, theta_tilde = np.array([s.scheme.memory.covariance for s in states]), run.theta_hat - problem.plant.theta
     pairs = zip((state.scheme for state in states), found, strict=True)
-    rates = [equations.law.rates(scheme.theta_hat, scheme.memory, f, equations.box).theta_hat for scheme, f in pairs]
+    rates = [equations.law.rates(scheme.theta_hat, scheme.memory, f, equations.estimate_set).theta_hat for scheme, f in pairs]
     m_s = np.sqrt(m_s_squared)
     return Along(
         t=run.t,
