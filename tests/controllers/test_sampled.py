@@ -25,9 +25,9 @@ from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
 from barbalat.protocols import Sample
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.noise import standard_normal
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.kernel.noise import standard_normal
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

@@ -14,7 +14,7 @@ from barbalat.linear.systems import TransferFunction
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

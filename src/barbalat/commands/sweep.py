@@ -13,10 +13,10 @@ from barbalat.commands.progress import SECONDS_EACH_STEP, Work, say, work
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from barbalat.budget import Progress
     from barbalat.cases.load import CaseText
     from barbalat.commands import Commands
     from barbalat.report.files import Folder
-    from barbalat.run.progress import Progress
     from barbalat.sweeps.cluster import Scheduler
     from barbalat.sweeps.requirement import Requirement
     from barbalat.sweeps.result import SweepResult

@@ -15,7 +15,7 @@ from barbalat.controllers.tuning_grid import OutputTuningScale, Tunable, TuningG
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import ideal
 from barbalat.validate import Array, InputError

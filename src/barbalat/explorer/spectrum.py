@@ -17,8 +17,8 @@ from barbalat.lowering.shape import WATCH_EVERY, LoopShape
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.open_numbers.probe import Target
 from barbalat.protocols import DiscretizedEquations
-from barbalat.run.diagnosis.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
-from barbalat.run.template import Template
+from barbalat.run.engine.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
+from barbalat.run.kernel.template import Template
 
 MOST_STATES = 40
 """Of a loop whose spectrum is taken after every run: some dozens of them cost less than drawing."""

@@ -13,7 +13,7 @@ from barbalat.open_numbers.kernel_numbers import Family, Numbers
 from barbalat.open_numbers.probe import DelayEffect, Effect, Kind, Tried, direct
 from barbalat.open_numbers.varied import Varied
 from barbalat.protocols import Signal
-from barbalat.run.members import Members
+from barbalat.run.kernel.members import Members
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 

@@ -18,11 +18,11 @@ from barbalat.cases.build import Case
 from barbalat.open_numbers.kernel_numbers import OTHER_STRUCTURE, ROUNDING, Family, Member, Numbers
 from barbalat.open_numbers.numbers import SPECIAL_VALUES, At, Number
 from barbalat.open_numbers.varied import Varied
-from barbalat.run import delay
-from barbalat.run.breaks import can_be_split
-from barbalat.run.columns import Columns, StructureError
-from barbalat.run.members import OtherRhythmError, Reader
-from barbalat.run.template import argument_numbers
+from barbalat.run.kernel import delay
+from barbalat.run.kernel.breaks import can_be_split
+from barbalat.run.kernel.columns import Columns, StructureError
+from barbalat.run.kernel.members import OtherRhythmError, Reader
+from barbalat.run.kernel.template import argument_numbers
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from barbalat import validate
-from barbalat.run.metrics import Metrics
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.settings import Settings
 from barbalat.validate import Array
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat import budget, validate
+from barbalat.budget import Progress, part_of
 from barbalat.linear.largest import halvings
 from barbalat.loop.binding import bound, numbered
 from barbalat.loop.closed_loop import ClosedLoop
@@ -21,10 +22,9 @@ from barbalat.loop.user_errors import named
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.costs import of_members
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.metrics import Metrics
-from barbalat.run.progress import Progress, part_of
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.costs import of_members
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_search import LONGEST_DELAY, SCANNED_DELAYS, DelaySearch, scanned

@@ -13,9 +13,9 @@ import numpy as np
 
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import DelayMargins

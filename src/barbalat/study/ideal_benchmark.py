@@ -16,8 +16,8 @@ from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.metrics import Metrics
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.signals import Constant
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Expected, tail_error

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.metrics import Metrics
-from barbalat.run.progress import Progress, part_of
+from barbalat.budget import Progress, part_of
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset, tracks
 from barbalat.study.ideal_benchmark import Benchmark, Ideals, Member, quiet_members, with_errors

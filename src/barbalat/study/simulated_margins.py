@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.certificates import Certificates
 from barbalat.loop.binding import numbered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, EXAMINED_WITHOUT_ESTIMATES, NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.budget import Progress, part_of
 from barbalat.controllers import RobustMrac
 from barbalat.linear.largest import halvings
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.modelling_error import ModellingError
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.progress import Progress, part_of
+from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array, InputError

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from barbalat import validate
 from barbalat.open_numbers.members import Setting
-from barbalat.run.metrics import Metrics
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.sweeps.chunks import Chunk
 from barbalat.sweeps.study import Columns, Study, StudyPart
 from barbalat.sweeps.worker_task import Tabulated, WorkerTask, figures, kept

@@ -14,8 +14,8 @@ from barbalat import budget, validate
 from barbalat.budget import Estimate, of_kernel
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.probe import Kind
-from barbalat.run.costs import MEMBER, of_members, of_steps
-from barbalat.run.metrics import Metrics
+from barbalat.run.kernel.costs import MEMBER, of_members, of_steps
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet

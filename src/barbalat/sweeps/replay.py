@@ -8,14 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from barbalat import validate
+from barbalat.budget import Progress
 from barbalat.cases.build import Case
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.batch import Batch
-from barbalat.run.diagnosis.stability_label import MOST_WINDOWS
-from barbalat.run.engine import run
-from barbalat.run.progress import Progress
-from barbalat.run.result import Result
-from barbalat.run.simulate import result_of
+from barbalat.run.engine.batch import Batch
+from barbalat.run.engine.engine import run
+from barbalat.run.engine.simulate import result_of
+from barbalat.run.engine.stability_label import MOST_WINDOWS
+from barbalat.run.results.result import Result
 from barbalat.sweeps.study import Columns, Study, columns_of
 
 

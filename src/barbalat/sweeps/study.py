@@ -9,17 +9,17 @@ from functools import cached_property
 
 import numpy as np
 
+from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
-from barbalat.run import delay
-from barbalat.run.batch import Batch
-from barbalat.run.breaks import can_be_split
-from barbalat.run.engine import run
-from barbalat.run.members import Members
-from barbalat.run.metrics import Metrics
-from barbalat.run.progress import Progress, part_of
+from barbalat.run.engine.batch import Batch
+from barbalat.run.engine.engine import run
+from barbalat.run.kernel import delay
+from barbalat.run.kernel.breaks import can_be_split
+from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.study.criteria import Expected, Onset, tail_error
 from barbalat.study.ideal_benchmark import known_width
 from barbalat.study.reference_motion import ReferenceMotion

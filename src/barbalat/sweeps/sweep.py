@@ -9,11 +9,11 @@ from itertools import chain
 from pathlib import Path
 
 from barbalat import validate
+from barbalat.budget import Progress
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath, by_index
 from barbalat.open_numbers.varied import VariedCase, VariedObjects
-from barbalat.run.progress import Progress
 from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
 from barbalat.sweeps.chunks import Chunk, Pace, chunk_size, chunks_of

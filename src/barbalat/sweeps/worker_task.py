@@ -15,11 +15,11 @@ from importlib import metadata, resources
 from importlib.resources.abc import Traversable
 
 import barbalat
-from barbalat.run.batch import Batch
-from barbalat.run.engine import Evaluated, advance
-from barbalat.run.grid import Segment, segments_of
-from barbalat.run.members import Members
-from barbalat.run.metrics import Metrics
+from barbalat.run.engine.batch import Batch
+from barbalat.run.engine.engine import Evaluated, advance
+from barbalat.run.kernel.grid import Segment, segments_of
+from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.sweeps.study import StudyPart
 from barbalat.validate import Array, InputError

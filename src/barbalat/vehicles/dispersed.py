@@ -21,8 +21,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate
-from barbalat.run.progress import Progress
+from barbalat.budget import Estimate, Progress
 from barbalat.sweeps.chunks import Chunk, chunks_of
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.rows import Rows

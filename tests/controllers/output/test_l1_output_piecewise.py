@@ -20,7 +20,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine, Sines, Square, Step, Steps
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

@@ -33,8 +33,8 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine, Step
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

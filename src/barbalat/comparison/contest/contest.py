@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate
+from barbalat.budget import Estimate, Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.comparison.contest.entrant import Entrant, entrants_of, initial_estimates
@@ -33,7 +33,6 @@ from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED
 from barbalat.study.delay_search import Criterion

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.certificates.certify import certify
 from barbalat.comparison.contest.entrant import Entrant, VariedEntrant, start_of
 from barbalat.comparison.contest.rule import Rule
@@ -21,7 +22,6 @@ from barbalat.comparison.tune.chosen import best_of
 from barbalat.loop.binding import bound
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, SampledEquations
-from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import DelayMargins
 from barbalat.study.delay_search import Criterion

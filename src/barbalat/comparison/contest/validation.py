@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified
@@ -15,10 +16,9 @@ from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BreakingSignal, Signal
-from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.metrics import Metrics
-from barbalat.run.progress import Progress
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import tail_error, tracks
 from barbalat.study.finer_step import different, refined

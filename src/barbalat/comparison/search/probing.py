@@ -10,7 +10,7 @@ import numpy as np
 from barbalat.comparison.search.quantity import Probe
 from barbalat.comparison.search.tolerated_delay import Question
 from barbalat.comparison.search.trial import Plants, sizes_of
-from barbalat.run.metrics import Metrics
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import DelayMargins, margins_ensemble
 from barbalat.study.delay_search import Criterion

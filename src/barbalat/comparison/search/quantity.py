@@ -13,7 +13,7 @@ from barbalat import validate
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
-from barbalat.run.metrics import Metrics
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.study.delay_search import Criterion
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.study import columns_of

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.run.metrics import Metrics
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import Criterion
 from barbalat.study.ideal_benchmark import Ideals, Member

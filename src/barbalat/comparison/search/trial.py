@@ -12,7 +12,7 @@ from barbalat.comparison.search.aim import Aim
 from barbalat.comparison.search.quantity import Constraint
 from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.run.metrics import Metrics
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_search import SCANNED_DELAYS, gains_scanned, scanned
 from barbalat.study.ideal_benchmark import Ideals

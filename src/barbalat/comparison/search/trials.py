@@ -19,9 +19,9 @@ from barbalat.comparison.search.trial import Plants, Trial
 from barbalat.open_numbers.probe import Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.problem.modelling_error import ModellingError
-from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.metrics import Metrics
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.study.finer_step import PlainRun, different, refined
 from barbalat.study.ideal_benchmark import Member
 from barbalat.validate import Array, InputError

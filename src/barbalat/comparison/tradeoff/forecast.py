@@ -11,9 +11,9 @@ import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.modelling_error import DelayError
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.grid import CHUNK_STEPS
-from barbalat.run.step import Rhythm
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.grid import CHUNK_STEPS
+from barbalat.run.kernel.step import Rhythm
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import SIZES_TRIED, Member, with_error
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate
+from barbalat.budget import Estimate, Progress
 from barbalat.comparison.grids import default_knobs
 from barbalat.comparison.tradeoff.forecast import RUNS_EACH, Forecast
 from barbalat.controllers.tuning_grid import TuningGrid
@@ -20,7 +20,6 @@ from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE, Lost, Onset
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble

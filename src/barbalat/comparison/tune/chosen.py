@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.cases.build import Case
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certify import certify
@@ -19,7 +20,6 @@ from barbalat.comparison.search.trials import Trials
 from barbalat.comparison.tradeoff.tradeoff import pareto_front, plants_of
 from barbalat.comparison.tune.result import Point, Tuned, UnseenPlants
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.progress import Progress
 from barbalat.validate import Array
 
 FRONT_TUNINGS = 16

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate
+from barbalat.budget import Estimate, Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.certificates.certify import certify
@@ -34,8 +34,7 @@ from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.costs import of_members
-from barbalat.run.progress import Progress, part_of
+from barbalat.run.kernel.costs import of_members
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE
 from barbalat.study.finer_step import FINER_BY

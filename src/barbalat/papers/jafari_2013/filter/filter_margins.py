@@ -22,7 +22,7 @@ from barbalat.papers.measurement import Measurement
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
-from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset

@@ -19,7 +19,7 @@ from barbalat.papers.wording import span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array

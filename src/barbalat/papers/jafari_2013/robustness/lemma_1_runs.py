@@ -12,7 +12,7 @@ from barbalat.controllers import RobustMrac
 from barbalat.controllers.robust_mrac import Equations as RobustEquations
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import Value
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 

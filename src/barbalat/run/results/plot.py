@@ -1,0 +1,33 @@
+"""``plot``: runs of one problem side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from barbalat.run.results.result import Result
+from barbalat.validate import InputError, show
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def plot(results: Result | Mapping[str, Result] | Iterable[Result], *, narrow: bool = False) -> Figure:
+    """Runs of one problem side by side, as a Matplotlib figure: what ``simulate`` gave back, or results of several calls.
+
+    narrow  one panel below the other, for a phone or a column of a page
+    """
+    from barbalat.run.results.picture import figure_of
+
+    return figure_of(_listed(results), narrow=narrow, shown=True)
+
+
+def _listed(results: Result | Mapping[str, Result] | Iterable[Result]) -> list[Result]:
+    given = [results] if isinstance(results, Result) else results
+    found = list(given.values() if isinstance(given, Mapping) else given)
+    for one in found:
+        if not isinstance(one, Result):
+            raise InputError(f"plot takes results of simulate, got {show(one)}")
+    if not found:
+        raise InputError("plot needs at least one result, got none")
+    return found
