@@ -20,7 +20,7 @@ from barbalat.lowering.shape import ENTRY
 from barbalat.lowering.wasm.loop import loop
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.engine.batch import Batch
+from barbalat.run.engine.engine import Batch
 from barbalat.run.kernel.grid import signal_table
 from benchmarks.race import best_seconds
 

@@ -19,7 +19,7 @@ from barbalat.explorer.section_v import explorer
 from barbalat.explorer.source import Source
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.engine.batch import Batch
+from barbalat.run.engine.engine import Batch
 from barbalat.run.kernel.grid import segments_of, signal_table
 from barbalat.solvers.simulation import Simulation
 from browser_explorer import settled

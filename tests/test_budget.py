@@ -38,8 +38,8 @@ from barbalat.linear import systems
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import StateSpace, input_filter
 from barbalat.processes import processes
-from barbalat.run.engine.batch import Batch
 from barbalat.run.engine.check_numerics import check_numerics
+from barbalat.run.engine.engine import Batch
 from barbalat.run.kernel.members import Reader
 from barbalat.study.delay_margin import delay_margins
 

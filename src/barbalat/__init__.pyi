@@ -95,9 +95,9 @@ from .run.engine.check_numerics import check_numerics as check_numerics
 from .run.engine.ensemble import EnsembleResult as EnsembleResult
 from .run.engine.ensemble import simulate_ensemble as simulate_ensemble
 from .run.engine.simulate import simulate as simulate
-from .run.results.plot import plot as plot
 from .run.results.result import Result as Result
-from .run.results.results import Results as Results
+from .run.results.result import Results as Results
+from .run.results.result import plot as plot
 from .signals import Chirp as Chirp
 from .signals import Constant as Constant
 from .signals import MatFile as MatFile

@@ -27,7 +27,7 @@ from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
 from barbalat.protocols import Sample
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.engine.simulate import simulate
-from barbalat.run.kernel.noise import standard_normal
+from barbalat.run.kernel.portable import standard_normal
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

@@ -17,8 +17,7 @@ from barbalat.lowering.c99 import DOUBLE, FLOAT
 from barbalat.lowering.llvm.external_function import ExternalFunction
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.simulate import result_of
 from barbalat.run.engine.stability_label import MOST_WINDOWS
 from barbalat.run.kernel.members import Members

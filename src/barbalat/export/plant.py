@@ -13,7 +13,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import flatten
 from barbalat.lowering.operations import Program, sliced, sources
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.run.kernel.sampled_part import STATE
+from barbalat.run.kernel.sampled_controller import STATE
 from barbalat.targets import EXPORTED_LOOP
 
 PARAMETER, SIGNAL, PAST, NOISE = 2, 3, 4, 5

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.run.kernel.columns import StructureError
 from barbalat.run.kernel.members import Members, Reader
+from barbalat.run.kernel.template import StructureError
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 

@@ -20,9 +20,8 @@ from barbalat.open_numbers.numbers import SPECIAL_VALUES, At, Number
 from barbalat.open_numbers.varied import Varied
 from barbalat.run.kernel import delay
 from barbalat.run.kernel.breaks import can_be_split
-from barbalat.run.kernel.columns import Columns, StructureError
 from barbalat.run.kernel.members import OtherRhythmError, Reader
-from barbalat.run.kernel.template import argument_numbers
+from barbalat.run.kernel.template import Columns, StructureError, argument_numbers
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 

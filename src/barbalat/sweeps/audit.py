@@ -16,11 +16,10 @@ from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import Varied
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.kernel import delay
 from barbalat.run.kernel.metrics import Metrics
-from barbalat.run.results.rails import rail_to_rail
+from barbalat.run.results.findings import rail_to_rail
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.study.finer_step import FINER_BY
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds

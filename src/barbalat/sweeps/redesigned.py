@@ -10,7 +10,7 @@ from barbalat.cases.build import Case
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.probe import Tried
 from barbalat.open_numbers.varied import Varied
-from barbalat.run.kernel.columns import Columns
+from barbalat.run.kernel.template import Columns
 from barbalat.validate import Array
 
 REFERENCE_MODEL = "the reference model"

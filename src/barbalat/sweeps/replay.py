@@ -11,8 +11,7 @@ from barbalat import validate
 from barbalat.budget import Progress
 from barbalat.cases.build import Case
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.simulate import result_of
 from barbalat.run.engine.stability_label import MOST_WINDOWS
 from barbalat.run.results.result import Result

@@ -14,8 +14,7 @@ from barbalat.cases.build import Case
 from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.kernel import delay
 from barbalat.run.kernel.breaks import can_be_split
 from barbalat.run.kernel.members import Members

@@ -15,8 +15,7 @@ from importlib import metadata, resources
 from importlib.resources.abc import Traversable
 
 import barbalat
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import Evaluated, advance
+from barbalat.run.engine.engine import Batch, Evaluated, advance
 from barbalat.run.kernel.grid import Segment, segments_of
 from barbalat.run.kernel.members import Members
 from barbalat.run.kernel.metrics import Metrics

@@ -9,8 +9,7 @@ from typing import Any, TypeAlias
 from barbalat.budget import Progress
 from barbalat.linear.largest import largest_whole
 from barbalat.protocols import Controller
-from barbalat.run.kernel.sampled_step import SampledList
-from barbalat.run.kernel.stepwise import Maker
+from barbalat.run.kernel.sampled_controller import Maker, SampledList
 from barbalat.validate import InputError, show
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.flight import Failing, Flight, Timing

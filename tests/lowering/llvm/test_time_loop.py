@@ -17,9 +17,8 @@ from barbalat.lowering.llvm.machine import Kernel, Watch
 from barbalat.lowering.operations import read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import run
-from barbalat.run.kernel import kernels
+from barbalat.run.engine.engine import Batch, run
+from barbalat.run.kernel import step as kernel_step
 from barbalat.run.kernel.grid import signal_table
 from barbalat.run.kernel.step import step_function, step_program
 from barbalat.solvers import RK4
@@ -245,7 +244,7 @@ def test_a_long_quantity_is_a_function_of_its_own_and_has_the_same_bits(problems
     simulation, rows = Simulation(t_end=2.0, dt=2.0**-7), []
     for longest in (10**6, 0):
         monkeypatch.setattr(ir, "LONGEST_INSIDE", longest)
-        kernels.compiled.cache_clear()
+        kernel_step.compiled.cache_clear()
         batch = Batch.of([(problems[2], controller)], simulation, windows=4)
         run([batch], problems[2].signals, simulation)
         rows.append(batch.watch.rows)

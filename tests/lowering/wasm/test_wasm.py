@@ -13,8 +13,7 @@ from barbalat.cases.load import bundled
 from barbalat.lowering.functions import FUNCTIONS, function
 from barbalat.lowering.operations import Operation, Program
 from barbalat.lowering.shape import LoopShape
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.kernel.step import StepProgram
 from lowering.functions.test_functions import evaluated, points
 from lowering.test_c99 import same_bits

@@ -15,8 +15,7 @@ from barbalat.lowering.operations import read
 from barbalat.lowering.shape import LoopShape
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation

@@ -23,8 +23,7 @@ from barbalat import (
 )
 from barbalat.cases.load import load_case
 from barbalat.report.documents import run_block
-from barbalat.run.results.label import label
-from barbalat.run.results.step_comparison import FinerStep
+from barbalat.run.results.step_comparison import FinerStep, label
 from independent import refusal
 
 PAPER = load_case("paper").problem

@@ -12,8 +12,7 @@ import pytest
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.systems import input_filter
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.engine.batch import Batch, best_lanes
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, best_lanes, run
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.kernel.grid import CHUNK_STEPS, segments_of
 from barbalat.run.kernel.step import step_program

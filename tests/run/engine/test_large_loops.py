@@ -5,8 +5,8 @@ import pytest
 
 from barbalat import LeastSquares, NormalizedMrac, Plant, Problem, ReferenceModel, Simulation, Sine, simulate
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.engine.batch import Batch
-from barbalat.run.kernel import kernels
+from barbalat.run.engine.engine import Batch
+from barbalat.run.kernel import step as kernel_step
 from barbalat.run.kernel.step import LARGEST_WATCHED_STATE, step_program
 from independent import example_controllers
 
@@ -26,8 +26,8 @@ def problem_and_controller():
 
 def after_128_steps(problem, controller, worth_optimising, monkeypatch):
     """The kernel, and the state that it leaves."""
-    monkeypatch.setattr(kernels, "STEPS_WORTH_OPTIMISING", worth_optimising)
-    kernels.compiled.cache_clear()
+    monkeypatch.setattr(kernel_step, "STEPS_WORTH_OPTIMISING", worth_optimising)
+    kernel_step.compiled.cache_clear()
     batch = Batch.of([(problem, controller)], Simulation(t_end=0.125, dt=2.0**-10))
     table = np.ones((128, batch.program.shape.signals))
     batch.groups[0].call(0, 1, 128, batch.groups[0].state, table)
@@ -52,14 +52,14 @@ def test_quickly_made_code_gives_the_same_bits(scheme, problems, monkeypatch):
 
 def test_code_is_optimised_once_its_runs_are_long_enough_in_all(problem_and_controller, monkeypatch):
     made = []
-    monkeypatch.setattr(kernels, "Kernel", lambda *_, quickly, **__: made.append(quickly) or object())
-    kernels.compiled.cache_clear()
+    monkeypatch.setattr(kernel_step, "Kernel", lambda *_, quickly, **__: made.append(quickly) or object())
+    kernel_step.compiled.cache_clear()
     problem, controller = problem_and_controller
     program = step_program(ClosedLoop.of(problem, controller), Simulation(t_end=1, dt=1e-3).solver, 1e-3)
-    for steps in (10, kernels.STEPS_WORTH_OPTIMISING - 11, 1, 10):
+    for steps in (10, kernel_step.STEPS_WORTH_OPTIMISING - 11, 1, 10):
         program.compile(1, steps)
     program.compile(2)
-    kernels.compiled.cache_clear()
+    kernel_step.compiled.cache_clear()
     assert made == [True, False, False]
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from barbalat.run.kernel.columns import Columns, StructureError
+from barbalat.run.kernel.template import Columns, StructureError
 
 
 class Pair(NamedTuple):

@@ -12,8 +12,7 @@ from barbalat.adaptation.laws import LeastSquares
 from barbalat.cases.load import load_case
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
-from barbalat.run.kernel.coupling import coupling_function
-from barbalat.run.kernel.step import step_function
+from barbalat.run.kernel.step import coupling_function, step_function
 from barbalat.solvers import RK4
 
 PAPER = replace(load_case("paper").problem, uncertainty=None)

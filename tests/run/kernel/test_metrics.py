@@ -12,8 +12,7 @@ from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
 from barbalat.linear.systems import input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.kernel import grid
 from barbalat.run.kernel.grid import segments_of

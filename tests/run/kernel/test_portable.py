@@ -11,8 +11,7 @@ from barbalat import OutputPlant, Simulation, TransferFunction, load_case, simul
 from barbalat.lowering.compiled import tabulator
 from barbalat.lowering.functions import FUNCTIONS, function
 from barbalat.lowering.llvm.elementwise import evaluate
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.kernel.grid import final_row, signal_table
 from barbalat.run.kernel.portable import LIST_NAMES, Portable
 from barbalat.run.kernel.step import output_function

@@ -18,9 +18,8 @@ from barbalat import (
     input_filter,
 )
 from barbalat.export.layout import Layout
-from barbalat.run.engine.recording import recorded
-from barbalat.run.kernel.sampled_part import controller_program, initial_acting
-from barbalat.run.kernel.sampled_step import SampledList, SampledStep
+from barbalat.run.engine.simulate import recorded
+from barbalat.run.kernel.sampled_controller import SampledList, SampledStep, controller_program
 
 PROBLEM = Problem(
     plant=Plant(A_m=[[0, 1], [-4, -3]], b=[0, 2], theta=[1, -0.5], x0=[0.2, 0]),
@@ -39,7 +38,7 @@ CONTROLLERS = (
 def test_sample_by_sample_it_is_the_simulated_one_in_every_bit(controller):
     expected = recorded(PROBLEM, controller, Simulation(t_end=2, dt=1e-3), 200)
     step, loop = SampledStep(SampledList.of(PROBLEM, controller)), expected.loop
-    kept = Layout.of(controller_program(loop), initial_acting(loop)).rows  # what an export keeps of the state
+    kept = Layout.of(controller_program(loop), loop).rows  # what an export keeps of the state
     for _ in range(2):  # a reset leaves nothing behind
         for y, r, state in zip(expected.measured, expected.commands, expected.states, strict=True):
             u = step(y, r)

@@ -25,8 +25,7 @@ from barbalat import (
     simulate,
 )
 from barbalat.problem.known_set import ParameterBall
-from barbalat.run.results.adapting import UNEXCITED_RATIO, share_text
-from barbalat.run.results.excitation import _gram, excitation
+from barbalat.run.results.adapting import UNEXCITED_RATIO, _gram, excitation, share_text
 
 CHATTERING = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
 

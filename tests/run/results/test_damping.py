@@ -8,7 +8,7 @@ import pytest
 from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, Sine, simulate
 from barbalat.report.documents import run_block
 from barbalat.report.terminal.runs import numerics
-from barbalat.run.results.damping import damping_of, worst_damping
+from barbalat.run.results.spectrum import damping_of, worst_damping
 from barbalat.solvers import EULER, HEUN, RK4
 from barbalat.solvers.simulation import Simulation
 

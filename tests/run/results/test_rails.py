@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from barbalat.cases.load import parse_case
-from barbalat.run.results.rails import rail_to_rail
+from barbalat.run.results.findings import rail_to_rail
 
 T = np.linspace(0.0, 20.0, 2001)
 LIMITED = """

@@ -12,8 +12,7 @@ from barbalat.budget import Progress, part_of
 from barbalat.protocols import Controller, Stepping
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.kernel.costs import steps_within
-from barbalat.run.results.result import Result
-from barbalat.run.results.results import Results
+from barbalat.run.results.result import Result, Results
 from barbalat.run.results.step_comparison import FinerStep, Seen, at_the_same_time, compare
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError

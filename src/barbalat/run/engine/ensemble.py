@@ -13,12 +13,10 @@ from barbalat.budget import Progress, part_of
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.engine.batch import Batch
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.kernel import costs, delay
-from barbalat.run.kernel.breaks import LostOrder, lost_order
+from barbalat.run.kernel.breaks import LostOrder, lost_along, lost_order
 from barbalat.run.kernel.grid import CHUNK_STEPS
-from barbalat.run.kernel.kinks import lost_along
 from barbalat.run.kernel.members import Members
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation

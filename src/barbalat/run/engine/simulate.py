@@ -1,8 +1,9 @@
-"""Simulate controllers on a problem, each alone on its own kernel, all side by side."""
+"""Simulate controllers on a problem, each alone on its own kernel, all side by side, with a record of their motion."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,21 +11,22 @@ from barbalat import validate
 from barbalat.budget import Progress
 from barbalat.loop.binding import numbered
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import flatten
 from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.engine.batch import Batch, Blocks
-from barbalat.run.engine.engine import run
+from barbalat.run.engine.engine import Batch, Blocks, run
 from barbalat.run.engine.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.kernel import costs, delay
-from barbalat.run.kernel.breaks import lost_order
+from barbalat.run.kernel.breaks import lost_along, lost_order
 from barbalat.run.kernel.delay import brings_bends
-from barbalat.run.kernel.kinks import lost_along
+from barbalat.run.kernel.grid import CHUNK_STEPS, signal_table
 from barbalat.run.kernel.portable import at_instants
+from barbalat.run.kernel.sampled_controller import initial_acting
 from barbalat.run.kernel.step import output_function
-from barbalat.run.results.result import Envelope, Result
-from barbalat.run.results.results import Results
+from barbalat.run.results.result import Envelope, Result, Results
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
 
 
 def simulate(
@@ -107,3 +109,38 @@ def _envelope(blocks: Blocks, intervals: int) -> Envelope:
         **{f"{quantity}_{side}": blocks.figure(quantity, side)[:intervals, :, 0] for quantity, side in extrema},
         theta_hat_path=blocks.figure("variation", "sum")[:intervals, :, 0],
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """K samples from t = 0 on.
+
+    measured   (K, n) or (K, 1), as the controller got it, with its noise and lag
+    commands   (K, q)
+    states     (K, S) the controller's flat state after each sample, as of ``loop.sampling.Acting``
+    """
+
+    loop: ClosedLoop
+    measured: Array
+    commands: Array
+    states: Array
+
+
+def recorded(problem: TrackingProblem, controller: Controller, simulation: Simulation, samples: int) -> Recording:
+    """The first samples of the run that ``simulate`` makes, at most ``samples``; InputError where the controller does not fit."""
+    batch = Batch.of([(problem, controller)], simulation, lanes=1)
+    (group,), every = batch.groups, batch.rhythm.sample_every
+    assert every, "only a sampled controller has samples"
+    in_pieces, kept = batch.program.shape.in_pieces, []
+    count = min(samples, -(-simulation.steps // every))
+    at_once = max(1, CHUNK_STEPS // every)
+    for first in range(0, count, at_once):
+        blocks = min(at_once, count - first)
+        start, length = first * every, every
+        table = signal_table(problem.signals, simulation, start, blocks * length, in_pieces=in_pieces)
+        kept.append(group.call(start, blocks, length, group.state, table)[:, : batch.program.shape.states, 0])
+    # a block begins before its sample: what a sample made of the state stands at the next one's beginning
+    flat = np.vstack([*kept, group.state.T])[1:]
+    own = len(flatten(initial_acting(batch.loop)))
+    held = batch.loop.unpack(np.arange(batch.loop.size)).held
+    return Recording(batch.loop, flat[:, held.measured.reshape(-1)], flat[:, held.r.reshape(-1)], flat[:, -own:])

@@ -16,10 +16,9 @@ import numpy as np
 from barbalat.lowering.llvm.machine import Watch
 from barbalat.lowering.shape import WATCH_EVERY
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.run.engine.batch import Batch, Group
+from barbalat.run.engine.engine import Batch, Group
 from barbalat.run.kernel.grid import CHUNK_STEPS, signal_table, window_of
-from barbalat.run.kernel.noise import standard_normal_at
-from barbalat.run.kernel.portable import at_instants, instants
+from barbalat.run.kernel.portable import at_instants, instants, standard_normal_at
 from barbalat.run.kernel.step import sampled_states
 from barbalat.run.results.spectrum import Looks, Spectrum, Stiffness
 from barbalat.solvers.simulation import Simulation

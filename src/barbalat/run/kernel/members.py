@@ -16,10 +16,9 @@ from barbalat.lowering.llvm.machine import Watch
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Signal
 from barbalat.run.kernel import breaks, costs, delay
-from barbalat.run.kernel.columns import Columns, StructureError
 from barbalat.run.kernel.grid import window_of
 from barbalat.run.kernel.step import LARGEST_WATCHED_STATE, Rhythm, StepProgram, step_program, traced_once
-from barbalat.run.kernel.template import Member, Template, argument_numbers, with_grid
+from barbalat.run.kernel.template import Columns, Member, StructureError, Template, argument_numbers, with_grid
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 

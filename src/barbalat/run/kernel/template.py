@@ -1,20 +1,157 @@
-"""What many members have in common, with symbols for the numbers in which they differ: what their one kernel is made of."""
+"""Members of one structure: the numbers in which they differ, and the template that has a symbol for each of these."""
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, is_dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from barbalat.loop.checking import Ports, check_varied
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import symbols
-from barbalat.loop.structure import DEEPEST_NESTING, comes_from_outside, parts_of, with_parts
+from barbalat.loop.structure import DEEPEST_NESTING, comes_from_outside, parts_of, same_names, same_whole, values_of, with_parts
 from barbalat.protocols import Value
-from barbalat.run.kernel.columns import Columns
 from barbalat.validate import Array
+
+_BYTES = struct.Struct("d").pack
+
+
+class StructureError(Exception):
+    """A member has more than other numbers."""
+
+
+class _ColumnPart(NamedTuple):
+    """A part of the first member, and where its leaves stand among all of them."""
+
+    first: Any
+    leaf: int  # its place, of a leaf; else where the first leaf in it stands
+    inner: tuple[_ColumnPart, ...] | None  # None for a leaf, and for what has no parts
+    named: bool = False  # whether the class alone says which parts there are
+
+
+class Columns:
+    """Leaves are the arrays and numbers of a member, in the order of its parts.
+
+    A leaf of which every member has the first's bits takes no memory; any other one an entry for each member up to the last that
+    differs: the rest has the first's. A part that is the first member's own object is not looked into.
+    """
+
+    def __init__(self, first: Any, depth: int = 0) -> None:
+        """``depth``: how deep ``first`` stands in what is looked at."""
+        self.first = first
+        self.count = 1
+        self._leaves: list[Array] = []
+        self._whole = self._read(first, depth)
+        self._bytes = [leaf.tobytes() for leaf in self._leaves]
+        self._kept: dict[int, bytearray] = {}
+
+    def _read(self, part: Any, depth: int) -> _ColumnPart:
+        begin = len(self._leaves)
+        if isinstance(part, (np.ndarray, float)):
+            self._leaves.append(np.asarray(part, dtype=float))
+        elif depth < DEEPEST_NESTING and (parts := parts_of(part)) is not None:
+            inner = tuple(self._read(value, depth + 1) for value in parts.values())
+            return _ColumnPart(part, begin, inner, is_dataclass(part))
+        return _ColumnPart(part, begin, None)
+
+    def add(self, member: Any) -> None:
+        """Take up the next member; StructureError where it differs by more than numbers."""
+        self._take(member, self._whole)
+        self.count += 1
+
+    def _take(self, part: Any, place: _ColumnPart) -> None:
+        first, leaf, inner, named = place
+        if part is first:
+            return
+        if inner is not None:
+            if type(part) is not type(first) or not (named or same_names(part, first)):
+                raise StructureError
+            for value, within in zip(values_of(part), inner, strict=True):
+                if value is not within.first:
+                    self._take(value, within)
+            return
+        if isinstance(first, np.ndarray):
+            if not isinstance(part, np.ndarray) or part.shape != first.shape:
+                raise StructureError
+            given = part.tobytes() if part.dtype == float else np.asarray(part, dtype=float).tobytes()
+        elif isinstance(first, float):
+            if not isinstance(part, float):
+                raise StructureError
+            given = _BYTES(part)
+        elif same_whole(part, first):
+            return
+        else:
+            raise StructureError
+        if given != self._bytes[leaf]:
+            self._filled(leaf).extend(given)
+
+    def _filled(self, leaf: int) -> bytearray:
+        """What is kept of a leaf, with the first's bits for all members since the last that differed."""
+        kept, same = self._kept.setdefault(leaf, bytearray()), self._bytes[leaf]
+        missing = self.count - len(kept) // len(same) if same else 0
+        if missing:
+            kept += same * missing
+        return kept
+
+    def differing(self) -> tuple[Array, Array]:
+        """Which of all numbers differ between members, (N,), and those, (p, M)."""
+        differs, rows = [], []
+        for i, leaf in enumerate(self._leaves):
+            values = self._values(i)
+            found = (values != leaf.reshape(-1, 1)).any(axis=1)
+            differs.append(found)
+            if found.any():
+                rows.append(values[found])
+        return np.concatenate([*differs, np.zeros(0, dtype=bool)]), np.concatenate([*rows, np.zeros((0, self.count))])
+
+    @property
+    def leaves(self) -> tuple[Array, ...]:
+        """The arrays of the first member."""
+        return tuple(self._leaves)
+
+    def first_numbers(self) -> Array:
+        """(N,) all of the first member's."""
+        return np.concatenate([*(leaf.ravel() for leaf in self._leaves), np.zeros(0)])
+
+    def chosen(self, which: Array, rounding: float = 0.0) -> Array:
+        """(p, M) those of all numbers that ``which``, (N,) truth values, chooses; StructureError where others differ too.
+
+        rounding  a difference of others that is let pass, as a part of their array's largest finite number
+        """
+        ends = np.cumsum([leaf.size for leaf in self._leaves])
+        rows = [np.zeros((0, self.count))]
+        for i, (leaf, wanted) in enumerate(zip(self._leaves, np.split(which, ends[:-1]) if len(ends) else [], strict=True)):
+            values = self._values(i)
+            if self._differs_beyond(rounding, leaf, values, ~wanted):
+                raise StructureError
+            if wanted.any():
+                rows.append(np.broadcast_to(values[wanted], (int(wanted.sum()), self.count)))
+        return np.concatenate(rows)
+
+    @staticmethod
+    def _differs_beyond(rounding: float, leaf: Array, values: Array, which: Array) -> bool:
+        """Whether some of its numbers differ from the first member's by more; NaN and the like by their bits."""
+        first, found = leaf.reshape(-1, 1)[which], values[which]
+        other = found != first
+        if rounding == 0.0 or not other.any():
+            return bool(other.any())
+        largest = np.abs(leaf[np.isfinite(leaf)]).max(initial=0.0)
+        with np.errstate(invalid="ignore"):
+            return not bool((np.abs(found - first)[other] <= rounding * largest).all())
+
+    def _values(self, leaf: int) -> Array:
+        """(entries, M), or (entries, 1) where all members have the same."""
+        if leaf not in self._kept:
+            return self._leaves[leaf].reshape(-1, 1)
+        return np.frombuffer(self._filled(leaf)).reshape(self.count, -1).T
+
+    def everything(self) -> Array:
+        """(N, M) all numbers of all members; those that don't differ take no memory of their own where none does."""
+        values = [np.broadcast_to(self._values(i), (leaf.size, self.count)) for i, leaf in enumerate(self._leaves)]
+        return values[0] if len(values) == 1 else np.concatenate(values)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,15 +1,18 @@
-"""What a run came to, in a few words and as a small table: for a prompt and for a notebook."""
+"""What a run came to, in a few words, as a small table, and as a notebook shows it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from typing import Protocol
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from barbalat.problem.labels import Labels
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.run.results.estimates import MOST_REPORTED
+
+if TYPE_CHECKING:
+    from barbalat.run.results.result import Result
 
 Figure = float | list[float] | None
 """A figure, or its components; None where there is no finite value."""
@@ -113,3 +116,24 @@ def _row(name: str, run: Finished) -> str:
     shown = (ends_of(run) if key == "theta_hat_final" else text_of(run.figures[key]) for key in FIGURE_LABELS)
     cells = "".join(f"<td>{text}</td>" for text in shown)
     return f'<tr><th scope="row">{name}</th>{cells}</tr>'
+
+
+def html_of(results: Sequence[Result]) -> str:
+    """Runs as a notebook shows them: the figures as a table, what deserves a second look, the plot."""
+    from html import escape
+
+    from barbalat.pictures.notebook import image_of
+    from barbalat.run.results.picture import figure_of
+
+    if not results:
+        return "<p>no runs</p>"
+    several = len(results) > 1
+    said = about_u(results[0].problem)
+    notes = [escape(said)] if said is not None else []
+    notes += [
+        escape(f"{result.name}: {sentence}" if several else sentence)
+        for result in results
+        for sentence in (result.numerics, *result.warnings)
+    ]
+    picture = image_of(figure_of(results), f"{', '.join(result.name for result in results)} over time")
+    return f"{table(results, results[0].problem.labels)}<small>{'<br>'.join(notes)}</small><br>{picture}"

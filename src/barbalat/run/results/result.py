@@ -1,8 +1,9 @@
-"""What a simulation gives back: arrays with names, figures, and the numerics they rest on."""
+"""What ``simulate`` gives back: results by the controllers' names, each with its series, figures and the numerics they rest on."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -14,27 +15,23 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.true_values import not_the_parameters, true_values
 from barbalat.problem.command_gain import command_warning
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
+from barbalat.protocols import BreakingSignal, Controller
 from barbalat.roles import StatePart, column_names, entry_names
 from barbalat.run.kernel.breaks import LostOrder
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.results.adapting import Adapting, adapting, regressor_along
-from barbalat.run.results.damping import SolverDamping
-from barbalat.run.results.label import label
-from barbalat.run.results.outcome import outcome
-from barbalat.run.results.rails import RailToRail, rail_to_rail
-from barbalat.run.results.runaway import Runaway, runaway
-from barbalat.run.results.spectrum import Stiffness
-from barbalat.run.results.step_comparison import FinerStep
+from barbalat.run.results.findings import RailToRail, Runaway, rail_to_rail, runaway
+from barbalat.run.results.outcome import html_of, outcome, outcome_in_brief
+from barbalat.run.results.spectrum import SolverDamping, Stiffness
+from barbalat.run.results.step_comparison import FinerStep, label
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array, Named
+from barbalat.validate import Array, InputError, Named, show
 
 if TYPE_CHECKING:
     import control
     import pandas
     import xarray
     from matplotlib.figure import Figure
-
 
 SERIES = ("x", "x_m", "e", "theta_hat", "u", "r", "y")
 """What every result has over time, by the names of its fields and columns."""
@@ -190,8 +187,6 @@ class Result:
 
     def _repr_html_(self) -> str:
         """For notebooks: the figures as a table, and the plot."""
-        from barbalat.run.results.notebook import html_of
-
         return html_of([self])
 
     def plot(self, *, narrow: bool = False) -> Figure:
@@ -201,9 +196,7 @@ class Result:
         return figure_of([self], narrow=narrow, shown=True)
 
     def step_info(self, component: int = 1) -> dict[str, float]:
-        """Rise time, settling time, overshoot, ... after the command's last jump: see ``run.step_response``."""
-        from barbalat.run.results.step_response import step_info
-
+        """Rise time, settling time, overshoot, ... after the command's last jump: see ``step_info``."""
         return step_info(self, component)
 
     @cached_property
@@ -293,3 +286,79 @@ class Result:
             input_labels=[name for name in self.columns() if re.fullmatch(r"[ru](_\d+)?", name)],
             title=self.name,
         )
+
+
+def step_info(result: Result, component: int = 1) -> dict[str, float]:
+    """Rise time, settling time, overshoot, ... by python-control's names, after the last jump of the command.
+
+    component  of x, from 1; nothing to choose where y is measured
+
+    Times [s] count from the jump; levels are those of x or y, and the last value is what counts as settled. At the recorded
+    instants: their distance is the resolution. Raises InputError for a run that diverged or whose command does not jump.
+    """
+    validate.require_extra("control", "control", "step_info")
+    import control
+
+    state = validate.whole("component", component, least=1, most=1 if result.y is not None else result.x.shape[1]) - 1
+    if result.diverged_at is not None:
+        raise InputError(f"step_info needs a run to its end, but {result.name} diverged at t = {result.diverged_at:.4g} s")
+    start = _last_jump(result)
+    first = int(np.searchsorted(result.t, start))
+    value = (result.x[:, state] if result.y is None else result.y)[first:]
+    if len(value) < 2 or value[-1] == value[0]:
+        raise InputError(f"step_info needs a motion after the command's jump at t = {start:.4g} s, but there is none")
+    found = control.step_info(value - value[0], T=result.t[first:] - result.t[first], yfinal=value[-1] - value[0])
+    levels = ("SettlingMin", "SettlingMax", "SteadyStateValue")
+    info = {name: float(number + value[0] if name in levels else number) for name, number in found.items()}
+    peak = {"Peak": float(value[np.argmax(np.abs(value - value[0]))])}  # python-control's is a distance, without a sign
+    return validate.Named.of("figure", info | peak)
+
+
+def _last_jump(result: Result) -> float:
+    """When a command jumps last [s]; at 0 where it is not zero from the start."""
+    jumps = [0.0] if any(float(command(np.zeros(1))[0]) != 0 for command in result.problem.commands) else []
+    for command in result.problem.commands:
+        if isinstance(command, BreakingSignal):
+            at = command.breaks(0.0, result.simulation.t_end)
+            jumps += at[command(at) != command.before(at)].tolist()
+    if not jumps:
+        raise InputError("step_info needs a command that jumps, such as Step(1.0)")
+    return max(jumps)
+
+
+class Results(Named[Result]):
+    """Runs of one problem by their controllers' names: a dictionary that a person can read, and plot."""
+
+    kind = "controller"
+
+    def __repr__(self) -> str:
+        return f"<Results: {'; '.join(f'{name!r} {outcome_in_brief(result)}' for name, result in self.items())}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the figures as a table, what deserves a second look, and the plot."""
+        return html_of(list(self.values()))
+
+    def plot(self, *, narrow: bool = False) -> Figure:
+        """All runs side by side, as a Matplotlib figure; ``narrow`` for a phone or a column: see ``barbalat.plot``."""
+        return plot(self, narrow=narrow)
+
+
+def plot(results: Result | Mapping[str, Result] | Iterable[Result], *, narrow: bool = False) -> Figure:
+    """Runs of one problem side by side, as a Matplotlib figure: what ``simulate`` gave back, or results of several calls.
+
+    narrow  one panel below the other, for a phone or a column of a page
+    """
+    from barbalat.run.results.picture import figure_of
+
+    return figure_of(_listed(results), narrow=narrow, shown=True)
+
+
+def _listed(results: Result | Mapping[str, Result] | Iterable[Result]) -> list[Result]:
+    given = [results] if isinstance(results, Result) else results
+    found = list(given.values() if isinstance(given, Mapping) else given)
+    for one in found:
+        if not isinstance(one, Result):
+            raise InputError(f"plot takes results of simulate, got {show(one)}")
+    if not found:
+        raise InputError("plot needs at least one result, got none")
+    return found

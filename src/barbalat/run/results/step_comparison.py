@@ -1,6 +1,7 @@
-"""Whose oscillation is it: a run that left its solver's region of stability, held against the same run at a finer step.
+"""The label of a run that left its solver's region of stability, and whose its oscillation is: a finer step tells.
 
-Source: docs/numerics.md. The finer run decides only as far as it stayed inside the region itself.
+Source: docs/numerics.md. The finer run decides only as far as it stayed inside the region itself. The solver is blamed for a
+divergence only where a finer step takes that away.
 """
 
 from __future__ import annotations
@@ -150,3 +151,25 @@ def _ratio(before: Array, after: Array, noise: float) -> float:
 
 def _text(values: Array) -> str:
     return ", ".join(f"{v:.3g}" for v in np.atleast_1d(values))
+
+
+def label(unstable_from: float | None, diverged_at: float | None, check: FinerStep | None) -> str | None:
+    """None for a run that stayed inside. Times in s; ``check`` is what a finer step says, if one was run.
+
+    A true finite escape leaves every step's region of stability just before it: neither the exit nor a finer step that exits too
+    says whose the divergence is.
+    """
+    if unstable_from is None:
+        return None
+    exit_text = f"numerically unstable from t = {unstable_from:.4g} s"
+    if diverged_at is None or (check is not None and check.origin == "solver"):
+        return exit_text
+    diverges = f"diverges at t = {diverged_at:.4g} s"
+    outside = f"outside the solver's region of stability from t = {unstable_from:.4g} s"
+    if check is None:
+        return f"{diverges}, {outside}: not settled whose it is without a finer step (check_numerics)"
+    if check.origin != "unsettled":
+        return f"{diverges}, {outside}"
+    if check.diverged_at is not None and at_the_same_time(diverged_at, check.diverged_at):
+        return f"{diverges}, also at h = {check.dt:g} s: not settled whose it is"
+    return f"{diverges}, {outside}: not settled whose it is"
