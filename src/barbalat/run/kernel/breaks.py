@@ -2,8 +2,8 @@
 
 A method of order p keeps it as long as a step sees a smooth right-hand side. A jump inside a step costs an error of order h, a
 corner one of order h^2, whatever p is. What lies on the grid costs nothing: a step's last stage takes limits from the left.
-Signals say beforehand where they break (``breaks``), and there a step is cut. When a control reaches its saturation, or an estimate
-the boundary of its known set, nobody knows before the run: no step is cut there, and what that costs is said.
+Signals say beforehand where they break (``breaks``), and there a step is cut. When a control reaches its saturation, or an
+estimate the boundary of its known set, nobody knows before the run: no step is cut there, and what that costs is said.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Signals, outputs and noise of a run, computed outside its kernel, with the same bits on every computer.
 
-They use the operation lists that kernels use: NumPy's own sine, like the C library's, depends in its last bits on the library and on
-the processor's instructions.
+They use the operation lists that kernels use: NumPy's own sine, like the C library's, depends in its last bits on the library and
+on the processor's instructions.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What ``simulate`` gives back: results by the controllers' names, each with its series, figures and the numerics they rest on."""
+"""What ``simulate`` gives back: results by the controllers' names, each with its series, its figures and its numerics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The spectrum at instants of a run: whether it stays inside its solver's region of stability, and what the method damps by itself.
+"""The spectrum at instants of a run: whether it stays inside the solver's region of stability, and what the method damps.
 
 Source: docs/numerics.md.
 """
