@@ -119,7 +119,8 @@ def build(case: Table, folder: Path, joining: Sequence[Controller] = (), parts: 
     found = _controllers(case, base._replace(known=problem.known), problem, parts)
     found += [(controller, bound(problem, controller)) for controller in joining]
     made = _assembled(problem, found, simulation, parts)
-    parts.objects, parts.complete = MappingProxyType(parts.objects), True
+    if not parts.complete:
+        parts.objects, parts.complete = MappingProxyType(parts.objects), True
     return made
 
 

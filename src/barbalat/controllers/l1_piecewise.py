@@ -15,7 +15,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.controllers.piecewise_filter import FilterStep, filter_step
-from barbalat.controllers.piecewise_predictor import AsFlown, PredictorStep
+from barbalat.controllers.piecewise_predictor import SPAN, AsFlown, PredictorStep, next_span
 from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
@@ -39,6 +39,7 @@ class State(NamedTuple):
     x_hat: Value  # (n,) predictor
     sigma_hat: Value  # (n,) what acts on the plant: the first m entries with the input, the others beside it
     filter: Value  # (N,) states of C(s), and of the inverse where what is unmatched is compensated
+    span: Value  # () samples that x_hat - x gathers over: 1 unless measurements are missed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,10 +56,13 @@ class Equations:
     limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
     frozen: Value = None  # where it holds, sigma_hat rests; None: it never does
 
-    roles: ClassVar[Mapping[str, Role]] = {"sigma_hat": Role.estimates("sigma", meaning="sigma_hat, what acts on the plant")}
+    roles: ClassVar[Mapping[str, Role]] = {
+        "sigma_hat": Role.estimates("sigma", meaning="sigma_hat, what acts on the plant"),
+        "span": SPAN,
+    }
 
     def initial(self) -> State:
-        return State(np.zeros(0), self.x0, np.zeros(len(self.x0)), np.zeros(len(self.filter.A)))
+        return State(np.zeros(0), self.x0, np.zeros(len(self.x0)), np.zeros(len(self.filter.A)), np.ones(()))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
         u = self.filter.output(state.filter, self._filtered(state.sigma_hat, r))
@@ -70,9 +74,13 @@ class Equations:
         reaches = applied(u, self.limits).reshape(-1)
         known = reaches if self.direct is None else reaches + self._nominal(before.x)
         x_hat = self.predictor.following(state.x_hat, before.x, known, state.sigma_hat)
+        if self.frozen is not None:
+            corrected = self.predictor.measured_again(x_hat, now.x, state.sigma_hat, state.span)
+            x_hat = kept(self.frozen, x_hat, kept(state.span > 1, corrected, x_hat))
         sigma_hat = kept(self.frozen, state.sigma_hat, self.predictor.estimate(x_hat - now.x))
         wanted = self._filtered(state.sigma_hat, before.r), self._filtered(sigma_hat, now.r)
-        return State(state.theta_hat, x_hat, sigma_hat, self.filter.end(state.filter, *wanted))
+        span = next_span(self.frozen, state.span, self.predictor.memory)
+        return State(state.theta_hat, x_hat, sigma_hat, self.filter.end(state.filter, *wanted), span)
 
     def freezing(self, frozen: Value) -> Equations:
         return replace(self, frozen=frozen)

@@ -12,6 +12,7 @@ from barbalat.controllers import RobustMrac
 from barbalat.controllers.robust_mrac import Equations as RobustEquations
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import Value
+from barbalat.roles import Role, roles_of
 from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -37,6 +38,10 @@ class LemmaEquations:
 
     scheme: RobustEquations
     theta: Array
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        return {f"scheme.{path}": role for path, role in roles_of(self.scheme).items()}
 
     def initial(self) -> LemmaState:
         return LemmaState(self.scheme.initial(), *(np.zeros(()) for _ in range(4)))
