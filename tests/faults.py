@@ -32,7 +32,7 @@ ROOMS = {
     "delay": [
         "run/kernel/delay.py",
         "run/kernel/step.py",
-        "lowering/llvm/past.py",
+        "lowering/llvm/loads.py",
         "problem/actuation.py",
         "linear/delayed_peaks.py",
     ],

@@ -24,11 +24,9 @@ from barbalat.problem.state_feedback import ParameterBox, Problem
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import NOISE_SENTENCE, Lost, Onset
-from barbalat.study.delay_margin import delay_margins_ensemble, margins_ensemble
-from barbalat.study.delay_search import gains_scanned
+from barbalat.study.criteria import NOISE_SENTENCE, Lost, Onset, ReferenceMotion
+from barbalat.study.delay_margin import delay_margins_ensemble, gains_scanned, margins_ensemble
 from barbalat.study.ideal_benchmark import Ideals, with_error
-from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.study.simulated_margins import with_simulated_margins
 from independent import refusal
 

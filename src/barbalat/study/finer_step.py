@@ -18,10 +18,8 @@ from barbalat.run.engine.simulate import simulate
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.delay_margin import DelayMargins
-from barbalat.study.delay_search import LONGEST_DELAY
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, Member, quiet
-from barbalat.study.judged_runs import JudgedRuns
+from barbalat.study.delay_margin import LONGEST_DELAY, DelayMargins
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Member, quiet
 from barbalat.validate import Array
 
 FINER_BY = 4

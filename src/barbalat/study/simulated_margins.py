@@ -13,10 +13,17 @@ from barbalat.loop.binding import numbered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import EXAMINED, EXAMINED_WITHOUT_ESTIMATES, NOISE_SENTENCE, Lost, Onset
+from barbalat.study.criteria import (
+    EXAMINED,
+    EXAMINED_WITHOUT_ESTIMATES,
+    NOISE_SENTENCE,
+    REST_SENTENCE,
+    Lost,
+    Onset,
+    ReferenceMotion,
+)
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
 from barbalat.study.finer_step import PlainRun, delays_confirmed
-from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 
 
 def with_simulated_margins(

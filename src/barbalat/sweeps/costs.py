@@ -17,10 +17,10 @@ from barbalat.open_numbers.probe import Kind
 from barbalat.run.kernel.costs import MEMBER, of_members, of_steps
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
+from barbalat.sweeps.cluster import Tabulated, WorkerTask, figures
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet
 from barbalat.sweeps.study import Study
-from barbalat.sweeps.worker_task import Tabulated, WorkerTask, figures
 
 MEASURING_SECONDS = 3.0
 """Seconds of the client's work that are measured."""

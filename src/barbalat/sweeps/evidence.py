@@ -10,9 +10,9 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from barbalat.sweeps.bounds import ERROR_BOUND
+from barbalat.sweeps.chunks import Rows
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.requirement import Requirement
-from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.sensitivity import Sensitivity, sensitivities
 from barbalat.sweeps.statistics import Share
 from barbalat.sweeps.study import OSCILLATED

@@ -10,8 +10,8 @@ from importlib.util import find_spec
 import numpy as np
 
 from barbalat.open_numbers.path import FieldPath
+from barbalat.sweeps.chunks import Rows
 from barbalat.sweeps.plan import Design, Plan
-from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.spread import InBall
 from barbalat.sweeps.statistics import CONFIDENCE_LEVEL
 from barbalat.validate import Array, counted

@@ -12,19 +12,17 @@ from barbalat.certificates.certify import certify
 from barbalat.comparison.contest.entrant import Entrant, VariedEntrant, start_of
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.ranges import Space
+from barbalat.comparison.search.aim import Plants, StepCheck, Trial
 from barbalat.comparison.search.probing import Probing
 from barbalat.comparison.search.quantity import PROBES
 from barbalat.comparison.search.search import least_trials, search
-from barbalat.comparison.search.step_check import StepCheck
-from barbalat.comparison.search.trial import Plants, Trial
 from barbalat.comparison.search.trials import Trials, in_one_kernel
-from barbalat.comparison.tune.chosen import best_of
+from barbalat.comparison.tune.result import best_of
 from barbalat.loop.binding import bound
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, SampledEquations
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import DelayMargins
-from barbalat.study.delay_search import Criterion
+from barbalat.study.delay_margin import Criterion, DelayMargins
 from barbalat.validate import Array
 
 EDGE_SHARE = 0.02

@@ -11,7 +11,7 @@ from barbalat.budget import Progress
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified
-from barbalat.comparison.search.tolerated_delay import Question
+from barbalat.comparison.search.probing import Question
 from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.problem.state_feedback import Problem
@@ -20,10 +20,9 @@ from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import tail_error, tracks
+from barbalat.study.criteria import ReferenceMotion, tail_error, tracks
 from barbalat.study.finer_step import different, refined
 from barbalat.study.ideal_benchmark import Ideals, Member, quiet
-from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.sweeps.statistics import Median, Share
 from barbalat.validate import Array, counted
 

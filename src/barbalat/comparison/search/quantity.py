@@ -14,7 +14,7 @@ from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.run.kernel.metrics import Metrics
-from barbalat.study.delay_search import Criterion
+from barbalat.study.delay_margin import Criterion
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.study import columns_of
 from barbalat.validate import Array, InputError

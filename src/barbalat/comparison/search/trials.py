@@ -10,12 +10,10 @@ import numpy as np
 from barbalat.cases.build import Case
 from barbalat.certificates.certify import certify
 from barbalat.comparison.ranges import Space
-from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.aim import Aim, Plants, StepCheck, Trial
 from barbalat.comparison.search.probing import Probing
 from barbalat.comparison.search.quantity import PROBES, Constraint, Origin, TunedQuantity
 from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, Judged
-from barbalat.comparison.search.step_check import StepCheck
-from barbalat.comparison.search.trial import Plants, Trial
 from barbalat.open_numbers.probe import Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.problem.modelling_error import ModellingError

@@ -21,11 +21,10 @@ from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE, Lost, Onset
+from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE, REST_SENTENCE, Lost, Onset, ReferenceMotion
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
 from barbalat.study.finer_step import PlainRun, delays_confirmed, refined
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.targets import TRADE_OFF
 from barbalat.validate import Array, InputError
 

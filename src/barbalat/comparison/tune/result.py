@@ -1,21 +1,25 @@
-"""What a tuning found: the chosen point with its certificate, its front, and how it fares on plants that it never saw."""
+"""What a tuning found, the chosen point with its certificate, its front, plants that it never saw; and how it is chosen."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.cases.build import Case
 from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.certify import certify
 from barbalat.comparison.ranges import Space
-from barbalat.comparison.search.aim import Aim
-from barbalat.comparison.search.quantity import Constraint
-from barbalat.comparison.search.step_check import StepCheck
+from barbalat.comparison.search.aim import Aim, Plants, StepCheck, Trial
+from barbalat.comparison.search.quantity import Constraint, Origin
+from barbalat.comparison.search.trials import Trials
+from barbalat.comparison.tradeoff.tradeoff import pareto_front, plants_of
 from barbalat.open_numbers.path import FieldPath
 from barbalat.pictures.plotted import Plotted
+from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -157,3 +161,142 @@ class Tuning(Plotted):
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
+
+
+FRONT_TUNINGS = 16
+"""Tunings of which the first constraint's quantity is found in full for the front, from the best by the aim to the worst."""
+HELD_OUT_PLANTS = 32
+"""New plants: where one in ten fails, all of these are well with a chance of 3 %."""
+CANDIDATES_CHECKED = 8
+"""Of the best tunings, those that are looked at in full until one meets every constraint: delays beyond the required one can
+show a loss below it, which the search's own delays stepped over."""
+
+
+def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) -> Tuned:
+    """What is reported of one controller; ``own`` is the case as it stands."""
+    best = best_of(trials)
+    chosen, nearest, wholes = best.chosen, best.nearest, best.wholes
+    _tell(progress, 0.3)
+    front = _front(trials, [*wholes, *([own] if len(own.row) else [])])
+    _tell(progress, 0.8)
+    made = None if chosen is None else chosen.case
+    assert own.case is not None
+    controller = own.case.controllers[trials.controller]
+    found = Tuned(
+        controller=controller.name,
+        space=space,
+        start=_point(trials, space, own),
+        chosen=None if chosen is None else _point(trials, space, chosen),
+        nearest=_point(trials, space, nearest),
+        front=tuple(_point(trials, space, one) for one in front),
+        held_out=None if made is None else _held_out(trials, made),
+        certificate=None if made is None else _certificate(trials, made),
+        trials=len(trials.all),
+        runs=trials.runs,
+        step=best.check,
+        refused=tuple(best.refused),
+    )
+    _tell(progress, 1.0)
+    return found
+
+
+class Best(NamedTuple):
+    """The best tuning that meets every constraint, at a finer step too, where one does; the nearest to that; all that were looked
+    at in full.
+
+    check    what the finer step says of the nearest, which is the chosen one where there is one
+    refused  of better ones, that meet every constraint at the step of the case alone
+    """
+
+    chosen: Trial | None
+    nearest: Trial
+    wholes: list[Trial]
+    check: StepCheck | None
+    refused: list[StepCheck]
+
+
+def best_of(trials: Trials) -> Best:
+    """Of those that were tried."""
+    ordered = sorted((trial for trial in trials.all if trial.case is not None), key=lambda trial: trial.score)
+    wholes: list[Trial] = []
+    refused: list[tuple[Trial, StepCheck]] = []
+    meeting = [one for one in ordered if one.meets(trials.aim)]
+    for place in [2**k - 1 for k in range(CANDIDATES_CHECKED) if 2**k <= len(meeting)]:  # neighbours fail for the same reason
+        trial = meeting[place]
+        whole = trials.whole(trial.row)
+        if not whole.meets(trials.aim):
+            wholes.append(whole)
+            continue
+        check = trials.at_finer_step(whole)
+        if check.holds:
+            return Best(whole, whole, [*wholes, whole], check, [one for _, one in refused])
+        refused.append((whole, check))
+    if refused:
+        nearest, check = refused[0]
+        return Best(None, nearest, wholes, check, [one for _, one in refused])
+    nearest = trials.whole(ordered[0].row if ordered else trials.all[0].row)
+    return Best(None, nearest, wholes, None, [])
+
+
+def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:
+    """Those that no other beats; of what was tried, a spread is looked at."""
+    aim = trials.aim
+    if not aim.constraints:
+        return []
+    known = [trial for trial in trials.all if trial.value is not None and np.isfinite(trial.value)]
+    known.sort(key=lambda trial: aim.signed(trial.value or 0.0))
+    places = np.unique(np.linspace(0, len(known) - 1, min(FRONT_TUNINGS, len(known))).round().astype(int))
+    first = aim.constraints[0]
+    spread = [replace(known[i], found=dict(known[i].found)) for i in places]
+    if spread and first.quantity.origin is not Origin.RUN:
+        trials.measure(spread, first)
+    candidates = [
+        trial
+        for trial in (*wholes, *spread)
+        if trial.value is not None and np.isfinite(trial.value) and trial.found.get(first) is not None
+    ]
+    if not candidates:
+        return []
+    values = np.array([aim.signed(trial.value or 0.0) for trial in candidates])
+    reached = np.array([trial.found[first] or 0.0 for trial in candidates])
+    better = np.unique(-reached if first.quantity.larger_is_worse else reached, return_inverse=True)[1] + 1.0
+    return [candidates[i] for i in pareto_front(values, better)]
+
+
+def _point(trials: Trials, space: Space, trial: Trial) -> Point:
+    known = dict(zip(space.paths, map(float, trial.row), strict=True)) if len(trial.row) else {}
+    return Point(tuning=known, value=trial.value, found=trial.found, meets=trial.meets(trials.aim))
+
+
+def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
+    """On plants drawn by another seed; nothing where no run tells anything, or there is no set to draw from."""
+    problem, aim = made.problem, trials.aim
+    told = [one for one in aim.quantities if one.origin is not Origin.CERTIFICATE]
+    if not told or not isinstance(problem, Problem) or problem.uncertainty is None:
+        return None
+    others = plants_of(problem, problem.uncertainty, HELD_OUT_PLANTS + 1, aim.seed + 1)[1:]
+    plants = Plants.of(made, aim, others)
+    values = trials.on_other_plants(made, plants, told[0], None)
+    broken = {one: _broken(trials, made, plants, one) for one in aim.constraints if one.quantity in told}
+    signs = values if told[0].larger_is_worse else -values
+    return UnseenPlants(
+        quantity=told[0].name,
+        thetas=np.array([other.parameters for other in others]),
+        values=values,
+        broken=broken,
+        worst=int(np.argmax(signs)),
+    )
+
+
+def _broken(trials: Trials, made: Case, plants: Plants, one: Constraint) -> Array:
+    return one.requirement.broken(trials.on_other_plants(made, plants, one.quantity, one.requirement.limit))
+
+
+def _certificate(trials: Trials, made: Case) -> Certificate:
+    controller = made.controllers[trials.controller]
+    return certify(made.problem, controller, made.simulation)[controller.name]
+
+
+def _tell(progress: Progress | None, fraction: float) -> None:
+    if progress is not None:
+        progress(fraction)

@@ -16,14 +16,11 @@ from barbalat.cases.load import CaseText
 from barbalat.certificates.certify import certify
 from barbalat.comparison.grids import output_reach_of, reach_of
 from barbalat.comparison.ranges import Range, Space, of_knobs
-from barbalat.comparison.search.aim import DEFAULT_PLANTS, Aim
+from barbalat.comparison.search.aim import DEFAULT_PLANTS, Aim, Plants
 from barbalat.comparison.search.quantity import LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
 from barbalat.comparison.search.search import least_trials, search
-from barbalat.comparison.search.trial import Plants
 from barbalat.comparison.search.trials import Trials, in_one_kernel
-from barbalat.comparison.tune.chosen import choose
-from barbalat.comparison.tune.result import Tuned, Tuning
-from barbalat.comparison.tune.written import with_numbers
+from barbalat.comparison.tune.result import Tuned, Tuning, choose
 from barbalat.controllers import Sampled
 from barbalat.controllers.tuning_grid import OutputTunable, Tunable, TuningGrid
 from barbalat.loop.closed_loop import ClosedLoop
@@ -290,3 +287,13 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
 
 def _at_the_finer_step(one: Tuned) -> str:
     return f" at a step {FINER_BY} times smaller as well" if one.refused else ""
+
+
+def with_numbers(text: str, numbers: Mapping[FieldPath, float]) -> str:
+    """The TOML text with numbers at some places."""
+    import tomlkit
+
+    document = tomlkit.parse(text)
+    for path, value in numbers.items():
+        path.put(document, value)
+    return tomlkit.dumps(document)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.parts import Outputs
+from barbalat.loop.packing import Outputs
 from barbalat.protocols import Value
 from barbalat.validate import Array
 
