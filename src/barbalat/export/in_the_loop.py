@@ -14,7 +14,7 @@ from barbalat.export.header import header
 from barbalat.export.source import source
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering.c99 import DOUBLE, FLOAT
-from barbalat.lowering.llvm.external_function import ExternalFunction
+from barbalat.lowering.llvm.ir import ExternalFunction
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.engine.engine import Batch, run

@@ -52,7 +52,7 @@ Rows = set[tuple[str, int]]
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """Of one number on what one controller's kernel is handed.
+    """The effect of one number on what one controller's kernel is handed.
 
     parameters, states  rows (k,) that it moves
     table               (K, rows) what they are at each of its values, parameters first; None where they are the number itself
@@ -68,7 +68,7 @@ class Effect:
 
     @classmethod
     def of(cls, values: Array, numbers: Numbers) -> Effect | None:
-        """By numbers of members that differ in this one alone, ``values`` (K,); None where delays or streams of noise move."""
+        """The effect in members that differ in this number alone, ``values`` (K,); None where delays or streams of noise move."""
         apart = (numbers.lags, numbers.history, numbers.delays, numbers.seeds)
         if any(part is not None and (part != part[..., :1]).any() for part in apart):
             return None
@@ -97,7 +97,7 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class DelayEffect:
-    """Of a number that is the plant's delay and nothing else: what a kernel is handed follows from it without any object.
+    """The effect of a number that is the plant's delay alone: what a kernel is handed follows from it without any object.
 
     copied         rows of the kernel's parameters that are the delay itself
     rows, entries  those that are weights, and which of all weights they are; first: all of them (w,)
@@ -111,7 +111,7 @@ class DelayEffect:
 
     @classmethod
     def of(cls, values: Array, numbers: Numbers, family: Family) -> DelayEffect | None:
-        """By numbers of members that differ in this one alone, ``values`` (K,); None where other things follow from it."""
+        """The effect in members that differ in this number alone, ``values`` (K,); None where other things follow from it."""
         if numbers.lags is None or (numbers.delays != values).any():
             return None
         rows, entries = family.weights

@@ -28,7 +28,7 @@ REST_SENTENCE = (
 
 @dataclass(frozen=True)
 class ReferenceMotion:
-    """Of x_m, or of y_m where the output is measured.
+    """What x_m does along a run, or y_m where the output is measured.
 
     largest    the largest magnitude of a component
     of_each    the same of each component
@@ -51,7 +51,7 @@ class ReferenceMotion:
 
     @classmethod
     def of(cls, problem: TrackingProblem, simulation: Simulation) -> ReferenceMotion:
-        """By the response of the model alone, a linear system, to the command."""
+        """The motion of a problem's model: the response of a linear system to the command."""
         A, B, C = problem.model.matrices
         t, moved = driven_response(A, B, C, problem.model.x0, problem.commands, simulation.t_end, simulation.steps)
         ranges, variation = np.ptp(moved, axis=0), np.abs(np.diff(moved, axis=0)).sum(axis=0)
@@ -104,7 +104,7 @@ class Expected:
     explained: Array
 
     def of(self, chosen: Array, explained: Array) -> Expected:
-        """The same for runs of the members ``chosen``, (J,), each with what its modelling error explains, (J,)."""
+        """What runs of the members ``chosen``, (J,), are judged against, each with what its modelling error explains, (J,)."""
         values = {field.name: getattr(self, field.name)[chosen] for field in fields(self)}
         return Expected(**values | {"explained": explained})
 

@@ -41,7 +41,7 @@ SCANNED_DELAYS = 12
 
 
 class Criterion(Enum):
-    """By which of the two a loop is lost."""
+    """The criterion by which a loop is lost."""
 
     ONSET = "onset"
     LOSS = "loss"
@@ -76,7 +76,7 @@ class DelaySearch:
         self.loses[0, begun] = 0.0
 
     def open_members(self) -> Array:
-        """Those of which a criterion has not seen a losing delay yet."""
+        """The members of which a criterion has not seen a losing delay yet."""
         return np.flatnonzero(np.isinf(self.loses).any(axis=0))
 
     def between(self) -> tuple[Array, Array]:
@@ -141,7 +141,7 @@ class DelayMargins(Plotted):
     runs: int
 
     def of(self, chosen: Array) -> DelayMargins:
-        """The same of the members ``chosen``, (J,); ``runs`` stays that of all."""
+        """The margins of the members ``chosen``, (J,); ``runs`` stays that of all."""
         return DelayMargins(
             onset=Bracket(self.onset.bears[chosen], self.onset.loses[chosen]),
             loss=Bracket(self.loss.bears[chosen], self.loss.loses[chosen]),
@@ -251,7 +251,7 @@ def margins_ensemble(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> DelayMargins:
-    """The same for the modelling error of ``ideals``, whose ``sizes`` are tried first."""
+    """The margins of each loop for the modelling error of ``ideals``, whose ``sizes`` are tried first."""
     resolution = validate.positive("resolution", resolution)
     streams = np.arange(len(members)) if numbers is None else np.asarray(numbers)
     undelayed = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics

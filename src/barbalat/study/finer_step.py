@@ -29,7 +29,7 @@ BESIDE_SHARE = 0.1
 
 
 def refined(simulation: Simulation) -> Simulation:
-    """The same with a step that is FINER_BY times smaller; what is sampled keeps its sample time."""
+    """A simulation with a step that is FINER_BY times smaller; what is sampled keeps its sample time."""
     return replace(simulation, dt=simulation.dt / FINER_BY)
 
 
@@ -111,7 +111,7 @@ class Confirmed:
 
     @property
     def sentence(self) -> str | None:
-        """The same for people; None where nothing was asked."""
+        """The finding as a sentence; None where nothing was asked."""
         if self.changes:
             return f"the step decides the simulated delays: {'; '.join(self.changes)}. Make simulation.dt smaller"
         if not self.asked:

@@ -72,7 +72,7 @@ class Ideals:
         return self.known[id(problem)][1:]
 
     def find(self, problems: Sequence[TrackingProblem]) -> None:
-        """The same for several problems of one structure, side by side."""
+        """Find motions and ideal errors of several problems of one structure, side by side."""
         motions = [ReferenceMotion.of(problem, self.simulation) for problem in problems]
         if isinstance(problems[0], Problem):
             silent = [quiet(problem) for problem in problems]
@@ -85,7 +85,7 @@ class Ideals:
 
 @dataclass(frozen=True, eq=False)
 class Benchmark:
-    """The same for any size of the modelling error: ``explained`` (M, K) at the ``sizes`` (K,)."""
+    """What runs are judged against with a modelling error of any size: ``explained`` (M, K) at the ``sizes`` (K,)."""
 
     without: Expected
     sizes: Array
@@ -156,7 +156,7 @@ def ideal(problem: Problem) -> Member:
 
 
 def _left_alone(problem: Problem) -> Problem:
-    """The same plant with no limits at its input, no command and no disturbance, a little away from rest."""
+    """The problem with no limits at its input, no command and no disturbance, a little away from rest."""
     paths = tuple(replace(path, quantization=None, saturation=None, rate_limit=None) for path in problem.plant.paths)
     plant = replace(problem.plant, input=paths if len(paths) > 1 else paths[0], x0=np.full(problem.plant.n, SMALL_DISTURBANCE))
     silent = tuple(Constant(0.0) for _ in problem.commands)

@@ -40,7 +40,7 @@ WORST_SHARE = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Changed:
-    """Of one verdict on one controller: to how many audited members it was given, and how many lose or gain it."""
+    """How many audited members one verdict on one controller could be given, and how many of them lose or gain it."""
 
     changed: int
     judged: int
@@ -69,7 +69,7 @@ class Audit:
 
     @property
     def sentences(self) -> list[str]:
-        """The same for people."""
+        """The audit in sentences."""
         if self.changed is None:
             return [f"no member was run again with a finer step, so that any share may be the solver's: {self.why}"]
         again = f"of {validate.counted(len(self.members), 'member')} run again with a step {FINER_BY} times smaller"
@@ -172,14 +172,14 @@ def _chosen(evidence: Evidence, count: int, seed: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Finer(Varied):
-    """The same cases with smaller steps. A sampled controller keeps its sample time, and a sampled law its own steps."""
+    """The cases of a study with smaller steps. A sampled controller keeps its sample time, and a sampled law its own steps."""
 
     varied: Varied
     factor: int
 
     @property
     def paths(self) -> tuple[FieldPath, ...]:  # type: ignore[override]
-        """Those of what is refined."""
+        """The paths of what is refined."""
         return self.varied.paths
 
     @property

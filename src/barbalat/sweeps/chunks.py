@@ -27,7 +27,7 @@ class Rows(Protocol):
 
     @property
     def names(self) -> list[str]:
-        """Of the columns, in their order."""
+        """The columns' names, in their order."""
         ...
 
     def column(self, name: str) -> Array:
@@ -109,7 +109,7 @@ Made = Iterator[tuple[Chunk, Columns]]
 
 
 def in_order(made: Made) -> Made:
-    """By their first members; what comes early waits in memory."""
+    """Chunks in the order of their first members; what comes early waits in memory."""
     waiting: dict[int, tuple[Chunk, Columns]] = {}
     first = 0
     for chunk, columns in made:

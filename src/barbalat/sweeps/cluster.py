@@ -81,7 +81,7 @@ class WorkerTask:
 
 @cache
 def versions() -> dict[str, str]:
-    """Of this process; they are read from files, which takes as long as simulating hundreds of members."""
+    """The versions in this process; they are read from files, which takes as long as simulating hundreds of members."""
     found = {"barbalat": barbalat.__version__, "python": ".".join(map(str, sys.version_info[:2]))}
     found |= {name: metadata.version(name) for name in COMPARED_PACKAGES}
     return found | {SOURCES: digest_of(resources.files(barbalat))}
@@ -111,7 +111,7 @@ def kept(tables: Tabulated) -> Tabulated:
 
 
 def figures(sent: WorkerTask, tables: Tabulated) -> list[Metrics]:
-    """Of each controller, by one thread; InputError on a worker that would make other bits."""
+    """The figures of each controller, by one thread; InputError on a worker that would make other bits."""
     own = versions()
     clients = sent.made_by
     names = [*clients, *(own.keys() - clients.keys())]
@@ -321,7 +321,7 @@ class Workers:
         return min(threads := self._threads(), key=lambda one: busy[one] / threads[one], default=None)
 
     def _threads(self) -> dict[str, int]:
-        """Of each worker, by its address."""
+        """The number of threads of each worker, by its address."""
         try:
             return dict(self.client.nthreads())
         except (OSError, TimeoutError) as error:

@@ -61,7 +61,7 @@ def _apart(study: Study, *kinds: Kind) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Costs:
-    """Of one member, measured on this computer; its processor time, not the clock's, so that others at work here count little.
+    """What one member of a sweep costs, measured here: processor time, not the clock's, so that others at work count little.
 
     steps     solver steps, those of all controllers
     worker    processor time of whoever simulates it, with its part of compiling for a chunk of a second or two [s]
@@ -80,7 +80,7 @@ class Costs:
 
     @classmethod
     def of(cls, study: Study) -> Costs:
-        """By a second's work of its members; InputError as of a sweep, and without the extra ``study``."""
+        """Measure a second's work on members of a study; InputError as of a sweep, and without the extra ``study``."""
         require_parquet()
         whole = min(chunk_size(len(study), study.steps), MOST_MEMBERS, len(study))
         count = min(chunk_size(1, study.steps), whole)

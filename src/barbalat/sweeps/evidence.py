@@ -31,7 +31,7 @@ NO_FIGURES = (OSCILLATED, ERROR_BOUND)
 
 @dataclass(frozen=True, kw_only=True)
 class Extremes:
-    """Of a figure over the members that have it.
+    """The extremes and the median of a figure over the members that have it.
 
     worst_member  the one with the largest value; of ``diverged_at`` the one with the smallest
     finite        members that have the figure: those that did not diverge
@@ -65,7 +65,7 @@ class Extremes:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """By what is judged, or by a figure, and then by controllers.
+    """Shares, extremes and sensitivities, by what is judged, or by a figure, and then by controllers.
 
     failed  (M,) truth values: which members failed by anything that is judged
     unexamined  why ``oscillated`` is said of no member, by the controllers of which it is not
@@ -126,7 +126,7 @@ T = TypeVar("T")
 
 
 def _named(kind: str, found: Mapping[str, Mapping[str, T]]) -> dict[str, dict[str, T]]:
-    """By what is judged, or by a figure, and then by controllers; a name that there is not is told with the one that is meant."""
+    """A dictionary by names and then by controllers; a name that there is not is told with the one that is meant."""
     return Named.of(kind, {name: Named.of("controller", by) for name, by in found.items()})
 
 
@@ -141,7 +141,7 @@ class Verdict(NamedTuple):
 def verdicts(
     rows: Rows, controller: str, requirements: Sequence[Requirement], unexamined: Mapping[str, str]
 ) -> Iterator[Verdict]:
-    """Of all members with one controller; who diverged breaks every requirement."""
+    """The verdicts on all members with one controller; a member that diverged breaks every requirement."""
     diverged = np.isfinite(rows.column(f"{controller}/diverged_at"))
     everyone = np.ones(len(diverged), dtype=bool)
     yield Verdict(DIVERGED, diverged, everyone)

@@ -120,7 +120,7 @@ class Study:
 
     @property
     def steps(self) -> int:
-        """Of a member's run, the most that any has among the ends of what varies; all controllers counted."""
+        """The solver steps of a member's run, the most that any has among the ends of what varies; all controllers counted."""
         found = [self.example]
         for column, kind in enumerate(self.kinds):
             if kind is Kind.STRUCTURE:
@@ -146,7 +146,7 @@ class Study:
         return self.parts_for(np.arange(first, first + count))
 
     def parts_for(self, numbers: Array) -> Iterator[StudyPart]:
-        """The same of the members with these numbers, (K,)."""
+        """Members with these numbers, (K,), that run together; see ``parts``."""
         rows, streams = self.plan.values_for(numbers), self.plan.streams_for(numbers)
         for which in self._groups(rows):
             setting = self.setting(rows[which[0]])
@@ -160,7 +160,7 @@ class Study:
         return self.columns_for(np.arange(first, first + count), parts, figures)
 
     def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Metrics]]) -> Columns:
-        """The same of the members with these numbers, (K,)."""
+        """All columns of the members with these numbers, (K,), whose parts have run; see ``columns``."""
         rows, count = self.plan.values_for(numbers), len(numbers)
         found: Columns = {"member": numbers}
         found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
@@ -216,7 +216,7 @@ class Study:
         return self._motions[setting]
 
     def _oscillated(self, setting: Setting, metrics: Sequence[Metrics]) -> list[Array]:
-        """Of each controller (M,): 1 where its estimates swing, NaN where nothing says what is much."""
+        """For each controller (M,): 1 where its estimates swing, NaN where nothing says what is much."""
         problem, motion = setting.example.problem, self._motion(setting)
         found = []
         for controller, one in zip(setting.example.controllers, metrics, strict=True):
@@ -283,7 +283,7 @@ def _tried(plan: Plan) -> Tried:
 
 
 def _simulated(setting: Setting, members: Sequence[Members], threads: int | None, progress: Progress | None) -> list[Metrics]:
-    """Of each controller."""
+    """The figures of each controller."""
     simulation = setting.simulation
     for one in members:
         delay.require_memory(one.longest_delay, one.loop.inputs, len(one) * len(members), simulation.dt)

@@ -228,7 +228,7 @@ class Replayed:
     def differing(self, stored: Mapping[str, float]) -> list[str]:
         """The columns of a stored row that are other bits than this run's."""
         own = {name: float(values[0]) for name, values in self.columns.items()}
-        return [name for name, value in own.items() if name in stored and not _same(stored[name], value)]
+        return [name for name, value in own.items() if name in stored and not np.array_equal(stored[name], value, equal_nan=True)]
 
 
 def replay(study: Study, member: int, *, threads: int | None = None, progress: Progress | None = None) -> Replayed:
@@ -255,7 +255,3 @@ def replay(study: Study, member: int, *, threads: int | None = None, progress: P
     for name_of, metrics in zip(study.controllers, plain, strict=True):
         found |= {f"{name_of}/{name}": values for name, values in columns_of(metrics).items()}
     return Replayed(number=member, case=case, results=results, columns=found)
-
-
-def _same(one: float, other: float) -> bool:
-    return one == other or (np.isnan(one) and np.isnan(other))

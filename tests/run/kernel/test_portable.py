@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from barbalat import OutputPlant, Simulation, TransferFunction, load_case, simulate
-from barbalat.lowering.compiled import tabulator
+from barbalat.lowering.compiled import evaluate, tabulator
 from barbalat.lowering.functions import FUNCTIONS, function
-from barbalat.lowering.llvm.elementwise import evaluate
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.kernel.grid import final_row, signal_table
 from barbalat.run.kernel.portable import LIST_NAMES, Portable

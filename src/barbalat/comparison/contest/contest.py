@@ -99,7 +99,7 @@ def posed(problem: TrackingProblem) -> Problem:
 
 
 def criterion(name: str | Criterion) -> Criterion:
-    """By its name; InputError for another one."""
+    """The criterion with this name; InputError for another one."""
     try:
         return Criterion(name)
     except ValueError:

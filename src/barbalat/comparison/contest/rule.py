@@ -69,7 +69,7 @@ class Rule(Settings):
 
     @property
     def aim(self) -> Aim:
-        """The same as what a tuning is for."""
+        """The rule as the aim of a tuning."""
         quantity = TunedQuantity(OBJECTIVE_FIGURE, larger_is_worse=True)
         return Aim(quantity=quantity, constraints=self.constraints, plants=self.plants, seed=self.seed)
 

@@ -77,7 +77,7 @@ class Aim:
 
     @property
     def keys(self) -> frozenset[str]:
-        """Of a certificate, those that are asked for."""
+        """The keys of a certificate that are asked for."""
         return frozenset(one.key for one in self.quantities if one.origin is Origin.CERTIFICATE)
 
     @property
@@ -150,7 +150,7 @@ class Plants:
         problems: Sequence[TrackingProblem] | None = None,
         sizes: Mapping[ModellingError, Array] | None = None,
     ) -> Plants:
-        """Those of the aim, or others; for modelling errors of any size, or of these ``sizes`` alone."""
+        """The plants of the aim, or others; for modelling errors of any size, or of these ``sizes`` alone."""
         given, simulation, longest = aim.family(case) if problems is None else list(problems), case.simulation, aim.longest
         if sizes is None:
             ideals = {error: _ideals(error, simulation, longest) for error in aim.errors}
@@ -162,7 +162,7 @@ class Plants:
 
 
 def sizes_of(error: ModellingError, simulation: Simulation, longest: float) -> Array:
-    """That are tried first: delays up to ``longest``, or factors on the gain."""
+    """The sizes that are tried first: delays up to ``longest``, or factors on the gain."""
     return scanned(simulation, longest, SCANNED_DELAYS) if error == DelayError() else gains_scanned()
 
 

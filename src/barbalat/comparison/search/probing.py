@@ -63,14 +63,14 @@ class Question:
         return self.judged.runs
 
     def _usable(self) -> Array:
-        """Those that follow their model without a delay, and don't swing where that is asked."""
+        """The members that follow their model without a delay, and don't swing where that is asked."""
         well = self.judged.tracks
         if self.criterion is Criterion.ONSET:
             well = well & self.judged.quiet_tracks & ~self.judged.swings
         return np.flatnonzero(well)
 
     def _look_below(self, chosen: Array, found: Array) -> None:
-        """Those that bear ``limit``, from the smallest size on."""
+        """Try members that bear ``limit`` with less, from the smallest size on."""
         for before, size in zip([0.0, *self.smaller], self.smaller, strict=False):
             lost = self._lost(chosen, size)
             found[chosen[lost]] = before
@@ -133,7 +133,7 @@ class Probing:
         return np.asarray(np.min(found, axis=0))
 
     def each_margin(self, probe: Probe, asked: float | None) -> list[DelayMargins]:
-        """Of each of the probe's errors, by both criteria."""
+        """The margins for each of the probe's errors, by both criteria."""
         found = []
         for error in probe.errors:
             sizes = sizes_of(error, self.simulation, self.plants.longest)

@@ -83,7 +83,7 @@ class TunedQuantity:
 
     @property
     def key(self) -> str:
-        """Of a certificate, under which it stands, by itself or as a part."""
+        """The key of a certificate under which it stands, by itself or as a part."""
         return self.name.partition(".")[0]
 
     @property

@@ -50,7 +50,7 @@ def in_one_kernel(varied: Varied, space: Space) -> bool:
 
 @dataclass(eq=False)
 class Trials:
-    """Of one controller of a case.
+    """The tunings of one controller of a case that were tried.
 
     together  whether they run side by side
     shared    the plants, where what is tuned changes none of them
@@ -180,7 +180,7 @@ class Trials:
         return float(quantity.over_plants(values, self.aim.quantile)[0])
 
     def _groups(self, trials: Sequence[Trial]) -> list[Sequence[Trial]]:
-        """Those that run side by side."""
+        """The trials in groups that run side by side."""
         return [trials] if self.together else [[trial] for trial in trials]
 
     def _asked(self, origin: Origin) -> bool:

@@ -196,7 +196,7 @@ class FrontCheck:
 
     @property
     def sentence(self) -> str:
-        """The same for people."""
+        """The finding as a sentence."""
         count = validate.counted(len(self.tunings), "tuning")
         again = f"{self.scheme}: of {count} on the fronts of the case's own plant, run again at h = {self.dt:g} s,"
         if not self.tunings:
@@ -327,7 +327,7 @@ def _delay_margins(
     criteria: tuple[Onset, Lost],
     progress: Progress | None,
 ) -> DelayMargins:
-    """Of tunings on so many plants each; every tuning has the same noise on a plant."""
+    """The margins of tunings on so many plants each; every tuning has the same noise on a plant."""
     numbers, (onset, lost) = np.tile(np.arange(plants), len(members) // plants), criteria
     return delay_margins_ensemble(
         members, simulation, longest=longest, onset=onset, lost=lost, numbers=numbers, progress=progress

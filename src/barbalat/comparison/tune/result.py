@@ -98,7 +98,9 @@ class Tuned:
         return {
             "varied": {str(path): str(one) for path, one in self.space.ranges.items()},
             "meets": self.chosen is not None,
-            **{key: None if point is None else point.as_json() for key, point in self._points.items()},
+            "start": self.start.as_json(),
+            "chosen": None if self.chosen is None else self.chosen.as_json(),
+            "nearest": None if self.chosen else self.nearest.as_json(),
             "front": [point.as_json() for point in self.front],
             "held_out": None if self.held_out is None else self.held_out.as_json(),
             "certificate": None if self.certificate is None else self.certificate.as_json(),
@@ -107,10 +109,6 @@ class Tuned:
             "finer_step": None if self.step is None else self.step.as_json(),
             "refused_at_finer_step": [one.as_json() for one in self.refused],
         }
-
-    @property
-    def _points(self) -> dict[str, Point | None]:
-        return {"start": self.start, "chosen": self.chosen, "nearest": None if self.chosen else self.nearest}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -126,11 +124,9 @@ class Tuning(Plotted):
     seconds: float
 
     def __repr__(self) -> str:
-        found = (f"{name} {self._said(one)}" for name, one in self.controllers.items())
+        values = {name: None if one.chosen is None else one.chosen.value for name, one in self.controllers.items()}
+        found = (f"{name} {'none found' if value is None else f'{value:.4g}'}" for name, value in values.items())
         return f"<Tuning of {self.case.name!r} for {self.aim.quantity.name}: {'; '.join(found)}>"
-
-    def _said(self, one: Tuned) -> str:
-        return "none found" if one.chosen is None or one.chosen.value is None else f"{one.chosen.value:.4g}"
 
     def as_json(self) -> dict[str, Any]:
         """The document of ``tune --json``."""
@@ -174,14 +170,16 @@ show a loss below it, which the search's own delays stepped over."""
 
 def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) -> Tuned:
     """What is reported of one controller; ``own`` is the case as it stands."""
+    tell = progress or (lambda _: None)
     best = best_of(trials)
     chosen, nearest, wholes = best.chosen, best.nearest, best.wholes
-    _tell(progress, 0.3)
+    tell(0.3)
     front = _front(trials, [*wholes, *([own] if len(own.row) else [])])
-    _tell(progress, 0.8)
+    tell(0.8)
     made = None if chosen is None else chosen.case
     assert own.case is not None
-    controller = own.case.controllers[trials.controller]
+    which = trials.controller
+    controller = own.case.controllers[which]
     found = Tuned(
         controller=controller.name,
         space=space,
@@ -190,13 +188,13 @@ def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) 
         nearest=_point(trials, space, nearest),
         front=tuple(_point(trials, space, one) for one in front),
         held_out=None if made is None else _held_out(trials, made),
-        certificate=None if made is None else _certificate(trials, made),
+        certificate=None if made is None else certify(made.problem, made.controllers[which], made.simulation)[controller.name],
         trials=len(trials.all),
         runs=trials.runs,
         step=best.check,
         refused=tuple(best.refused),
     )
-    _tell(progress, 1.0)
+    tell(1.0)
     return found
 
 
@@ -216,7 +214,7 @@ class Best(NamedTuple):
 
 
 def best_of(trials: Trials) -> Best:
-    """Of those that were tried."""
+    """The best of the tunings that were tried."""
     ordered = sorted((trial for trial in trials.all if trial.case is not None), key=lambda trial: trial.score)
     wholes: list[Trial] = []
     refused: list[tuple[Trial, StepCheck]] = []
@@ -239,7 +237,7 @@ def best_of(trials: Trials) -> Best:
 
 
 def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:
-    """Those that no other beats; of what was tried, a spread is looked at."""
+    """The tunings that no other beats; of what was tried, a spread is looked at."""
     aim = trials.aim
     if not aim.constraints:
         return []
@@ -277,7 +275,11 @@ def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
     others = plants_of(problem, problem.uncertainty, HELD_OUT_PLANTS + 1, aim.seed + 1)[1:]
     plants = Plants.of(made, aim, others)
     values = trials.on_other_plants(made, plants, told[0], None)
-    broken = {one: _broken(trials, made, plants, one) for one in aim.constraints if one.quantity in told}
+    broken = {
+        one: one.requirement.broken(trials.on_other_plants(made, plants, one.quantity, one.requirement.limit))
+        for one in aim.constraints
+        if one.quantity in told
+    }
     signs = values if told[0].larger_is_worse else -values
     return UnseenPlants(
         quantity=told[0].name,
@@ -286,17 +288,3 @@ def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
         broken=broken,
         worst=int(np.argmax(signs)),
     )
-
-
-def _broken(trials: Trials, made: Case, plants: Plants, one: Constraint) -> Array:
-    return one.requirement.broken(trials.on_other_plants(made, plants, one.quantity, one.requirement.limit))
-
-
-def _certificate(trials: Trials, made: Case) -> Certificate:
-    controller = made.controllers[trials.controller]
-    return certify(made.problem, controller, made.simulation)[controller.name]
-
-
-def _tell(progress: Progress | None, fraction: float) -> None:
-    if progress is not None:
-        progress(fraction)

@@ -98,7 +98,7 @@ class Tuner:
         return VariedObjects(self.case, paths) if self.text is None else VariedCase(self.text, paths)
 
     def space_of(self, controller: int) -> Space:
-        """By the scheme's own knobs; InputError where it has none."""
+        """The ranges of the scheme's own knobs; InputError where it has none."""
         settings = self.case.controllers[controller]
         scheme = settings.controller if isinstance(settings, Sampled) else settings
         problem = self.case.problem
@@ -266,8 +266,9 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
         said.append("only the case's own plant was looked at: it has no known set from which others of theta could be drawn")
     for name, one in found.items():
         if one.chosen is None:
+            also = f" at a step {FINER_BY} times smaller as well" if one.refused else ""
             said.append(
-                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint{_at_the_finer_step(one)}; "
+                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint{also}; "
                 "the case file keeps its own"
             )
         elif one.refused:
@@ -283,10 +284,6 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
             said.append(NOISE_SENTENCE)
     said += [LINEAR_SENTENCE.format(key=one.name) for one in aim.quantities if one.key in OF_A_LINEAR_LOOP]
     return tuple(said)
-
-
-def _at_the_finer_step(one: Tuned) -> str:
-    return f" at a step {FINER_BY} times smaller as well" if one.refused else ""
 
 
 def with_numbers(text: str, numbers: Mapping[FieldPath, float]) -> str:

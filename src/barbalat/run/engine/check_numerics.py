@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.budget import Progress, part_of
-from barbalat.protocols import Controller, Stepping
+from barbalat.protocols import Stepping
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.kernel.costs import steps_within
 from barbalat.run.results.result import Result, Results
@@ -30,7 +30,7 @@ def check_numerics(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Results:
-    """The same results; each one that is labelled *numerically unstable* comes with a ``check``, see FinerStep.
+    """The results again, where each one that is labelled *numerically unstable* comes with a ``check``, see FinerStep.
 
     The run is repeated at a tenth of its step, then at a hundredth and a thousandth while that leaves the region too. A finer
     run takes at most ``afforded_steps``, and no more than the budget allows: where that does not reach t_end, both steps are
@@ -81,7 +81,8 @@ def _compared(
     given, horizon = first.simulation, _horizon(first, factor, afforded)
     assert horizon is not None
     controllers = [result.controller for result in members.values()]
-    refined = [_refined(controller, factor) for controller in controllers]
+    # a law that is sampled by Euler steps takes finer ones too: they are part of what is in question
+    refined = [one.refined(factor) if isinstance(one, Stepping) else one for one in controllers]
     finer = replace(given, t_end=horizon, dt=given.dt / factor)
     fine = simulate(first.problem, refined, finer, threads=threads, progress=progress).values()
     coarse = members.values()
@@ -91,11 +92,6 @@ def _compared(
     pairs = zip(members, coarse, fine, strict=True)
     seen = {name: (_seen(one), _seen(other)) for name, one, other in pairs}
     return {name: (compare(one, other, horizon, whole=whole), other) for name, (one, other) in seen.items()}
-
-
-def _refined(controller: Controller, factor: int) -> Controller:
-    """A law that is sampled by Euler steps takes finer ones too: they are part of what is in question."""
-    return controller.refined(factor) if isinstance(controller, Stepping) else controller
 
 
 def _horizon(result: Result, factor: int, afforded: int) -> float | None:

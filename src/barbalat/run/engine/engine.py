@@ -173,7 +173,7 @@ class Batch:
 
 @dataclass(eq=False)
 class Group:
-    """As many members as the kernel has lanes."""
+    """The members of one kernel call, as many as the kernel has lanes."""
 
     batch: Batch
     kernel: Kernel
@@ -199,7 +199,7 @@ class Group:
         self.batch.totals.merge_final(out[0, self.batch.program.shape.states :], self.columns)
 
     def twin(self, watch: Watch) -> Group:
-        """The same members at the same place, to be taken further beside them."""
+        """A copy of the group at the same step, to be taken further beside it."""
         return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past), watch=watch)
 
     def call(self, start: int, blocks: int, length: int, state: Array, table: Array) -> Array:
@@ -223,7 +223,7 @@ class Tables(Protocol):
     """The signals of a run, by the rows of ``grid.signal_table``."""
 
     def rows(self, segment: Segment) -> Array:
-        """Those of a segment's steps."""
+        """The rows of a segment's steps."""
         ...
 
     def last(self) -> Array:
@@ -262,7 +262,7 @@ def run(
 def advance(
     batches: list[Batch], tables: Tables, simulation: Simulation, *, threads: int | None = None, progress: Progress | None = None
 ) -> None:
-    """The same with signals by their tables."""
+    """Advance all batches from 0 to t_end, with the signals as tables."""
     if threads is not None:
         validate.whole("threads", threads, least=1)
     segments = list(segments_of(simulation, recorded=any(batch.record for batch in batches)))

@@ -106,10 +106,15 @@ def simulate_ensemble(
 
     read = Members.read(_checked(members), simulation, first="member 1: ", taken=taken)
     if numbers is not None:
-        read = replace(read, numbers=_numbers_of(read, numbers))
+        if len(numbers) != len(read):
+            raise InputError(f"numbers must have {validate.counted(len(read), 'entry')}, one for each member, got {len(numbers)}")
+        read = replace(read, numbers=np.array([validate.whole("numbers", number, least=0) for number in numbers]))
     budget.require("members", len(read), lambda count: costs.of_members([read.loop], simulation.steps, count), what="an ensemble")
     delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), MEMBERS_AT_ONCE), simulation.dt)
-    blocks = replace(simulation, record_points=_points(simulation)) if quarters else simulation
+    points = 4 * int(
+        np.ceil(simulation.steps / (4 * CHUNK_STEPS))
+    )  # each quarter has a whole number of blocks, if steps allow it
+    blocks = replace(simulation, record_points=points) if quarters else simulation
     found = []
     for first in range(0, len(read), MEMBERS_AT_ONCE):
         which = slice(first, min(first + MEMBERS_AT_ONCE, len(read)))
@@ -127,13 +132,6 @@ def simulate_ensemble(
         quarters=np.concatenate(by_quarters) if quarters else None,
         lost=lost_along(lost, read.loop, simulation, None if len(read.parameters) else largest),
     )
-
-
-def _numbers_of(members: Members, numbers: Sequence[int] | Array) -> Array:
-    """(M,) the members' numbers, checked."""
-    if len(numbers) != len(members):
-        raise InputError(f"numbers must have {validate.counted(len(members), 'entry')}, one for each member, got {len(numbers)}")
-    return np.array([validate.whole("numbers", number, least=0) for number in numbers])
 
 
 def _require(members: Any, simulation: Simulation, quarters: bool, lanes: int | None) -> int | None:
@@ -157,11 +155,6 @@ def _checked(members: Iterable[Any]) -> Iterator[tuple[TrackingProblem, Controll
         yield member
     if not i:
         raise InputError("an ensemble needs at least one member, got none")
-
-
-def _points(simulation: Simulation) -> int:
-    """Recorded blocks with a whole number of them in each quarter, as far as the steps can be divided so."""
-    return 4 * int(np.ceil(simulation.steps / (4 * CHUNK_STEPS)))
 
 
 def _quarters(batch: Batch, simulation: Simulation) -> Array:

@@ -64,7 +64,7 @@ def simulate(
 
 
 def result_of(problem: TrackingProblem, controller: Controller, simulation: Simulation, batch: Batch) -> Result:
-    """Of a recorded batch of one member after its run."""
+    """The result of a recorded batch of one member, after its run."""
     loop, blocks, stop = batch.loop, batch.blocks(simulation), np.inf
     steps = np.append(blocks.starts, simulation.steps)
     states = np.vstack([blocks.states[:, :, 0], batch.final_states.T])
@@ -103,7 +103,7 @@ def result_of(problem: TrackingProblem, controller: Controller, simulation: Simu
 
 
 def _envelope(blocks: Blocks, intervals: int) -> Envelope:
-    """Of the first member, between the recorded instants."""
+    """The first member's extrema between the recorded instants."""
     extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
     return Envelope(
         **{f"{quantity}_{side}": blocks.figure(quantity, side)[:intervals, :, 0] for quantity, side in extrema},

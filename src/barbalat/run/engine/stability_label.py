@@ -50,7 +50,7 @@ Look = Callable[[Instants], Looks]
 
 
 def stiffness_along(run: Run) -> Stiffness:
-    """Of a recorded run, up to its divergence."""
+    """The stiffness of a recorded run, up to its divergence."""
     spectrum = Spectrum.of(run.batch.loop, run.simulation)
 
     def look(at: Instants) -> Looks:

@@ -41,8 +41,9 @@ def require_runs(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulati
         "simulation.record_points", min(steps, asked), room, least=min(2, steps), given=f"= {asked} {beside}",
     )  # fmt: skip
     rest = room(min(steps, asked)) + Estimate(seconds=made.seconds)
+    given = f"= {simulation.t_end:g} s has {simulation.steps:.3g} steps of {simulation.dt:g} s, which {beside}"
     budget.require(
-        "simulation.t_end", steps, lambda count: rest + of_steps(problem, loops, count), given=_steps_given(simulation, beside),
+        "simulation.t_end", steps, lambda count: rest + of_steps(problem, loops, count), given=given,
         fits=lambda most: f"a t_end of {simulation.t_end / steps * most:.6g} s with this step", what="simulating",
     )  # fmt: skip
 
@@ -59,14 +60,14 @@ def steps_within(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulati
 
 
 def of_steps(problem: TrackingProblem, loops: Sequence[ClosedLoop], steps: float) -> Estimate:
-    """Of the steps of runs by themselves, with their signals, which all of them share."""
+    """What the steps of single runs cost, with the signals that all of them share."""
     counted = sum(budget.operations(loop.size, _plant_states(loop)) for loop in loops)
     terms = sum(len(signal.amplitudes) if isinstance(signal, Sines) else 1 for signal in problem.signals)
     return Estimate(seconds=steps * (counted * budget.STEP_OPERATION_SECONDS + terms * TERM_SECONDS))
 
 
 def of_members(loops: Sequence[ClosedLoop], steps: float, members: float) -> Estimate:
-    """Of an ensemble of each loop, without records."""
+    """What an ensemble of each loop costs, without records."""
     counted = sum(budget.operations(loop.size, _plant_states(loop)) for loop in loops)
     each = Estimate(8.0 * sum(loop.size for loop in loops), steps * counted * budget.MEMBER_OPERATION_SECONDS)
     return (MEMBER + each).times(members)
@@ -77,14 +78,10 @@ def _made(loops: Sequence[ClosedLoop]) -> Estimate:
 
 
 def _of_record(loop: ClosedLoop, points: float) -> Estimate:
-    """Of so many instants: states, extrema of e, u and the estimates, sums."""
+    """What the record of so many instants takes: states, extrema of e, u and the estimates, sums."""
     numbers = loop.size + 4 * loop.errors + 3 * loop.parameters + 2 * loop.inputs
     return Estimate(memory=8.0 * RECORD_COPIES * numbers * points)
 
 
 def _plant_states(loop: ClosedLoop) -> int:
     return int(loop.plant.x0.size)
-
-
-def _steps_given(simulation: Simulation, beside: str) -> str:
-    return f"= {simulation.t_end:g} s has {simulation.steps:.3g} steps of {simulation.dt:g} s, which {beside}"

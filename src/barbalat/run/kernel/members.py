@@ -94,7 +94,7 @@ class Members:
         return int(self.states.shape[1])
 
     def watch(self) -> Watch | None:
-        """Of one member, for a program that watches."""
+        """The windows in which the kernel of one member keeps what is watched; None where nothing is."""
         steps = self.simulation.steps
         return Watch(self.loop.size, 0, steps + 1, window_of(steps, self.windows)) if self.windows else None
 

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from barbalat.lowering.compiled import tabulator
-from barbalat.lowering.llvm.elementwise import evaluate
+from barbalat.lowering.compiled import evaluate, tabulator
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -90,7 +89,7 @@ def standard_normal(seed: int, member: int, first: int, rows: int, channels: int
 
 
 def standard_normal_at(seed: int, member: int, rows: Array, channels: int) -> Array:
-    """The same numbers of these rows, in any order, (K, channels)."""
+    """A member's standard Gaussian numbers of these rows, in any order, (K, channels)."""
     needed, place = np.unique(rows, return_inverse=True)
     return _drawn(seed, member, [(int(row), 1) for row in needed], channels)[place]
 

@@ -108,7 +108,7 @@ class Agreement:
 
     @classmethod
     def together(cls, several: Iterable[Agreement | None], *, flights: int | None = None) -> Agreement:
-        """Of several flights, of which some may have told nothing; or of several parts that made so many flights."""
+        """The agreement of several flights, some of which may have told nothing, or of the parts of so many flights."""
         told = [one for one in several if one is not None]
         return cls(
             flights=sum(one.flights for one in told) if flights is None else flights,
@@ -131,7 +131,7 @@ class Step(Protocol):
         """u, (m,), at the next sample, of what is measured and of the command."""
 
     def agreement(self) -> Agreement | None:
-        """Of the samples since it was last asked for; None where it is the simulated list itself that flies."""
+        """How the samples since the last call agree; None where it is the simulated list itself that flies."""
 
 
 @runtime_checkable

@@ -13,7 +13,7 @@ import numpy as np
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import continuous_twin
 from barbalat.loop.packing import column, symbols
-from barbalat.lowering.llvm.external_function import ExternalFunction
+from barbalat.lowering.llvm.ir import ExternalFunction
 from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
@@ -216,7 +216,7 @@ def step_function(
 
 
 def accumulators_of(loop: ClosedLoop) -> Accumulators:
-    """Those of the loop's figures."""
+    """The accumulators of a loop's figures."""
     return Accumulators(errors=loop.errors, parameters=loop.parameters, inputs=loop.inputs, outputs=loop.measured_outputs)
 
 

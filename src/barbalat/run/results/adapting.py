@@ -45,7 +45,7 @@ class Excitation(NamedTuple):
 
 
 def excitation(t: Array, phi: Array) -> Excitation | None:
-    """Of a regressor (K, p, m) at the instants t (K,); a window is a quarter of the run."""
+    """The excitation of a regressor (K, p, m) at the instants t (K,), in windows of a quarter of the run; None without one."""
     if phi.shape[1] == 0 or len(t) < 16 or not np.isfinite(phi).all():
         return None
     window = float(t[-1] - t[0]) / 4
@@ -139,19 +139,19 @@ class Adapting:
     def as_json(self) -> dict[str, Any]:
         """Plain lists and numbers."""
         bounds, excitation = self.on_bounds, self.excitation
+
+        def listed(values: Array) -> list[float | None]:
+            return [None if np.isnan(value) else value for value in values.tolist()]
+
         return {
             "net": self.net.tolist(),
             "path": self.path.tolist(),
             "tail_path": self.tail_path.tolist(),
-            "on_bounds": None if bounds is None else {name: _list(values) for name, values in bounds._asdict().items()},
+            "on_bounds": None if bounds is None else {name: listed(values) for name, values in bounds._asdict().items()},
             "on_sphere": self.on_sphere,
             "excitation": None if excitation is None else excitation._asdict(),
             "warnings": list(self.warnings),
         }
-
-
-def _list(values: Array) -> list[float | None]:
-    return [None if np.isnan(value) else value for value in values.tolist()]
 
 
 def adapting(

@@ -49,7 +49,7 @@ class RailToRail:
 
     @property
     def sentence(self) -> str:
-        """The same for people."""
+        """The finding as a sentence."""
         demand = "the demand" if self.input is None else f"the demand u_{self.input}"
         low, high = self.limits
         cause = "a limit cycle, or measurement noise that the controller amplifies" if self.noisy else "a limit cycle"
@@ -64,7 +64,7 @@ class RailToRail:
 
 
 def rail_to_rail(problem: TrackingProblem, t: Array, t_end: float, u_min: Array, u_max: Array) -> RailToRail | None:
-    """Of a run that did not diverge, the first input that swings.
+    """The first input of a run that swings between its limits; for a run that did not diverge.
 
     t (K,) are the recorded instants, u_min and u_max (K - 1, m) the extrema of the demands between them.
 
@@ -131,7 +131,7 @@ class Runaway:
 
     @property
     def sentence(self) -> str:
-        """The same for people."""
+        """The finding as a sentence."""
         return (
             f"|e| reaches {self.reaches:.3g}, {self.ratio:.2g} times the model's motion, and still grows at the end: "
             "the run runs away, though it has not diverged"

@@ -61,10 +61,8 @@ def outcome(run: Finished) -> str:
 
 def outcome_in_brief(run: Finished) -> str:
     """In a few words: one of several on a line."""
-    return run.label or (f"diverged at t = {run.diverged_at:.4g} s" if run.diverged_at is not None else _error_of(run))
-
-
-def _error_of(run: Finished) -> str:
+    if run.label or run.diverged_at is not None:
+        return run.label or f"diverged at t = {run.diverged_at:.4g} s"
     return f"{FIGURE_LABELS['max_abs_e']} {text_of(run.figures['max_abs_e'])}"
 
 
@@ -99,7 +97,7 @@ def units_of(labels: Labels | None) -> dict[str, str]:
 
 
 def table(runs: Iterable[Finished], labels: Labels | None = None) -> str:
-    """As HTML, a row for each."""
+    """The figures of runs as an HTML table, a row for each."""
     from html import escape
 
     units = units_of(labels)

@@ -85,14 +85,14 @@ def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
 
 
 def scale_of(result: Result) -> str:
-    """Of the axes for a run that may have diverged: the burst would hide what led to it."""
+    """The scale of the axes: for a run that diverged a symmetric logarithm, since the burst would hide what led to it."""
     return "linear" if result.diverged_at is None else "symlog"
 
 
 def _edges_of_known_set(
     bounds: Sequence[tuple[float, float]], needed: tuple[float, float], chosen: Sequence[int]
 ) -> tuple[list[Level], bool]:
-    """Those that can be drawn beside what must be seen, and whether others are left out."""
+    """The bounds of the known set that can be drawn beside what must be seen, and whether others are left out."""
     common = len(set(bounds)) == 1
     drawn, far = reachable([bound for pair in bounds for bound in pair], needed, BOUNDS_WITHIN_REACH)
     if not common and len(chosen) > MOST_BOUNDED:
@@ -124,7 +124,7 @@ def _set_of(result: Result) -> EstimateSet | None:
 
 
 def reachable(ends: Sequence[float], needed: tuple[float, float], within: float = WITHIN_REACH) -> tuple[list[float], bool]:
-    """Those ends that can be drawn without pressing flat what must be seen, and whether others are left out."""
+    """The ends that can be drawn without pressing flat what must be seen, and whether others are left out."""
     room = within * ((needed[1] - needed[0]) or abs(needed[1]) or 1.0)
     real = sorted({end for end in ends if abs(end) < UNREACHED_BOUND})
     drawn = [end for end in real if needed[0] - room <= end <= needed[1] + room]
@@ -184,7 +184,8 @@ def _tracking(results: Sequence[Result]) -> list[Panel]:
         model = "y_m" if output else f"x_{{m,{state + 1}}}"
         longest = max(results, key=lambda result: len(result.t))
         runs = [_motion(result, state, k, width_of(k, len(results))) for k, result in enumerate(results)]
-        others = [Series(t=longest.t, value=_of_model(longest, state), label=f"model ${model}$", colour="ink", dash=1)]
+        value = np.asarray(longest.x_m[:, state] if longest.y is None else longest.y - longest.e[:, 0])
+        others = [Series(t=longest.t, value=value, label=f"model ${model}$", colour="ink", dash=1)]
         others += [_command(longest, k, float(gains[state, k])) for k in commands]
         note = _settles_at(gains, state, commands)
         title = "Output $y$" if output else f"State $x_{state + 1}$"
@@ -225,10 +226,6 @@ def _motion(result: Result, state: int, k: int, width: float) -> Series:
     low = np.minimum(value[:-1], value[1:]) - np.maximum(below, 0)
     high = np.maximum(value[:-1], value[1:]) + np.maximum(above, 0)
     return Series(t=result.t, value=value, label=text_of(result.name), colour=k, low=low, high=high, width=width)
-
-
-def _of_model(result: Result, state: int) -> Array:
-    return np.asarray(result.x_m[:, state] if result.y is None else result.y - result.e[:, 0])
 
 
 def _largest_error(results: Sequence[Result]) -> Panel:
@@ -310,10 +307,6 @@ def _error(result: Result, title: str) -> Panel:
         title=f"{title} {meaning}",
         series=series,
         scale=scale_of(result),
-        note=_diverged(result),
+        note="" if result.diverged_at is None else f"diverged at t = {result.diverged_at:.4g} s; logarithmic beyond 1",
         y=f"$e$ {as_typed(labels.common_unit)}",
     )
-
-
-def _diverged(result: Result) -> str:
-    return "" if result.diverged_at is None else f"diverged at t = {result.diverged_at:.4g} s; logarithmic beyond 1"

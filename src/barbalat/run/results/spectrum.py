@@ -39,7 +39,7 @@ class SolverDamping:
 
     @property
     def sentence(self) -> str:
-        """The same for people."""
+        """The finding as a sentence."""
         return (
             f"{self.solver} at this step damps an oscillation as fast as the loop's (h omega = {self.h_omega:.3g}) by up to "
             f"{100 * self.per_radian:.2g} % a radian, which the equations don't: a finer step may show more of it"
@@ -57,7 +57,7 @@ def damping_of(solver: Tableau, h_omega: Array) -> Array:
 
 
 def worst_damping(solver: Tableau, z: Array) -> SolverDamping | None:
-    """Of the modes h lambda, of any shape: of those that oscillate, |Im| >= |Re|, and that the step does not resolve."""
+    """The strongest damping of modes h lambda, of any shape, that oscillate, |Im| >= |Re|, and that the step does not resolve."""
     h_omega = np.abs(z.imag)
     h_omega = h_omega[(h_omega > RESOLVED_TURN) & (h_omega >= np.abs(z.real)) & np.isfinite(h_omega)]
     if len(h_omega) == 0:
@@ -98,18 +98,14 @@ class Looks(NamedTuple):
 
     def stiffness(self, unstable_from: float | None) -> Stiffness:
         """The largest of all instants."""
+        radii = None if self.radius is None else self.radius[np.isfinite(self.radius)]
         return Stiffness(
             h_lambda_max=float(self.h_lambda[np.isfinite(self.h_lambda)].max(initial=0.0)),
             unstable_from=unstable_from,
             looks=len(self.h_lambda),
-            radius_max=None if self.radius is None else _largest_finite(self.radius),
+            radius_max=None if radii is None or not len(radii) else float(radii.max()),
             damping=self.damping,
         )
-
-
-def _largest_finite(values: Array) -> float | None:
-    finite = values[np.isfinite(values)]
-    return float(finite.max()) if len(finite) else None
 
 
 @dataclass(frozen=True, eq=False)
