@@ -16,16 +16,16 @@ from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import Varied
-from barbalat.run.engine.engine import Batch, run
-from barbalat.run.kernel import delay
+from barbalat.run.engine.engine import Batch
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.results.findings import rail_to_rail
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.study.finer_step import FINER_BY
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
+from barbalat.sweeps.chunks import Columns
 from barbalat.sweeps.evidence import Evidence, largest_error, verdicts
 from barbalat.sweeps.requirement import Requirement
-from barbalat.sweeps.study import Columns, Study, StudyPart
+from barbalat.sweeps.study import Study, StudyPart, batches_run
 from barbalat.validate import Array, InputError
 
 MOST_AUDITED = 32
@@ -221,10 +221,7 @@ def _run(
     swinging: dict[str, list[int]] = {name: [] for name in study.controllers}
     for part in study.parts_for(numbers):
         simulation = part.setting.simulation
-        for one in part.members:
-            delay.require_memory(one.longest_delay, one.loop.inputs, len(one) * len(part.members), simulation.dt)
-        batches = [Batch.part(one, slice(0, len(one)), record=record) for one in part.members]
-        run(batches, part.setting.signals, simulation, threads=threads)
+        batches = batches_run(part.setting, part.members, record=record, threads=threads)
         parts.append(replace(part, members=()))
         figures.append([batch.metrics(simulation) for batch in batches])
         if record:

@@ -26,13 +26,13 @@ from typing import TYPE_CHECKING
 import barbalat
 from barbalat import validate
 from barbalat.open_numbers.members import Setting
-from barbalat.run.engine.engine import Batch, Evaluated, advance
-from barbalat.run.kernel.grid import Segment, segments_of
+from barbalat.run.engine.engine import Batch, advance
+from barbalat.run.kernel.grid import final_row, segments_of, signal_table
 from barbalat.run.kernel.members import Members
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.sweeps.chunks import Chunk
-from barbalat.sweeps.study import Columns, Study, StudyPart
+from barbalat.sweeps.chunks import Chunk, Columns
+from barbalat.sweeps.study import Study, StudyPart
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -55,14 +55,10 @@ class Tabulated:
     def of(cls, part: StudyPart) -> Tabulated:
         simulation = part.setting.simulation
         (in_pieces,) = {one.program.shape.in_pieces for one in part.members}
-        made = Evaluated(part.setting.signals, simulation, in_pieces)
-        return cls({one.start: made.rows(one) for one in segments_of(simulation, recorded=False)}, made.last())
-
-    def rows(self, segment: Segment) -> Array:
-        return self.samples[segment.start]
-
-    def last(self) -> Array:
-        return self.final
+        signals, found = part.setting.signals, {}
+        for one in segments_of(simulation, recorded=False):
+            found[one.start] = signal_table(signals, simulation, one.start, one.steps, in_pieces=in_pieces)
+        return cls(found, final_row(signals, simulation, in_pieces=in_pieces))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +114,7 @@ def figures(sent: WorkerTask, tables: Tabulated) -> list[Metrics]:
     if different := [f"{n} {own.get(n)}, not {clients.get(n)}" for n in names if own.get(n) != clients.get(n)]:
         raise InputError(f"a worker has other versions than the client: {', '.join(different)}; install the client's there")
     batches = [Batch.part(one, slice(0, len(one))) for one in sent.members]
-    advance(batches, tables, sent.simulation, threads=1)
+    advance(batches, lambda segment: tables.samples[segment.start], lambda: tables.final, sent.simulation, threads=1)
     return [batch.metrics(sent.simulation) for batch in batches]
 
 

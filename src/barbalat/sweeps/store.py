@@ -23,7 +23,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.folders import made, refused
-from barbalat.sweeps.chunks import Chunk, chunks_of
+from barbalat.sweeps.chunks import Chunk, Columns, chunks_of
 from barbalat.sweeps.stored import (
     INDEX_FILE,
     INDEX_KEY,
@@ -38,7 +38,7 @@ from barbalat.sweeps.stored import (
     require_parquet,
     require_same,
 )
-from barbalat.sweeps.study import OSCILLATED, Columns
+from barbalat.sweeps.study import OSCILLATED
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:

@@ -136,7 +136,8 @@ class Study:
         parts, figures, done = [], [], 0
         for one in self.parts(first, count):
             part = part_of(progress, done / count, len(one.which) / count)
-            figures.append(_simulated(one.setting, one.members, threads, part))
+            batches = batches_run(one.setting, one.members, threads=threads, progress=part)
+            figures.append([batch.metrics(one.setting.simulation) for batch in batches])
             parts.append(replace(one, members=()))
             done += len(one.which)
         return self.columns(first, count, parts, figures)
@@ -176,7 +177,8 @@ class Study:
         """Figures of one member, for each controller."""
         row = self.values(member, 1)
         setting = self.setting(row[0])
-        return _simulated(setting, setting.members(row, self.plan.streams(member, 1)), None, None)
+        batches = batches_run(setting, setting.members(row, self.plan.streams(member, 1)))
+        return [batch.metrics(setting.simulation) for batch in batches]
 
     def _groups(self, rows: Array) -> Iterator[Array]:
         """The rows that run together: those of one structure with one set of signals."""
@@ -282,14 +284,21 @@ def _tried(plan: Plan) -> Tried:
     return Tried(middle, tuple(np.unique(v[v != m]) for v, m in zip(ends, middle, strict=True)))
 
 
-def _simulated(setting: Setting, members: Sequence[Members], threads: int | None, progress: Progress | None) -> list[Metrics]:
-    """The figures of each controller."""
+def batches_run(
+    setting: Setting,
+    members: Sequence[Members],
+    *,
+    record: bool = False,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> list[Batch]:
+    """The members of each controller after their run."""
     simulation = setting.simulation
     for one in members:
         delay.require_memory(one.longest_delay, one.loop.inputs, len(one) * len(members), simulation.dt)
-    batches = [Batch.part(one, slice(0, len(one))) for one in members]
+    batches = [Batch.part(one, slice(0, len(one)), record=record) for one in members]
     run(batches, setting.signals, simulation, threads=threads, progress=progress)
-    return [batch.metrics(simulation) for batch in batches]
+    return batches
 
 
 def columns_of(metrics: Metrics) -> Columns:

@@ -24,7 +24,7 @@ from barbalat.run.engine.stability_label import MOST_WINDOWS
 from barbalat.run.results.result import Result
 from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
-from barbalat.sweeps.chunks import Chunk, Made, Pace, UnstoredChunks, chunk_size, chunks_of, in_order
+from barbalat.sweeps.chunks import Chunk, Columns, Made, Pace, UnstoredChunks, chunk_size, chunks_of, in_order
 from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
 from barbalat.sweeps.costs import require_members
 from barbalat.sweeps.evidence import evidence
@@ -34,7 +34,7 @@ from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import Axis, Distribution
 from barbalat.sweeps.store import Store, Waiting, opened, require_place
-from barbalat.sweeps.study import Columns, Study, columns_of
+from barbalat.sweeps.study import Study, columns_of
 
 Told = Callable[[str], None]
 """Takes a sentence for the person who waits."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,23 +34,7 @@ def about_u(problem: TrackingProblem) -> str | None:
     return DEMAND if any(path.path is not None or path.delay > 0 for path in problem.plant.paths) else None
 
 
-class Finished(Protocol):
-    """A run that is over."""
-
-    @property
-    def name(self) -> str: ...
-
-    @property
-    def figures(self) -> dict[str, float | list[float] | None]: ...
-
-    @property
-    def diverged_at(self) -> float | None: ...
-
-    @property
-    def label(self) -> str | None: ...
-
-
-def outcome(run: Finished) -> str:
+def outcome(run: Result) -> str:
     """How a run ended, on one line."""
     if run.diverged_at is not None:
         return f"diverged at t = {run.diverged_at:.4g} s"
@@ -59,7 +43,7 @@ def outcome(run: Finished) -> str:
     return "; ".join([*(f"{FIGURE_LABELS[name]} {text_of(run.figures[name])}" for name in shown), *label])
 
 
-def outcome_in_brief(run: Finished) -> str:
+def outcome_in_brief(run: Result) -> str:
     """In a few words: one of several on a line."""
     if run.label or run.diverged_at is not None:
         return run.label or f"diverged at t = {run.diverged_at:.4g} s"
@@ -73,7 +57,7 @@ def text_of(value: float | list[float] | None) -> str:
     return "-" if value is None else f"{value:.4g}"
 
 
-def ends_of(run: Finished, text: Callable[[Figure], str] | None = None) -> str:
+def ends_of(run: Result, text: Callable[[Figure], str] | None = None) -> str:
     """The estimates at the end: theta_hat's, then by name what the scheme adapts beside it; of many the largest."""
     text = text or text_of
     ends = {name.removesuffix("_hat_final"): value for name, value in run.figures.items() if name.endswith("_hat_final")}
@@ -96,7 +80,7 @@ def units_of(labels: Labels | None) -> dict[str, str]:
     return dict.fromkeys(("max_abs_e", "rms_e", "tail_max_abs_e"), labels.every_unit) | {"max_abs_u": labels.every_input_unit}
 
 
-def table(runs: Iterable[Finished], labels: Labels | None = None) -> str:
+def table(runs: Iterable[Result], labels: Labels | None = None) -> str:
     """The figures of runs as an HTML table, a row for each."""
     from html import escape
 
@@ -106,7 +90,7 @@ def table(runs: Iterable[Finished], labels: Labels | None = None) -> str:
     return f"<table><tr>{head}</tr>{''.join(_row(escape(run.name), run) for run in runs)}</table>"
 
 
-def _row(name: str, run: Finished) -> str:
+def _row(name: str, run: Result) -> str:
     if run.diverged_at is not None:
         return (
             f'<tr><th scope="row">{name}</th><td colspan="{len(FIGURE_LABELS)}">diverged at t = {run.diverged_at:.4g} s</td></tr>'
