@@ -17,7 +17,7 @@ from barbalat.run.kernel.sampled_controller import STATE
 from barbalat.targets import EXPORTED_LOOP
 
 PARAMETER, SIGNAL, PAST, NOISE = 2, 3, 4, 5
-"""Arguments of a step's list, beside the state; see ``run.step.step_function``."""
+"""Arguments of a step's list, beside the state; see ``run.kernel.step.step_function``."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -128,6 +128,7 @@ class DelayEffect:
 
     def put(self, numbers: Numbers, values: Array) -> None:
         """What delays ``values`` (M,) make, where it belongs; the arrays are changed. InputError for another structure."""
+        assert numbers.lags is not None
         lags, weights = _delayed(values.tobytes(), self.simulation.dt, self.simulation.solver, self.simulation.fused)
         others = np.delete(np.arange(self.first.size), self.entries)
         if (np.abs(weights[others] - self.first[others, None]) > ROUNDING).any():  # the largest is about 1

@@ -24,7 +24,7 @@ FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND})
 EXAMINED = "the estimates alone: a limit cycle of the control or of the state with estimates at rest is not counted"
 """What ``oscillated`` looks at."""
 DIVERGES = "beyond 1e12 within the horizon: a run that is on its way there, or lost at a smaller size, is not counted"
-"""What ``diverged`` means; see ``run.metrics.DIVERGENCE_LIMIT``."""
+"""What ``diverged`` means; see ``run.kernel.metrics.DIVERGENCE_LIMIT``."""
 NO_FIGURES = (OSCILLATED, ERROR_BOUND)
 """Columns of a controller that are no figures of a run."""
 

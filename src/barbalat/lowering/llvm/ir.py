@@ -140,7 +140,7 @@ def loop(
                 stands there first is the past
     noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0, the first row that of ``start``
 
-    watched     rows of ``watch``, see ``watch.keep_largest``; then the first step of the first and the steps of each
+    watched     rows of ``watch``, see ``keep_largest``; then the first step of the first and the steps of each
     at last     ``sample_every`` and ``noise_hold``, read where the shape leaves them open
 
     Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state. ``watch`` is a quantity whose

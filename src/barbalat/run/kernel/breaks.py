@@ -42,7 +42,7 @@ class LostOrder:
     """What breaks inside of steps cost a run whose steps are not cut there.
 
     jumps     steps with a jump inside, of the command or of a disturbance; None where they are too many to count
-    corners   steps with no jump, but a corner, of the same; what the motion itself brings is not counted, see ``kinks``
+    corners   steps with no jump, but a corner, of the same; what the motion itself brings is not counted, see ``lost_along``
     order     in the step, that is left to the method at worst
     sentence  the same for people
     bends     whether the plant sees bends of the control through a delay, which are interpolated wherever they come
