@@ -20,7 +20,7 @@ from barbalat.cases.build import Case
 from barbalat.comparison.contest.entrant import Entrant
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified, qualify
-from barbalat.comparison.search.trial import Plants
+from barbalat.comparison.search.aim import Plants
 from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace
@@ -28,7 +28,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Controller, Sample, SampledEquations, Value
 from barbalat.roles import Role, declared_roles
-from barbalat.study.delay_search import Criterion
+from barbalat.study.delay_margin import Criterion
 from barbalat.study.ideal_benchmark import quiet
 from barbalat.validate import Array
 from barbalat.vehicles.quadrotor.axes import Axes, Axis

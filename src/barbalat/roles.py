@@ -128,7 +128,7 @@ class DeclaringRoles(Protocol):
 
     @property
     def roles(self) -> Mapping[str, Role]:
-        """By the names of the state's fields, or by paths into nested ones."""
+        """The roles by the names of the state's fields, or by paths into nested ones."""
         ...
 
 
@@ -187,7 +187,7 @@ class StatePart(NamedTuple):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of its entries, (size,), without a hat: the estimates' own names, or the symbol with an index."""
+        """The names of its entries, (size,), without a hat: the estimates' own names, or the symbol with an index."""
         if self.role.names is not None:
             return self.role.names
         if self.role.of == THETA:

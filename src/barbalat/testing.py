@@ -31,8 +31,8 @@ from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Sample, SampledEquations, feedback_of
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError, show

@@ -17,7 +17,7 @@ from barbalat.certificates.certify import certify
 from barbalat.controllers.parametric_model import OnParametricModel
 from barbalat.problem.known_set import Gain
 from barbalat.roles import THETA
-from barbalat.run.result import Result
+from barbalat.run.results.result import Result
 
 OF_THE_LOOP = ("stability", "tracking", "transient")
 """The rows of Table 1 of which nothing may stand beside a delay or a limit."""

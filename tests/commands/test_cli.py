@@ -16,7 +16,7 @@ from barbalat.commands.options import whole
 from barbalat.export.write import export_controller
 from barbalat.papers.jafari_2013.paper import PAPER as JAFARI
 from barbalat.papers.paper import papers
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.validate import InputError
 
 PAPER = bundled()["paper"].read_text()

@@ -131,7 +131,7 @@ def test_new_says_why_a_folder_cannot_be_used(file, reason, tmp_path, capsys):
 
 
 def test_what_stayed_empty_goes_again(tmp_path, case_file, monkeypatch):
-    from barbalat.run import simulate
+    from barbalat.run.engine import simulate
 
     def interrupted(*_, **__):
         raise KeyboardInterrupt

@@ -13,7 +13,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
 from barbalat.protocols import Controller
 from barbalat.roles import THETA, Estimating, roles_of
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine
 from barbalat.solvers import SOLVERS
 from barbalat.solvers.simulation import Simulation

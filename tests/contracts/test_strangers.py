@@ -15,9 +15,9 @@ from barbalat.certificates.certify import certify
 from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.tuning_grid import TuningGrid
-from barbalat.run.check_numerics import check_numerics
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.check_numerics import check_numerics
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import delay_margins
 from foreign import Bare, Plain, Proportional

@@ -54,7 +54,7 @@ from barbalat.export.plant import PlantContents
 from barbalat.export.write import files, units
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.kernel_numbers import Family
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import SIGNALS
 from barbalat.targets import (
     CONTEST,

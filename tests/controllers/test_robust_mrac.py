@@ -17,7 +17,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.papers.jafari_2013.printed_sign import PrintedSign
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine, Sines
 from barbalat.solvers.simulation import Simulation
 from independent import brute_force, integrate

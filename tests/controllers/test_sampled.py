@@ -24,9 +24,9 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.protocols import Sample
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.noise import standard_normal
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.kernel.portable import standard_normal
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

@@ -20,8 +20,8 @@ from barbalat.explorer.source import TextSource, toml
 from barbalat.lowering.shape import ENTRY
 from barbalat.open_numbers.numbers import in_tables
 from barbalat.open_numbers.path import FieldPath
-from barbalat.run.grid import signal_table
-from barbalat.run.portable import run_times
+from barbalat.run.kernel.grid import signal_table
+from barbalat.run.kernel.portable import run_times
 from barbalat.signals import Constant, Sine, Sines, Square
 from barbalat.validate import InputError, signal_values
 from lowering.test_c99 import same_bits

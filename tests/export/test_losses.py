@@ -31,9 +31,8 @@ from barbalat.export.source import source
 from barbalat.export.texts import Printed
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.lowering.c99 import DOUBLE
-from barbalat.run.recording import recorded
-from barbalat.run.sampled_part import initial_acting
-from barbalat.run.sampled_step import SampledList, SampledStep
+from barbalat.run.engine.simulate import recorded
+from barbalat.run.kernel.sampled_controller import SampledList, SampledStep, initial_acting
 from export.examples import OUTPUT, SEVERAL, SIMULATION, T
 from export.targets import ISO, drive, needs_gcc, run_selftest, same_bits, write
 from export.test_bit_identical import EXAMPLES, FEW, REPLAYED, SHORT

@@ -14,7 +14,7 @@ from barbalat.controllers import Mrac, Sampled
 from barbalat.design import pi_feedback
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import Gain, ParameterBall, ParameterBox, limit, project, with_gains
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

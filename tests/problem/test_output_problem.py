@@ -13,7 +13,7 @@ from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

@@ -22,8 +22,8 @@ from barbalat.problem.plant import Plant
 from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.regressors import GaussianRBF, Linear, Polynomial, Terms
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

@@ -12,7 +12,7 @@ pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev f
 
 from barbalat import FlightCondition, InputError, Mrac, Sampled, SimulatorFailed, fly, pi_feedback
 from barbalat.cli import main
-from barbalat.run.sampled_step import SampledList, SampledStep
+from barbalat.run.kernel.sampled_controller import SampledList, SampledStep
 from barbalat.vehicles import flying
 from barbalat.vehicles.f16 import vehicle as f16
 from barbalat.vehicles.f16.airframe import STEP

@@ -11,7 +11,7 @@ from barbalat.problem.plant import Plant
 from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.sampled_step import SampledList
+from barbalat.run.kernel.sampled_controller import SampledList
 from barbalat.signals import Constant
 from barbalat.sweeps.spread import Uniform
 from barbalat.validate import InputError

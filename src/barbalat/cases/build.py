@@ -21,8 +21,8 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import identical
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import delay
-from barbalat.run.step import Rhythm, whole_steps
+from barbalat.run.kernel import delay
+from barbalat.run.kernel.step import Rhythm, whole_steps
 from barbalat.settings import given_of, one_line
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError, printable, show

@@ -127,7 +127,7 @@ class Problem(TrackingProblem, Settings):
                 raise InputError("disturbance needs a plant with one input; give unmatched with a direction instead")
         if self.sensor is not None:
             validate.instance("sensor", self.sensor, Sensor)
-            if self.sensor.noise is not None and len(self.sensor.noise.std) > 1:
+            if self.sensor.noise is not None and np.size(self.sensor.noise.std) > 1:
                 validate.vector("sensor.noise.std", self.sensor.noise.std, self.plant.n)
         if self.labels is not None:
             validate.instance("labels", self.labels, Labels)

@@ -30,8 +30,8 @@ from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops.ideal import around_equilibrium
 from barbalat.linear.margins import margins
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

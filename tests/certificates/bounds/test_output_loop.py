@@ -14,7 +14,7 @@ from barbalat.certificates.schemes import output_feedback as subject
 from barbalat.controllers.output.l1 import linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.problem.output_feedback import Nonlinearity, OutputPlant
-from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine, Square, Step
 from certificates.output_problems import SIMULATION, TF, l1, problem
 

@@ -19,7 +19,7 @@ from barbalat.linear.systems import TransferFunction
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine, Sines, Square, Step, Steps
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

@@ -31,8 +31,8 @@ from barbalat.loop.packing import column, symbols
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine, Step
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

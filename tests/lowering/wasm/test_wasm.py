@@ -17,9 +17,8 @@ from barbalat.lowering.llvm import ir
 from barbalat.lowering.operations import Operation, Program
 from barbalat.lowering.shape import ENTRY, LoopShape
 from barbalat.lowering.wasm.module import PAGE_BYTES, module
-from barbalat.run.batch import Batch
-from barbalat.run.engine import run
-from barbalat.run.step import StepProgram
+from barbalat.run.engine.engine import Batch, run
+from barbalat.run.kernel.step import StepProgram
 from lowering.functions.test_functions import evaluated, points
 from lowering.test_c99 import same_bits
 

@@ -25,8 +25,8 @@ from barbalat.pictures.numbers import number_text
 from barbalat.pictures.symbols import HELD_BLANK
 from barbalat.report.terminal import certificates, ledger, runs
 from barbalat.report.terminal.layout import Screen, capitalized, fold
-from barbalat.run.outcome import DEMAND
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.outcome import DEMAND
 from barbalat.solvers import SOLVERS
 
 WIDE = 400

@@ -14,7 +14,7 @@ from scipy.signal import step
 from barbalat import InputError, Mrac, Sampled, SimulatorFailed, fly
 from barbalat.cli import main
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.sampled_part import initial_acting
+from barbalat.run.kernel.sampled_controller import initial_acting
 from barbalat.vehicles import flying
 from barbalat.vehicles.flight import Timing
 from barbalat.vehicles.quadrotor import control

@@ -9,7 +9,7 @@ from barbalat.controllers.output.linear import LinearOutput
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.output_feedback import OutputPlant
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant
 from certificates.output_problems import SIMULATION, TF, l1, problem
 

@@ -19,9 +19,9 @@ from barbalat.papers.measurement import Measurement
 from barbalat.papers.wording import span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputProblem
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.result import Result
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.result import Result
 from barbalat.signals import Step
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array

@@ -18,7 +18,7 @@ from barbalat.papers.measurement import Measurement
 from barbalat.papers.wording import span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array

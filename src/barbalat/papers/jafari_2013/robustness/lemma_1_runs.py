@@ -13,7 +13,7 @@ from barbalat.controllers.robust_mrac import Equations as RobustEquations
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import Value
 from barbalat.roles import Role, roles_of
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
