@@ -31,7 +31,7 @@ from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_para
 from barbalat.cli import main
 from barbalat.linear.interconnections import series
 from barbalat.linear.margins import margins
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

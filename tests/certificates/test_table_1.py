@@ -33,7 +33,7 @@ from barbalat.certificates.certify import certify_where_possible
 from barbalat.certificates.rounding import down, up
 from barbalat.certificates.table_1 import PROPERTIES, table_1
 from barbalat.cli import main
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.jafari_2013.section_v import variant
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-4)
 DYNAMIC = Normalization(alpha_0=1.0)

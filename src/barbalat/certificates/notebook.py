@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.certificates.picture import TITLE, distinct, figure_of, grouped
 from barbalat.certificates.summary import five, measured
-from barbalat.pictures.notebook import image_of
+from barbalat.pictures.plotted import image_of
 
 if TYPE_CHECKING:
     from barbalat.certificates.certificate import Certificate

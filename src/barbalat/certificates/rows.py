@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.quantities import QUANTITIES, Form
 from barbalat.certificates.rounding import down, up
-from barbalat.pictures.numbers import number_text
+from barbalat.pictures.symbols import number_text
 
 KINDS = {"exact": "linear loop", "advice": "", "does not apply": "does not apply"}
 """How a kind is printed, where not by its own name."""

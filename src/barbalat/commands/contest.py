@@ -12,7 +12,7 @@ from barbalat.commands.progress import SECONDS_EACH_STEP, Work, work
 if TYPE_CHECKING:
     from barbalat.commands import Commands
     from barbalat.comparison.contest.result import Contest
-    from barbalat.report.files import Folder
+    from barbalat.folders import Folder
 
 
 def add(commands: Commands) -> None:
@@ -88,8 +88,8 @@ def execute(options: argparse.Namespace) -> int:
         document = documents.as_json(found.as_json())
         if folder is not None:
             _write(folder, found, document, running)
+    from barbalat.report import contest as screens
     from barbalat.report.file_names import PAGE
-    from barbalat.report.terminal import contest as screens
 
     tell(document, lambda screen: screens.show(screen, found), folder, as_json=options.json, page=PAGE)
     return 0

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from barbalat.report.files import Folder
+    from barbalat.folders import Folder
     from barbalat.report.terminal.layout import Screen
 
 
@@ -19,7 +19,7 @@ STANDARD_OUTPUT = "-"
 @contextlib.contextmanager
 def folder_of(given: str | None, default: str | None) -> Iterator[Folder | None]:
     """The folder that ``--out`` names, ``default`` where it is not given; None for neither."""
-    from barbalat.report.files import output_folder
+    from barbalat.folders import output_folder
     from barbalat.validate import local_path
 
     require_folder_name("--out", given)

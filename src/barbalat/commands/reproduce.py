@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from barbalat.commands import Commands
+    from barbalat.folders import Folder
     from barbalat.papers.claim import Claim
     from barbalat.papers.ledger import Measured
     from barbalat.papers.paper import Paper
     from barbalat.papers.paper_figure import PaperFigure
-    from barbalat.report.files import Folder
     from barbalat.run.progress import Progress
 
 

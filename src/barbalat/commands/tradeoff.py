@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from barbalat.cases.build import Case
     from barbalat.commands import Commands
     from barbalat.comparison.tradeoff.tradeoff import TradeOff
-    from barbalat.report.files import Folder
+    from barbalat.folders import Folder
 
 
 def add(commands: Commands) -> None:
@@ -98,8 +98,8 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
 
 
 def _show(found: TradeOff, folder: Folder | None, effort: str) -> None:
+    from barbalat.report import tradeoff
     from barbalat.report.file_names import PAGE
-    from barbalat.report.terminal import tradeoff
     from barbalat.report.terminal.layout import Screen
 
     screen = Screen()

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from barbalat.commands import Commands
     from barbalat.comparison.ranges import Space
     from barbalat.comparison.tune.result import Tuning
-    from barbalat.report.files import Folder
+    from barbalat.folders import Folder
 
 
 def add(commands: Commands) -> None:
@@ -88,8 +88,8 @@ def execute(options: argparse.Namespace) -> int:
         document = documents.as_json(found.as_json())
         if folder is not None:
             _write(folder, found, document, running)
+    from barbalat.report import tuning
     from barbalat.report.file_names import PAGE, TUNED_CASE
-    from barbalat.report.terminal import tuning
 
     tell(document, lambda screen: tuning.show(screen, found), folder, as_json=options.json, case=TUNED_CASE, page=PAGE)
     return 0

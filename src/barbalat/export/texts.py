@@ -13,7 +13,7 @@ from barbalat import __version__
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.export.contents import Contents
-from barbalat.export.names import prefix_of
+from barbalat.export.layout import prefix_of
 from barbalat.export.parameters import Parameter
 from barbalat.lowering import c99
 

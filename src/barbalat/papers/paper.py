@@ -11,7 +11,7 @@ from typing import Any
 from barbalat.certificates.overview import Certified
 from barbalat.certificates.table_1 import Table1
 from barbalat.discovery import modules_in, packages_in, slices
-from barbalat.papers.measurement import Measurement
+from barbalat.papers.claim import Measurement
 from barbalat.papers.paper_figure import PaperFigure
 from barbalat.run.progress import Progress
 from barbalat.validate import InputError, hint

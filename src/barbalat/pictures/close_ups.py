@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.pictures.panel_sizes import PAGE
+from barbalat.pictures.panel_drawing import PAGE
 from barbalat.pictures.panels import Panel, Series, around, span_of
 from barbalat.pictures.series import COLUMNS_PER_INCH, FASTEST_SWING_COLUMNS, VISIBLE_SWING_SHARE, turning_points
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from barbalat.pictures.notebook import image_of
+from barbalat.pictures.plotted import image_of
 from barbalat.run.outcome import about_u, table
 from barbalat.run.picture import figure_of
 

@@ -115,9 +115,9 @@ class FlightComparison:
 
     def plot_paths(self, failure: str | None = None) -> Figure:
         """Where all controllers flew through one failure, in space; InputError where the records have no path."""
-        from barbalat.vehicles.path_picture import figure_of
+        from barbalat.vehicles.picture import paths_figure
 
-        return figure_of(self._scene(self.failure_of(failure), self.controllers), shown=True)
+        return paths_figure(self._scene(self.failure_of(failure), self.controllers), shown=True)
 
     def film(self, failure: str | None = None) -> bytes:
         """A GIF of the first controller beside the best of the others; by default through the failure that parts them most."""

@@ -17,7 +17,7 @@ from barbalat.linear.interconnections import sensitivity
 from barbalat.linear.margins import margins
 from barbalat.linear.screening import screen
 from barbalat.linear.systems import StateSpace
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.problem.known_set import ParameterBall
 from barbalat.solvers.simulation import Simulation
 
