@@ -93,10 +93,9 @@ def execute(options: argparse.Namespace) -> int:
     except SimulatorFailed as error:
         say(f"barbalat: {error}")
         return 1
-    from barbalat.report import flights as terminal
     from barbalat.report.file_names import PAGE
 
-    tell(document, lambda screen: terminal.show(screen, found), folder, as_json=options.json, page=PAGE)
+    tell(document, lambda screen: flights.show(screen, found), folder, as_json=options.json, page=PAGE)
     return int(any(one.equal is False for one in (found.agreements or {}).values()))
 
 
@@ -141,9 +140,8 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
         stays = "" if options.store is None else f"; what is stored in {options.store} stays, and the same command goes on"
         say(f"barbalat: {error}{stays}")
         return 1
-    from barbalat.report import dispersed as terminal
 
-    tell(document, lambda screen: terminal.show(screen, found), folder, as_json=options.json, page=PAGE)
+    tell(document, lambda screen: dispersed.show(screen, found), folder, as_json=options.json, page=PAGE)
     return 0
 
 

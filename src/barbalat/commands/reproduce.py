@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from barbalat.folders import Folder
     from barbalat.papers.claim import Claim
     from barbalat.papers.ledger import Measured
-    from barbalat.papers.paper import Paper
-    from barbalat.papers.paper_figure import PaperFigure
+    from barbalat.papers.paper import Paper, PaperFigure
     from barbalat.run.progress import Progress
 
 

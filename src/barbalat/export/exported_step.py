@@ -9,8 +9,7 @@ import numpy as np
 
 from barbalat.export.compiler import loaded, require_compiler, shared_library
 from barbalat.export.contents import VECTORS, Contents
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering.c99 import DOUBLE
 from barbalat.problem.tracking import TrackingProblem

@@ -10,12 +10,11 @@ from barbalat.export import TARGETS
 from barbalat.export.contents import Contents, is_explicit
 from barbalat.export.fmu.archive import Archive
 from barbalat.export.fmu.units import Unit
-from barbalat.export.header import header, shape
 from barbalat.export.parameters import Opened
 from barbalat.export.plant import PlantContents
 from barbalat.export.plant_source import PrintedPlant, plant_header, plant_source
 from barbalat.export.selftest import selftest
-from barbalat.export.source import source
+from barbalat.export.source import header, shape, source
 from barbalat.export.texts import Printed, comment, filled, indented
 from barbalat.folders import output_folder
 from barbalat.lowering import c99

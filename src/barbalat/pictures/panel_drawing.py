@@ -17,8 +17,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from barbalat.pictures.panels import SHARING, Panel, Series
-from barbalat.pictures.series import Outline, outline
+from barbalat.pictures.panels import SHARING, Panel, Series, around, span_of
+from barbalat.pictures.series import (
+    COLUMNS_PER_INCH,
+    FASTEST_SWING_COLUMNS,
+    VISIBLE_SWING_SHARE,
+    Outline,
+    outline,
+    turning_points,
+)
 from barbalat.pictures.symbols import HELD_BLANK
 from barbalat.pictures.theme import DASHES, MARKS, NARROW, WIDE, Theme, dash_of, mark_of, new_figure
 from barbalat.validate import Array
@@ -274,3 +281,31 @@ def legend_columns(panel: Panel, sizes: Sizes) -> int:
 def _length(label: str) -> int:
     """Characters that are seen of a label with mathematics in it."""
     return len(re.sub(r"\\hat|[{}$_]", "", re.sub(r"\\[a-gi-z]\w*", "x", label)))
+
+
+PERIODS = 10
+"""In half a page's width: twenty columns for each, an eighth of what the eye needs to count them."""
+
+
+def close_ups(panel: Panel, followed: Sequence[Series], t_end: float) -> list[Panel]:
+    """Two panels, where what is ``followed``, the model and its command, oscillates too fast for the whole run's panel."""
+    columns = COLUMNS_PER_INCH * PAGE.across(panel)
+    swings = [swing for swing in map(_usual_swing, followed) if swing < FASTEST_SWING_COLUMNS * t_end / columns]
+    if not swings:
+        return []
+    shown = 2 * PERIODS * max(swings)
+    spans = {f"first {shown:.2g} s": (0.0, shown), f"last {shown:.2g} s": (t_end - shown, t_end)}
+    return [_part(panel, f"{panel.title}: {name}", times) for name, times in spans.items()]
+
+
+def _part(panel: Panel, title: str, times: tuple[float, float]) -> Panel:
+    """With the limits of the whole run's panel where it has some; a run that has ended before is not in it."""
+    series = [one for one in panel.series if one.t[-1] > times[0]]
+    limits = panel.limits or around(*span_of([one.within(*times).value for one in series]))
+    return replace(panel, title=title, series=series, times=times, limits=limits, note="", whole_row=False)
+
+
+def _usual_swing(series: Series) -> float:
+    """The median time from one least or greatest value to the next; infinite where it hardly turns."""
+    turns = turning_points(series.value, VISIBLE_SWING_SHARE * float(np.ptp(series.value)))
+    return float(np.median(np.diff(series.t[turns]))) if len(turns) > 2 * PERIODS else float("inf")

@@ -24,8 +24,7 @@ from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.result import Tuning
 from barbalat.papers.claim import Claim
-from barbalat.papers.paper import Paper
-from barbalat.papers.paper_figure import ADDED_FIGURE, PaperFigure
+from barbalat.papers.paper import ADDED_FIGURE, Paper, PaperFigure
 from barbalat.pictures.symbols import number_text
 from barbalat.report import contest as contest_rows
 from barbalat.report import dispersed, flights, tradeoff

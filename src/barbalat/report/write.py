@@ -21,7 +21,7 @@ from barbalat.comparison.tune.picture import draw as draw_tuning
 from barbalat.comparison.tune.result import Tuning
 from barbalat.folders import Folder
 from barbalat.papers.claim import Chart, Claim, Map
-from barbalat.papers.paper_figure import PaperFigure
+from barbalat.papers.paper import PaperFigure
 from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
 from barbalat.report import diagrams, flights, maps, page

@@ -15,9 +15,8 @@ from barbalat import __version__
 from barbalat.export.compiler import require_compiler, shared_library
 from barbalat.export.fmu.units import Unit
 from barbalat.export.fmu.variables import Variable
-from barbalat.export.header import header
 from barbalat.export.plant_source import plant_header, plant_source
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import filled, indented
 from barbalat.validate import InputError
 

@@ -10,7 +10,7 @@ from barbalat.papers.claim import Claim, Listing, Measurement, numbers, table, v
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.filter.bias import DRAWN_SHARE, EXPONENT_TOLERANCE
 from barbalat.papers.jafari_2013.section_v import Runs
-from barbalat.papers.paper_figure import ADDED_FIGURE, Check, PaperFigure
+from barbalat.papers.paper import ADDED_FIGURE, Check, PaperFigure
 from barbalat.run.result import Result
 from barbalat.validate import Array
 
