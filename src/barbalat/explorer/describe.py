@@ -233,7 +233,7 @@ def group(path: FieldPath) -> tuple[Key, ...]:
 
 
 def outputs(case: Case, members: Members) -> dict[str, Any]:
-    """Of one controller: sizes, rows of the states and accumulators, panels."""
+    """What the page shows of one controller: sizes, rows of the states and accumulators, panels."""
     loop, shape, accumulators = members.loop, members.program.shape, members.program.accumulators
     assert isinstance(accumulators, Accumulators)
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)

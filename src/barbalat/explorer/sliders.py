@@ -99,7 +99,7 @@ class Sliders:
     variants: list[Variant]
 
     def found(self) -> list[Slider]:
-        """Those that get one, in the order of ``PRECEDENCE``."""
+        """The numbers that get a slider, in the order of ``PRECEDENCE``."""
         taken: list[Rows] = [set() for _ in self.variants]
         kept: list[Slider] = []
         room = MOST_SHARED_BYTES
@@ -117,7 +117,7 @@ class Sliders:
         return self._apart(kept)
 
     def _apart(self, kept: Sequence[Slider]) -> list[Slider]:
-        """Those that are with the others what they are alone, each with those that it must not be moved with."""
+        """The sliders that do among the others what they do alone, each with those that it must not be moved with."""
         apart = np.array([[one is not other and one.excludes(other) for other in kept] for one in kept], dtype=bool)
         tried: list[list[Place]] = []
         search = Together(
@@ -188,7 +188,7 @@ class Sliders:
 
     @cached_property
     def _cases(self) -> dict[tuple[bool, FieldPath, float], Case]:
-        """Those that were made: the same ones are read for several purposes."""
+        """Cases that were made: the same ones are read for several purposes."""
         return {}
 
 
@@ -218,7 +218,7 @@ TRIED_TURNS = 1 + len(FAR_SHARES)
 
 
 def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: bool) -> list[Place]:
-    """Of the k-th slider: near the case one value to either side of its own, farther off one, unlike the known ones if it may be.
+    """Places tried for the k-th slider: near the case one value to either side of its own, farther off one, unlike the known ones if it may be.
 
     What modules are not ``handed`` is in the signals alone: of such numbers many may exclude each other, and each is tried once.
 
@@ -245,7 +245,7 @@ Move = tuple[int, int]
 
 
 class Outcome(Enum):
-    """Of a setting in which some numbers are moved and the others are the case's."""
+    """What came of a setting in which some numbers are moved and the others are the case's."""
 
     FITS = auto()
     DIFFERS = auto()

@@ -127,7 +127,7 @@ class Contents:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Those that this controller depends on."""
+        """The parameters that this controller depends on."""
         if self.opened is None:
             return ()
         read = {at for kind, at in sources(self.step) if kind == PARAMETER}

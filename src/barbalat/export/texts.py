@@ -86,7 +86,7 @@ class Printed:
 
     @property
     def _scheme(self) -> str:
-        """As case files call it; of a class from outside its name."""
+        """The scheme's name in case files; a class from outside has its own."""
         controller = self.contents.controller
         kind = type(controller.controller if isinstance(controller, Sampled) else controller)
         named = {settings: name for name, settings in (*SCHEMES.items(), *OUTPUT_SCHEMES.items())}

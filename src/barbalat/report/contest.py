@@ -64,8 +64,7 @@ def margins(found: Contest) -> list[list[str]]:
 
 
 def errors(found: Contest) -> list[list[str]]:
-    """u|.|Return rows of those that meet the rule, over all held-out runs: quantiles of the error, and the median of max
-    |u|.|u|."""
+    """Return rows of those that meet the rule, over all held-out runs: quantiles of the error, median of max |u|."""
     rows = []
     for name, held in found.held_out.items():
         of = held.quantiles

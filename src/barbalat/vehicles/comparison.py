@@ -55,7 +55,7 @@ class FlightComparison:
         return self.vehicle.facts(self.model, self.version)
 
     def details(self) -> dict[str, Any]:
-        """The same for the document of ``--json``."""
+        """Where it flew, its linear model and how it was computed, for the document of ``--json``."""
         return self.vehicle.details(self.model, self.version)
 
     @property
@@ -92,7 +92,7 @@ class FlightComparison:
 
     @cached_property
     def agreements(self) -> dict[str, Agreement] | None:
-        """Of each controller's exported C with the simulated list, over all its flights; None where the list itself flew."""
+        """How each controller's exported C agrees with the simulated list over all its flights; None where the list itself flew."""
         if not self.exported:
             return None
         return {several[0].controller: Agreement.together(one.agreement for one in several) for several in self.flights}

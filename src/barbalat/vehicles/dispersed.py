@@ -88,7 +88,7 @@ class Campaign:
         return min(max(self.vehicle.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
 
     def cost(self, members: float, processes: int) -> Estimate:
-        """Of flying so many draws, with the processes side by side."""
+        """What flying so many draws takes, with the processes side by side."""
         flights = members * len(self.controllers) * len(self.failures)
         return Estimate(memory=FLIGHT_BYTES * flights, seconds=CHUNK_SECONDS / self.vehicle.drawing.chunk * flights / processes)
 
@@ -290,7 +290,7 @@ class Flown:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """By failures, the controllers that lost least first, then by their error; and of all failures together.
+    """What the flights show for each failure, the controllers that lost least first, then by their error; and for all failures.
 
     lost         of all flights of each controller, the fewest first: draws are independent, flights on one draw are not, so that
                  no interval stands beside them

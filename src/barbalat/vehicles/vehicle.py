@@ -201,7 +201,7 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     @abstractmethod
     def details(self, model: Model, version: str) -> dict[str, Any]:
-        """The same for the document of ``--json``."""
+        """Where it flies, its linear model and its simulator, for the document of ``--json``."""
 
 
 GROUP = "barbalat.vehicles"

@@ -232,7 +232,7 @@ def gusts_met(deviation: float, speed: float, T: float, samples: int, seed: int 
 
 @lru_cache(maxsize=8)  # a draw's flights, of all controllers and through all failures, meet the same
 def _of_one(speed: float, T: float, samples: int, seed: int) -> Array:
-    """Of standard deviation 1."""
+    """Gusts with a standard deviation of 1, (samples,)."""
     tau = TURBULENCE_LENGTH / speed
     A = np.array([[0.0, 1.0], [-1 / tau**2, -2 / tau]])
     C = np.sqrt(tau) * np.array([1 / tau**2, np.sqrt(3) / tau])
