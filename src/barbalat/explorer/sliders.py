@@ -218,7 +218,8 @@ TRIED_TURNS = 1 + len(FAR_SHARES)
 
 
 def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: bool) -> list[Place]:
-    """Places tried for the k-th slider: near the case one value to either side of its own, farther off one, unlike the known ones if it may be.
+    """Places tried for the k-th slider: near the case a value to either side of its own, farther off one, unlike known ones
+    if it may be.
 
     What modules are not ``handed`` is in the signals alone: of such numbers many may exclude each other, and each is tried once.
 

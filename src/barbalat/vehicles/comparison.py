@@ -92,7 +92,7 @@ class FlightComparison:
 
     @cached_property
     def agreements(self) -> dict[str, Agreement] | None:
-        """How each controller's exported C agrees with the simulated list over all its flights; None where the list itself flew."""
+        """Each controller's exported C against the simulated list, over all its flights; None where the list itself flew."""
         if not self.exported:
             return None
         return {several[0].controller: Agreement.together(one.agreement for one in several) for several in self.flights}
