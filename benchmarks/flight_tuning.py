@@ -33,7 +33,7 @@ from barbalat.study.delay_margin import Criterion
 from barbalat.vehicles.f16.axis import Axis
 from barbalat.vehicles.f16.schemes import SCHEMES
 from barbalat.vehicles.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
-from barbalat.vehicles.registry import vehicle_of
+from barbalat.vehicles.vehicle import vehicle_of
 from benchmarks import quadrotor_tuning
 
 DELAY_MARGIN, GAIN_MARGIN = 0.1, 2.0

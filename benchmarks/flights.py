@@ -21,7 +21,7 @@ from barbalat.vehicles.f16.flying import fly_once
 from barbalat.vehicles.f16.trim import trimmed
 from barbalat.vehicles.flight import Timing
 from barbalat.vehicles.flying import on_loop
-from barbalat.vehicles.registry import vehicle_of
+from barbalat.vehicles.vehicle import vehicle_of
 from benchmarks.house import Section
 from benchmarks.processor import description
 from benchmarks.table import Row, console, show

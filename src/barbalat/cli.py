@@ -29,8 +29,7 @@ from barbalat.commands import (
     tune,
 )
 from barbalat.commands.interrupt import Terminated, interruptible
-from barbalat.commands.options import add_budget
-from barbalat.commands.parser import BAD_INPUT, UNKNOWN, Parser
+from barbalat.commands.options import BAD_INPUT, UNKNOWN, Parser, add_budget
 from barbalat.commands.progress import say
 from barbalat.commands.streams import OutputLost, notes, results
 

@@ -7,8 +7,7 @@ import pytest
 
 from barbalat import Budget, InputError
 from barbalat.cases import load
-from barbalat.cases.load import bundled, parse_case
-from barbalat.cases.toml_size import MOST_NESTED, TomlSize
+from barbalat.cases.load import MOST_NESTED, TomlSize, bundled, parse_case
 
 TEXTS = {
     "a = 1": (1, 1 + 1 + 1),
@@ -61,7 +60,7 @@ def test_the_count_is_linear():
 
 
 def load_tokens(text: str):
-    from barbalat.cases.toml_size import TOKEN
+    from barbalat.cases.load import TOKEN
 
     return TOKEN.finditer(text)
 

@@ -30,7 +30,7 @@ from barbalat.certificates.linear_loops.ideal import around_equilibrium, fast_ad
 from barbalat.cli import main
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import series
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

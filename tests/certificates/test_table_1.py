@@ -32,7 +32,7 @@ from barbalat.certificates.certificates import PROPERTIES, table_1
 from barbalat.certificates.certify import certify_where_possible
 from barbalat.certificates.rows import down, up
 from barbalat.cli import main
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.jafari_2013.section_v import variant
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-4)
 DYNAMIC = Normalization(alpha_0=1.0)

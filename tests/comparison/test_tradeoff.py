@@ -19,6 +19,7 @@ from barbalat.comparison.tradeoff import forecast
 from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff, pareto_front, plants_of, trade_off
 from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.tuning_grid import TuningGrid
+from barbalat.folders import Folder
 from barbalat.loop.binding import bound
 from barbalat.pictures.labels import LabelPlaces
 from barbalat.problem.actuation import PlantInput
@@ -27,7 +28,6 @@ from barbalat.problem.plant import Plant
 from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import Known, ParameterBox, Problem
 from barbalat.report import documents, tradeoff, write
-from barbalat.report.files import Folder
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine

@@ -14,7 +14,7 @@ from barbalat.adaptation.laws import Gradient, LeastSquares
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.parametric_model import State
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.papers.jafari_2013.printed_sign import PrintedSign
+from barbalat.papers.jafari_2013.section_v import PrintedSign
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.run.engine.simulate import simulate

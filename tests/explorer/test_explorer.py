@@ -13,9 +13,8 @@ import pytest
 from barbalat import Mrac, Simulation, explore, load_case
 from barbalat.cases.load import CaseText, bundled
 from barbalat.explorer.commands import Grid, smooth_module
-from barbalat.explorer.describe import Described
+from barbalat.explorer.describe import Described, outputs
 from barbalat.explorer.explorer import Explorer
-from barbalat.explorer.outputs import outputs
 from barbalat.explorer.source import TextSource, toml
 from barbalat.lowering.shape import ENTRY
 from barbalat.open_numbers.numbers import in_tables

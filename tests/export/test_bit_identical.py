@@ -14,8 +14,7 @@ import pytest
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.export.contents import Contents
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.lowering.c99 import DOUBLE

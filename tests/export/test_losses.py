@@ -25,9 +25,8 @@ from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.export.compiler import loaded
 from barbalat.export.contents import Contents
 from barbalat.export.exported_step import exported_c
-from barbalat.export.header import header
 from barbalat.export.selftest import selftest
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.lowering.c99 import DOUBLE

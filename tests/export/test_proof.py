@@ -10,8 +10,7 @@ import pytest
 
 from barbalat import Gradient, LeastSquares
 from barbalat.export.contents import Contents
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.lowering.c99 import DOUBLE, FLOAT, Real
 from barbalat.lowering.operations import Operation, Program

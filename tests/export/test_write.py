@@ -10,7 +10,7 @@ import pytest
 
 from barbalat import L1Adaptive, L1PiecewiseConstant, Mrac, PlantInput, Sampled, Simulation, export_controller, input_filter
 from barbalat.cli import main
-from barbalat.export.names import distinct, identifier, prefix_of
+from barbalat.export.layout import distinct, identifier, prefix_of
 from barbalat.export.write import files
 from export.examples import SIMULATION, STATE, T
 from export.targets import ISO, needs_gcc, run_selftest

@@ -6,8 +6,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.lowering.functions import FUNCTIONS
 from barbalat.lowering.operations import Operation

@@ -18,7 +18,7 @@ CLAIM = '''
 """A claim that is nothing but a file."""
 
 from barbalat.papers.claim import Claim
-from barbalat.papers.measurement import Measurement
+from barbalat.papers.claim import Measurement
 
 
 def measured() -> Claim:

@@ -2,8 +2,7 @@
 
 from barbalat.run.kernel.sampled_controller import SampledList
 from barbalat.vehicles import flying
-from barbalat.vehicles.registry import vehicle_of
-from barbalat.vehicles.vehicle import Aboard
+from barbalat.vehicles.vehicle import Aboard, vehicle_of
 
 QUADROTOR = vehicle_of("quadrotor")
 

@@ -21,7 +21,7 @@ from barbalat.vehicles.f16.equipment import Actuator, Equipment, Sensors
 from barbalat.vehicles.f16.failures import OF_PITCH, OF_ROLL
 from barbalat.vehicles.f16.flying import fly_once
 from barbalat.vehicles.f16.trim import trimmed
-from barbalat.vehicles.registry import vehicle_of
+from barbalat.vehicles.vehicle import vehicle_of
 from vehicles.nominal import alone, of_axis, through_failures
 
 FAILURES = {one.name: one for one in OF_PITCH}

@@ -60,7 +60,7 @@ class Certificate:
 
     def _repr_html_(self) -> str:
         """For notebooks: every value with its kind and its meaning, and the picture."""
-        from barbalat.pictures.notebook import image_of
+        from barbalat.pictures.plotted import image_of
 
         rows = "".join(
             f'<tr><th scope="row">{escape(name)}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>'

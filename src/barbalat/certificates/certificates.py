@@ -90,7 +90,7 @@ class Certificates(Named[Certificate]):
     def _repr_html_(self) -> str:
         """For notebooks: five lines for each controller, what was noted, the pictures of the loops."""
         from barbalat.certificates.summary import five, measured
-        from barbalat.pictures.notebook import image_of
+        from barbalat.pictures.plotted import image_of
 
         rows = []
         for column in self.table.columns:

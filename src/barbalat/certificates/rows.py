@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.quantities import QUANTITIES, Form
-from barbalat.pictures.numbers import number_text
+from barbalat.pictures.symbols import number_text
 
 
 def up(value: float, digits: int = 4) -> str:

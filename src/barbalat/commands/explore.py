@@ -43,7 +43,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.explorer.explorer import Explorer
     from barbalat.explorer.section_v import ON_THE_PAPER_S_EXAMPLE, PAPER_CASE
     from barbalat.explorer.source import TextSource
-    from barbalat.report.files import output_folder
+    from barbalat.folders import output_folder
     from barbalat.validate import InputError, local_path
 
     file, to_output = local_path("--out", options.out), options.out == STANDARD_OUTPUT

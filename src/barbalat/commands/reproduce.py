@@ -16,11 +16,10 @@ if TYPE_CHECKING:
 
     from barbalat.budget import Progress
     from barbalat.commands import Commands
+    from barbalat.folders import Folder
     from barbalat.papers.claim import Claim
     from barbalat.papers.ledger import Measured
-    from barbalat.papers.paper import Paper
-    from barbalat.papers.paper_figure import PaperFigure
-    from barbalat.report.files import Folder
+    from barbalat.papers.paper import Paper, PaperFigure
 
 
 def add(commands: Commands) -> None:

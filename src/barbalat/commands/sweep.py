@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from barbalat.budget import Progress
     from barbalat.cases.load import CaseText
     from barbalat.commands import Commands
-    from barbalat.report.files import Folder
+    from barbalat.folders import Folder
     from barbalat.sweeps.cluster import Scheduler
     from barbalat.sweeps.requirement import Requirement
     from barbalat.sweeps.result import SweepResult
@@ -92,8 +92,8 @@ def execute(options: argparse.Namespace) -> int:
         if folder is not None:
             folder.write("sweep.json", document)
             _write(folder, text, result)
+    from barbalat.report import sweep
     from barbalat.report.file_names import PAGE
-    from barbalat.report.terminal import sweep
 
     tell(document, lambda screen: sweep.show(screen, result), folder, as_json=options.json, page=PAGE)
     return 0

@@ -151,7 +151,7 @@ class Grid:
 
 
 def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool, most_steps: int) -> list[Grid]:
-    """Of this run and of others, with other steps or another horizon, all for one kind of kernel: in pieces, or not.
+    """Grids of this run and of runs with other steps or another horizon, all for one kind of kernel: in pieces, or not.
 
     InputError where the run's own has too many rows.
     """
@@ -170,7 +170,7 @@ def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool
 
 
 def _runs_offered(simulation: Simulation) -> Iterator[Simulation]:
-    """The same run with other steps, and with other horizons, as far as the step divides the horizon."""
+    """The run with other steps, and with other horizons, as far as the step divides the horizon."""
     steps = [(factor * simulation.dt, simulation.t_end) for factor in GRID_FACTORS]
     for dt, t_end in [*steps, *((simulation.dt, factor * simulation.t_end) for factor in HORIZON_FACTORS)]:
         try:

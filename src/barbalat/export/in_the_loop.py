@@ -10,8 +10,7 @@ import numpy as np
 from barbalat.budget import Progress
 from barbalat.export.compiler import loaded, require_compiler, shared_library
 from barbalat.export.contents import Contents
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering.c99 import DOUBLE, FLOAT
 from barbalat.lowering.llvm.ir import ExternalFunction

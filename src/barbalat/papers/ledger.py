@@ -11,8 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 from barbalat.budget import Progress
 from barbalat.certificates.certify import Certified
-from barbalat.papers.claim import Claim
-from barbalat.papers.measurement import Measurement
+from barbalat.papers.claim import Claim, Measurement
 from barbalat.papers.paper import Paper, paper_of, papers
 from barbalat.processes import deaf_children
 from barbalat.processes import processes as own_processes

@@ -9,7 +9,7 @@ from typing import Any
 
 from barbalat.certificates.certify import Certified
 from barbalat.papers.claim import Claim
-from barbalat.papers.paper_figure import PaperFigure
+from barbalat.papers.paper import PaperFigure
 from barbalat.run.results.result import Result
 
 

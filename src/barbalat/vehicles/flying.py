@@ -14,9 +14,8 @@ from barbalat.validate import InputError, show
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.flight import Failing, Flight, Timing
 from barbalat.vehicles.isolated import SECONDS_PER_FLIGHT, STARTING_SECONDS, SimulatorFailed, isolated
-from barbalat.vehicles.registry import vehicle_of
 from barbalat.vehicles.schemes import Loop, OnLoop, available, require_offered
-from barbalat.vehicles.vehicle import Aboard, Vehicle
+from barbalat.vehicles.vehicle import Aboard, Vehicle, vehicle_of
 
 AnyVehicle: TypeAlias = Vehicle[Any, Any, Any]
 

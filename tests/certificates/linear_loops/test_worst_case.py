@@ -15,7 +15,7 @@ from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta, screen
 from barbalat.cli import main
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace, sensitivity
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.problem.known_set import ParameterBall
 from barbalat.solvers.simulation import Simulation
 

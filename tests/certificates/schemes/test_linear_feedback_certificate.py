@@ -19,7 +19,7 @@ from barbalat import (
 )
 from barbalat.certificates.certify import certify
 from barbalat.certificates.schemes import linear_feedback
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.solvers.simulation import Simulation
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-4)

@@ -26,7 +26,7 @@ from barbalat import (
 )
 from barbalat.cases.load import load_case
 from barbalat.certificates.cells import COUNTS_ON_DAMPING, limits_text
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.solvers.simulation import Simulation
 
 T_END = 15.0  # s; a period of the command is 12.6 s, so that |x_m| has been at its largest

@@ -20,9 +20,8 @@ from barbalat.certificates.entry import Entry
 from barbalat.certificates.summary import five
 from barbalat.papers.claim import Claim, Listing, Reading
 from barbalat.papers.jafari_2013.paper import PAPER
-from barbalat.papers.paper_figure import Check, PaperFigure
-from barbalat.pictures.numbers import number_text
-from barbalat.pictures.symbols import HELD_BLANK
+from barbalat.papers.paper import Check, PaperFigure
+from barbalat.pictures.symbols import HELD_BLANK, number_text
 from barbalat.report.terminal import certificates, ledger, runs
 from barbalat.report.terminal.layout import Screen, capitalized, fold
 from barbalat.run.engine.simulate import simulate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from barbalat.pictures.numbers import number_text
+from barbalat.pictures.symbols import number_text
 from barbalat.problem.labels import Labels, bracketed
 from barbalat.report.terminal.layout import Screen, capitalized, grouped
 from barbalat.run.results.adapting import Adapting

@@ -104,7 +104,7 @@ def html_of(results: Sequence[Result]) -> str:
     """Runs as a notebook shows them: the figures as a table, what deserves a second look, the plot."""
     from html import escape
 
-    from barbalat.pictures.notebook import image_of
+    from barbalat.pictures.plotted import image_of
     from barbalat.run.results.picture import figure_of
 
     if not results:

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.loop.true_values import estimate_set
-from barbalat.pictures.close_ups import close_ups
-from barbalat.pictures.panel_drawing import draw
+from barbalat.pictures.panel_drawing import close_ups, draw
 from barbalat.pictures.panels import Level, Panel, Series, around, as_typed, span_of, text_of, width_of
 from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
 from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet

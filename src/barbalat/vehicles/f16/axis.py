@@ -69,7 +69,7 @@ class Followed:
 
     @property
     def places(self) -> tuple[int, ...]:
-        """Of the states in a ``Motion``."""
+        """Places of the states in a ``Motion``."""
         return tuple(Motion._fields.index(name) for name in self.states)
 
 
@@ -177,7 +177,7 @@ class Axis:
 
     @property
     def sample_time(self) -> float:
-        """That of the flight computer [s]."""
+        """The flight computer's sample time [s]."""
         return SAMPLE_TIME
 
     @property

@@ -12,12 +12,11 @@ from barbalat.certificates.linear_loops.ideal import around_equilibrium, fast_ad
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.filter.adapting_margins import GAINS, KAPPAS, MODERATE_KAPPA, filter_effect
 from barbalat.papers.jafari_2013.filter.adapting_margins import METHOD as EXACT
-from barbalat.papers.jafari_2013.variants import variant
-from barbalat.papers.measurement import Measurement
+from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal

@@ -13,10 +13,8 @@ from barbalat.cases.load import load_case
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
-from barbalat.papers.jafari_2013.variants import at_instants
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span, table
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.jafari_2013.section_v import at_instants
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.run.engine.ensemble import simulate_ensemble

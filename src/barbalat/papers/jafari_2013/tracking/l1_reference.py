@@ -11,11 +11,9 @@ from barbalat.certificates.bounds import theorem_1
 from barbalat.controllers import L1Adaptive
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import TransferFunction, input_filter, transfer_function
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import local_exponents
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span, table
+from barbalat.papers.jafari_2013.section_v import local_exponents
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.results.result import Result
 from barbalat.solvers.simulation import Simulation
