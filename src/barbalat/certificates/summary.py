@@ -35,7 +35,7 @@ def measured(certificate: Certificate) -> Line | None:
 
 
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
-    """The five lines: the condition, the bound, the margin, the largest gain and step, the assumptions with what of them fails."""
+    """The five lines: the condition, the bound, the margin, the largest gain and step, the assumptions and which of them fail."""
     if certificate.failure:
         why = f"not known: {certificate.failure}"
         rest = [Line(label, "not known", "does not apply") for label in ("bound of e", "margin", "gain, step", "assumed")]
