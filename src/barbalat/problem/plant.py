@@ -1,4 +1,4 @@
-"""The plant (1)."""
+"""The plant (1) and the reference model (2)."""
 
 from __future__ import annotations
 
