@@ -93,7 +93,7 @@ class Rest:
         return _reduced(inner, jacobians(rest, reaches), frozen)
 
     def broken_at(self, i: int, *, frozen: bool) -> StateSpace:
-        """The loop from what reaches the plant's input i to what would, with the sign of L; the others closed, all dynamics in."""
+        """The loop opened at the plant's input i, with the sign of L; the other inputs are closed, and all dynamics are in it."""
         loop, alone = self.loop, np.arange(self.loop.inputs) == i
 
         def given_input(state: Value, v: Value) -> tuple[Value, Value]:

@@ -1,7 +1,8 @@
 """The margins of linear loops over the known set, and mu against it, under the certificate's keys.
 
-A sampled loop is looked at in the extreme points and the case's theta, for stability in seeded points too. One delay margin from sample to sample takes as long as a hundred of the others: it is computed where the phase margin over its
-frequency is least.
+A sampled loop is looked at in the extreme points and the case's theta, for stability in seeded points too. One delay margin
+from sample to sample takes as long as a hundred of the others: it is computed where the phase margin over its frequency is
+least.
 """
 
 from __future__ import annotations
