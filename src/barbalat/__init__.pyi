@@ -78,7 +78,7 @@ from .problem.output_feedback import OutputPlant as OutputPlant
 from .problem.output_feedback import OutputProblem as OutputProblem
 from .problem.output_feedback import OutputReferenceModel as OutputReferenceModel
 from .problem.plant import Plant as Plant
-from .problem.reference_model import ReferenceModel as ReferenceModel
+from .problem.plant import ReferenceModel as ReferenceModel
 from .problem.regressors import GaussianRBF as GaussianRBF
 from .problem.regressors import Linear as Linear
 from .problem.regressors import Polynomial as Polynomial

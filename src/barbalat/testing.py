@@ -25,8 +25,7 @@ from barbalat.loop.sampling import Acting
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem

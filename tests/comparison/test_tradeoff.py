@@ -24,8 +24,7 @@ from barbalat.loop.binding import bound
 from barbalat.pictures.labels import LabelPlaces
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import Known, ParameterBox, Problem
 from barbalat.report import documents, tradeoff, write
 from barbalat.run.engine.ensemble import simulate_ensemble

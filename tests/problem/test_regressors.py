@@ -18,8 +18,7 @@ from barbalat.loop.packing import column, symbols
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.output_feedback import Nonlinearity
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import GaussianRBF, Linear, Polynomial, Terms
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.engine.ensemble import simulate_ensemble

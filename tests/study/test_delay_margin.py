@@ -18,8 +18,7 @@ from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.modelling_error import DelayError, GainError
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import ParameterBox, Problem
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine

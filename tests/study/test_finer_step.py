@@ -11,8 +11,7 @@ from barbalat.certificates.certify import certify
 from barbalat.controllers import Adrc, L1Adaptive, Mrac
 from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import ParameterBox, Problem
 from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine, Square

@@ -1,4 +1,4 @@
-"""The Lyapunov laws of MRAC (4) and L1-AC (7), with their modifications."""
+"""The Lyapunov laws of MRAC (4), L1-AC (7) and output feedback, with their modifications."""
 
 from __future__ import annotations
 

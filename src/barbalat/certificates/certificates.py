@@ -1,6 +1,4 @@
-"""What ``certify`` gives back: the certificates of several controllers, by their names.
-
-Table 1, rebuilt by analysis: what is guaranteed of each scheme, under which assumptions, with the case's own constants.
+"""The certificates of several controllers, by their names, and Table 1: what is guaranteed of each scheme on the case.
 
 The paper's table compares the standard MRAC with L1-AC; its contents are missing from the text at hand. Each statement here
 stands in docs/table-1.md with its source. A scheme joins by one file in ``schemes/``.

@@ -1,4 +1,4 @@
-"""W_m(s) of the parametric model (13), the filter Q(s) of the auxiliary input that inverts it, and the filters around them."""
+"""The schemes on the parametric model (13): W_m(s), the filter Q(s) that inverts it, their equations and sampled form."""
 
 from __future__ import annotations
 

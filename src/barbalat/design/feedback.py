@@ -1,4 +1,4 @@
-"""From what is known of a plant to a linear controller, in one call."""
+"""PI control, and from what is known of a plant to a linear controller in one call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What matrices must satisfy: Hurwitz, controllable; judged in balanced coordinates, where roundings are of one size."""
+"""Conditions on matrices: Hurwitz and controllable, in balanced coordinates; definite for certain, in ball arithmetic."""
 
 from __future__ import annotations
 

@@ -3,7 +3,7 @@
 Source: Boyd, Balakrishnan, Kabamba (1989) and Bruinsma, Steinbuch (1990): a level is above the peak where no zero of
 level^2 - G(-s)G(s) lies on the imaginary axis; so no peak between the points of a grid is missed.
 
-Peaks of |S| and |T| of a loop with a delay: branch and bound over frequency, so that no peak is missed between points.
+Of a loop with a delay |S| and |T| are searched by branch and bound over frequency, which misses no peak either.
 
 |S| = 1/|1 + X| with X = L e^(-j w d), and |T| = 1/|1 + X| with X = 1/(L e^(-j w d)). With r_i the zeros and poles of X, w_m the
 middle of an interval and delta half its width,

@@ -3,7 +3,7 @@
 A grid proves nothing between its points. So every peak of mu is refined, the frequencies at which a real parameter alone
 could act are solved for, and the destabilising parameters that mu names are tried on the eigenvalues.
 
-The structured singular value of the matched family (1), (11): real parameters and complex dynamics at the plant's input.
+The family is the matched one, (1) and (11): real parameters, and complex dynamics at the plant's input.
 
 Everything uncertain of x' = (A_m + b theta') x + b (1 + W Delta)[u] enters where the control does, so the matrix that the
 uncertainty sees has rank one and mu has a closed form (Young, 1994: for rank one the upper bound of mu is exact): with

@@ -7,11 +7,11 @@ as v(t) = u(t - d). With d = (l + f) T, 0 <= f < 1, v changes within a sample, a
 
 With R = C (zI - J e^(A T))^-1 J, L(z) from v to -u is -R (e^(A (1-f) T) Gamma(f T)/z + Gamma((1-f) T))/z^l. Gain and phase
 margins and peaks of one input are those of L(z) on the unit circle, the other inputs closed; by z = (1 + s T/2)/(1 - s T/2) they
-are those of a continuous system. What is no function of one such L(z) stands in ``sampled_margins``.
+are those of a continuous system. What no single L(z) tells is searched for.
 
 Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sections 2.3 (delays that are no whole samples), 8.2.
 
-Margins of a sampled loop that no single transfer function tells: its delay's, and the gain's that all inputs share.
+No single transfer function tells the delay's margin, nor that of a gain that all inputs share.
 
 From a stable loop on the search goes as far as it certainly stays stable. For a delay that is while |change of L| < |1 + L| at
 every frequency: L changes as the edge of v moves through the sample, by R e^(A t) E (1 - 1/z) dt. For a factor k on all inputs

@@ -13,8 +13,7 @@ from barbalat.problem.actuation import InputPath
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, with_gains
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import Model, ReferenceModel
+from barbalat.problem.plant import Model, Plant, ReferenceModel
 from barbalat.problem.regressors import Linear, MatchedTerm
 from barbalat.problem.tracking import Disturbance, TrackingProblem, require_signal
 from barbalat.protocols import Signal

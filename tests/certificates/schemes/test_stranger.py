@@ -21,8 +21,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation

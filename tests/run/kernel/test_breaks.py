@@ -17,8 +17,7 @@ from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBall, ParameterBox
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import Terms
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BreakingSignal

@@ -14,8 +14,7 @@ from barbalat.controllers import L1Adaptive, Mrac, Sampled
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import Terms
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.engine.ensemble import simulate_ensemble

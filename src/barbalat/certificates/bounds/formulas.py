@@ -1,4 +1,4 @@
-"""A guaranteed bound of |phi(x)| on a box of states: the regressor evaluated on balls, the box cut where that is too coarse."""
+"""Guaranteed bounds of formulas, in ball arithmetic: of |phi(x)| on a box of states, of f(t, y) and of its slope in y."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Everything that is called a bound is rounded outward. The derivations are in docs/theorem-1.md.
 
-How closely L1-AC follows its own reference system: the non-adaptive closed loop with the filter and theta known.
+``reference_error_bound`` says how closely L1-AC follows its reference system, the loop with the filter and theta known.
 
 x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[-theta'x_ref + k_0 r], x_ref(0) = x(0), C at rest.
 

@@ -1,9 +1,8 @@
-"""The margins of linear loops over the known set, under the certificate's keys.
+"""The margins of linear loops over the known set, and mu against it, under the certificate's keys.
 
-Margins of a linear sampled loop over the known set: its extreme points, the case's theta, and seeded points for stability.
-
-One delay margin from sample to sample takes as long as a hundred of the others: it is computed where the phase margin over its
-frequency is least.
+A sampled loop is looked at in the extreme points and the case's theta, for stability in seeded points too. One delay margin
+from sample to sample takes as long as a hundred of the others: it is computed where the phase margin over its frequency is
+least.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a sigma th
 the predictor's own step and S what acts in a sample, and sigma_hat = -G x~: so sigma_hat(infinity) = G (I - F + S G)^-1 S sigma,
 which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
 
-How closely the piecewise-constant law follows its theory's reference system, on the plant (1) with phi(x) = x.
+``distance`` bounds how far the loop is from its theory's reference system, on the plant (1) with phi(x) = x.
 
 x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[k_0 r - theta'x_ref], x_ref(0) = x(0), C at rest, under the command as
 it is sampled; as flown u_ref = k_0 r - theta_0'x_ref - C(s)[(theta - theta_0)'x_ref]. Loop and reference system are linear and,

@@ -1,9 +1,9 @@
 """The certificate of the MRAC with a network: bounded by its modification, with numbers where the case allows; Table 1's column.
 
-No weights are known to be the ideal ones, so nothing rests on how well the network approximates: see ``bounds.network``. For a
-plant that the model's feedback alone does not keep, no number is known.
+No weights are known to be the ideal ones, so nothing rests on how well the network approximates: see ``bounds``. For a plant
+that the model's feedback alone does not keep, no number is known.
 
-Bounds that the modification of a network's law gives: of its weights, and of e on the plant (1).
+The modification bounds the weights, and e on the plant (1).
 
 With mu = b'P e, (m,), h = (1, tanh(z)), z = V_hat'x_bar, and |.| of a matrix the root of its entries' squares, the law makes
 U = |W_hat|^2/gamma + |V_hat|^2/gamma_v change by U' = 2 mu'W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2): x_bar drops out. What the

@@ -1,6 +1,6 @@
 """What the schemes that are a linear loop around y share: bounds of y and e by small gain, and their cells of Table 1.
 
-Guaranteed bounds of an output-feedback loop that is linear but for f(t, y): small gain in the L-infinity norm.
+The bounds are guaranteed for a loop that is linear but for f(t, y), by small gain in the L-infinity norm.
 
 The loop of plant, model and linear controller is x' = A x + B [r; w; d_y] with w = d + f(t, y) and the output y_G of G. With
 S = ||w -> y_G||_1, |f(t, y)| <= F + L |y| as long as |y| <= Y, and everything at rest at t = 0,

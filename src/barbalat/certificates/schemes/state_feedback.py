@@ -109,13 +109,16 @@ def projected(estimate_set: EstimateSet | None) -> bool:
 
 def add_parameter_errors(draft: Draft, problem: Problem, equations: laws.Bound, closed: Known | None = None) -> None:
     """nu_0 for the case's theta, and for the worst theta in the known set, with P of ``closed``."""
-    theta_hat0 = equations.theta_hat0
     known, known_set = closed or problem.known, problem.uncertainty
-    error = theorem_1.initial_parameter_error(theta_hat0, problem.parameters)
-    draft.guarantee("nu_0", theorem_1.nu_0(error, known), *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
+    _add_nu_0(draft, problem, equations, known)
     if known_set is not None and problem.input_gain is None:
-        worst = known_set.farthest(theta_hat0) * OUTWARD_FACTOR
+        worst = known_set.farthest(equations.theta_hat0) * OUTWARD_FACTOR
         draft.guarantee("nu_0_worst", theorem_1.nu_0(worst, known), theta_in_the_set(problem))
+
+
+def _add_nu_0(draft: Draft, problem: Problem, equations: laws.Bound, known: Known) -> None:
+    error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.parameters)
+    draft.guarantee("nu_0", theorem_1.nu_0(error, known), *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
 
 
 def add_ingredients(draft: Draft, problem: Problem, estimate_set: EstimateSet | None, model: ModelBounds) -> None:
@@ -139,8 +142,7 @@ def of_lyapunov_law_beyond(
     problem, controller, draft = excited.problem, excited.controller, Draft()
     draft.note(BEYOND_ONE_LINEAR_INPUT)
     equations = controller.bind(problem.known)
-    error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.parameters)
-    draft.guarantee("nu_0", theorem_1.nu_0(error, problem.known), *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
+    _add_nu_0(draft, problem, equations, problem.known)
     void = laws.why_no_bound(controller, problem) or no_bound
     if void:
         draft.missing("error_bound", void)

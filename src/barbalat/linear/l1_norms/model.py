@@ -1,4 +1,4 @@
-"""What the integration needs to know of a system at one working precision, and the tolerances it aims at."""
+"""The numbers of a system that the integration needs at one working precision, its slowest oscillation and its tolerances."""
 
 from __future__ import annotations
 

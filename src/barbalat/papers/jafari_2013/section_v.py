@@ -19,8 +19,7 @@ from barbalat.linear.systems import input_filter
 from barbalat.papers.claim import Listing, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import Controller, Signal, Value
 from barbalat.run.engine.check_numerics import check_numerics

@@ -1,4 +1,4 @@
-"""A ball as the known set."""
+"""A ball as the known set, also beside intervals of unknown input gains."""
 
 from __future__ import annotations
 

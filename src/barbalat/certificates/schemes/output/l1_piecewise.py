@@ -7,7 +7,7 @@ On a plant that is the model, under a constant sigma at rest, x~ = Phi x~ + Gamm
 Gamma G = Phi g: with q = c'(I - Phi)^-1 Phi g and what sigma does to y, s = c'(I - Phi)^-1 Gamma sigma, it is
 sigma_hat = G s/(1 + q), of rank one, which does s q/(1 + q) to y: 1/(1 + q) is left, 1 - e^(a T) for a model of first order.
 
-A bound of e = y - y_m under L1 output feedback with the piecewise-constant law, for every r and d of the case's sizes.
+``error_bound`` bounds e = y - y_m for every r and d of the case's sizes.
 
 Plant, controller and the model under the command as it is sampled are one linear system from sample to sample: what r can do to e
 at the samples is the sum of its impulse response. d acts all the time: in a sample what it does to a row c of that is at most

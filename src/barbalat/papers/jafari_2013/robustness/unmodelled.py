@@ -26,8 +26,7 @@ from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import figures, variant
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
 from barbalat.signals import Constant, Sines
