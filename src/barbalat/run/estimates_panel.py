@@ -73,6 +73,7 @@ def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
         scale=scale_of(result),
         note="; ".join(said),
         may_part=True,
+        names=("estimates", result.name),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
     import control
     import pandas
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -194,11 +196,13 @@ class Result:
 
         return html_of([self])
 
-    def plot(self, *, narrow: bool = False) -> Figure:
-        """Motion, error, control and estimates over time, as a Matplotlib figure; ``narrow`` for a phone or a column."""
+    def plot(
+        self, *, panels: str | Iterable[str] | None = None, axes: Axes | Iterable[Axes] | None = None, narrow: bool = False
+    ) -> Figure:
+        """Motion, error, control and estimates as a Matplotlib figure; ``barbalat.results.plot`` says what may be chosen."""
         from barbalat.run.picture import figure_of
 
-        return figure_of([self], narrow=narrow, shown=True)
+        return figure_of([self], names=panels, axes=axes, narrow=narrow, shown=True)
 
     def step_info(self, component: int = 1) -> dict[str, float]:
         """Rise time, settling time, overshoot, ... after the command's last jump: see ``run.step_response``."""

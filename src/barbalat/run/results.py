@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from barbalat.run.outcome import outcome_in_brief
@@ -9,6 +10,7 @@ from barbalat.run.result import Result
 from barbalat.validate import Named
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -26,8 +28,10 @@ class Results(Named[Result]):
 
         return html_of(list(self.values()))
 
-    def plot(self, *, narrow: bool = False) -> Figure:
-        """All runs side by side, as a Matplotlib figure; ``narrow`` for a phone or a column: see ``barbalat.plot``."""
+    def plot(
+        self, *, panels: str | Iterable[str] | None = None, axes: Axes | Iterable[Axes] | None = None, narrow: bool = False
+    ) -> Figure:
+        """All runs side by side, as a Matplotlib figure; ``barbalat.results.plot`` says what may be chosen."""
         from barbalat.run.plot import plot
 
-        return plot(self, narrow=narrow)
+        return plot(self, panels=panels, axes=axes, narrow=narrow)
