@@ -37,7 +37,9 @@ def foreign_coefficients(field: str, system: Any) -> tuple[Array, Array]:
         return np.atleast_1d(num), den
     if not all(hasattr(system, name) for name in ("ninputs", "noutputs", "dt")):
         raise InputError.of(
-            field, f"must be a TransferFunction, or a system of python-control or SciPy, got {validate.show(system)}"
+            field,
+            "must be a TransferFunction, (num, den), matrices (A, B, C, D), or a system of python-control or SciPy, "
+            f"got {validate.show(system)}",
         )
     import control
 

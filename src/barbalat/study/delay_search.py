@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError, hint, show
 
 LONGEST_DELAY = 2.0
 """The largest delay that is tried unless another is asked for [s]."""
@@ -21,6 +21,14 @@ class Criterion(Enum):
 
     ONSET = "onset"
     LOSS = "loss"
+
+    @classmethod
+    def accept(cls, field: str, given: Criterion | str) -> Criterion:
+        """One of the two, given itself or by its name; InputError names the field."""
+        known = [one.value for one in cls]
+        if not isinstance(given, cls) and given not in known:
+            raise InputError.of(field, f"must be {' or '.join(known)}, got {show(given)}{hint(given, known)}")
+        return cls(given)
 
 
 LARGEST_GAIN_ERROR = 15.0
