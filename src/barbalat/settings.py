@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from barbalat.validate import MOST_SHOWN, counted
+from barbalat.validate import MOST_SHOWN, counted, hint
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -46,11 +46,7 @@ def _require_known(name: str, given: Mapping[str, object], known: Mapping[str, P
     unknown = next((one for one in given if one not in known), None)
     if unknown is None:
         return
-    from difflib import get_close_matches
-
-    near = get_close_matches(unknown, known, n=1) or get_close_matches(unknown.lower(), known, n=1)
-    meant = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
-    raise TypeError(f"{name} has no keyword {unknown!r}; {meant}")
+    raise TypeError(f"{name} has no keyword {unknown!r}" + (hint(unknown, known) or f"; known here: {', '.join(known)}"))
 
 
 def _require_places(name: str, count: int, given: Mapping[str, object], known: Mapping[str, Parameter]) -> None:
