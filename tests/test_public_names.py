@@ -101,6 +101,14 @@ def test_a_public_module_imports_nothing_before_it_is_used(home):
     assert found.stdout.split() == []
 
 
+def test_help_shows_what_a_class_takes():
+    """Not what its check of misspelt keywords takes; an object that can be called has its call's signature."""
+    shown = inspect.signature(barbalat.Mrac)
+    assert list(shown.parameters)[:2] == ["gamma", "theta_hat0"] and shown.parameters["name"].default == "MRAC"
+    assert str(inspect.signature(barbalat.Simulation)).startswith("(t_end: 'float', dt: 'float', *, solver: 'Tableau | str' = ")
+    assert list(inspect.signature(barbalat.signals.Constant(1.0)).parameters) == ["t"]
+
+
 @pytest.mark.full
 def test_type_checkers_read_every_name(tmp_path):
     lines = [f"from {home} import {name}" for home in STUBBED for name in importlib.import_module(home).__all__]

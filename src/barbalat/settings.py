@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
-from inspect import Parameter, getattr_static, signature
+from inspect import Parameter, Signature, getattr_static, signature
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -16,6 +16,16 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 
+class _SignatureOfInit:
+    """What ``help``, editors and the reference show of a class: the signature of ``__init__``; ``__new__`` takes anything."""
+
+    def __get__(self, instance: object, kind: type) -> Signature:
+        if instance is not None:
+            raise AttributeError("__signature__")
+        whole = signature(getattr_static(kind, "__init__"))
+        return whole.replace(parameters=list(whole.parameters.values())[1:], return_annotation=Signature.empty)
+
+
 class Settings:
     """The base of what is made by keyword arguments, the first of them also by position; a call that can't be is told what can.
 
@@ -23,6 +33,7 @@ class Settings:
     """
 
     __slots__ = ()
+    __signature__ = _SignatureOfInit()
 
     def __new__(cls, *placed: object, **given: object) -> Self:
         kind: type = cls
