@@ -36,6 +36,8 @@ from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError, show
 
+__all__ = ["CheckFailed", "Report", "check", "problem_kinds"]
+
 SIMULATION = Simulation(t_end=2.0, dt=2e-3)
 """Of the runs; their solver is RK4."""
 SAMPLE_TIME = 1e-2

@@ -5,9 +5,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from barbalat import Budget, InputError
+from barbalat import InputError
 from barbalat.cases import load
 from barbalat.cases.load import MOST_NESTED, TomlSize, bundled, parse_case
+from barbalat.studies import Budget
 
 TEXTS = {
     "a = 1": (1, 1 + 1 + 1),

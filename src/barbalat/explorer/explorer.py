@@ -25,7 +25,7 @@ from barbalat.open_numbers.path import FieldPath
 from barbalat.papers.claim import Claim
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.solvers import SOLVERS
+from barbalat.solvers.registry import solver_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
@@ -81,9 +81,7 @@ class Explorer:
         case = self.source.at({FieldPath.parse(path): value for path, value in numbers.items()}, toggled)
         if solver is None:
             return case
-        if solver not in SOLVERS:
-            raise InputError(f"solver must be one of {', '.join(SOLVERS)}, got {validate.show(solver)}")
-        return replace(case, simulation=replace(case.simulation, solver=SOLVERS[solver]))
+        return replace(case, simulation=replace(case.simulation, solver=solver_of("solver", solver)))
 
     def __repr__(self) -> str:
         return f"<Explorer of {self.source.at({}).name!r}: {len(self.html) / 1e3:.0f} kB; save(path) writes it>"

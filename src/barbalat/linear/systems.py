@@ -43,7 +43,9 @@ def foreign_coefficients(field: str, system: Any) -> tuple[Array, Array]:
         return np.atleast_1d(num), den
     if not all(hasattr(system, name) for name in ("ninputs", "noutputs", "dt")):
         raise InputError.of(
-            field, f"must be a TransferFunction, or a system of python-control or SciPy, got {validate.show(system)}"
+            field,
+            "must be a TransferFunction, (num, den), matrices (A, B, C, D), or a system of python-control or SciPy, "
+            f"got {validate.show(system)}",
         )
     import control
 
@@ -71,6 +73,10 @@ class StateSpace(Settings):
 
     __repr__ = one_line
 
+    def __post_init__(self) -> None:
+        if any(isinstance(given, (list, tuple)) for given in (self.A, self.B, self.C)):
+            validate.freeze(self, **vars(self._of_matrices("system", self.A, self.B, self.C, self.D)))
+
     def __eq__(self, other: object) -> bool:
         return isinstance(other, StateSpace) and self._numbers() == other._numbers()
 
@@ -90,6 +96,14 @@ class StateSpace(Settings):
         strictly_proper = transfer_function(self.C, self.A, self.B)
         return TransferFunction(np.polyadd(strictly_proper.num, self.D * strictly_proper.den), strictly_proper.den)
 
+    @classmethod
+    def _of_matrices(cls, field: str, A: Any, B: Any, C: Any, D: Any) -> StateSpace:
+        """Of A (n, n), B (n,) or (n, 1), C (n,) or (1, n) and D, a number or (1, 1)."""
+        matrix = validate.square_matrix(f"{field}.A", A)
+        b, c = (validate.by_rows(f"{field}.{name}", given, len(matrix)) for name, given in (("B", B), ("C", C)))
+        (d,) = validate.by_rows(f"{field}.D", np.reshape(D, -1) if validate.dimensions(D) == 0 else D, 1)
+        return cls(matrix, b, c, float(d))
+
     def derivative(self, state: Value, u: Value) -> Value:
         """x'; with a state (n, m) m copies of the system, for u (m,)."""
         return self.A @ state + (self.B * u if state.ndim == 1 else np.outer(self.B, u))
@@ -108,12 +122,14 @@ class StateSpace(Settings):
 
     @classmethod
     def accept(cls, field: str, system: Any) -> StateSpace:
-        """One of ours, a proper TransferFunction, or a SISO system of python-control or SciPy; InputError names the field.
+        """One of ours, matrices (A, B, C, D), or what ``TransferFunction.accept`` takes, proper; InputError names the field.
 
         A foreign state space is taken as it is: by way of polynomials slow and fast poles together would lose digits.
         """
         if isinstance(system, cls):
             return system
+        if isinstance(system, (tuple, list)) and len(system) == 4:
+            return cls._of_matrices(field, *system)
         matrices = foreign_state_space(system)
         if matrices is not None and matrices[3].shape == (1, 1):
             A, B, C, D = matrices
@@ -159,9 +175,17 @@ class TransferFunction(Settings):
 
     @classmethod
     def accept(cls, field: str, system: Any) -> TransferFunction:
-        """One of ours, or a SISO system of python-control or SciPy in continuous time; InputError names the field."""
+        """One of ours, (num, den), matrices (A, B, C, D), or a continuous SISO system of python-control or SciPy.
+
+        InputError names the field.
+        """
         if isinstance(system, cls):
             return system
+        if isinstance(system, (tuple, list)) and len(system) == 2:
+            num, den = (validate.vector(f"{field}.{name}", given) for name, given in zip(("num", "den"), system, strict=True))
+            return cls(num, den)
+        if isinstance(system, (tuple, list)) and len(system) == 4:
+            system = StateSpace.accept(field, system)
         if isinstance(system, StateSpace):
             return system.transfer_function()
         matrices = foreign_state_space(system) if is_scipy(system) else None
@@ -233,7 +257,7 @@ def of_polynomial(count: float) -> Estimate:
 
 def open_loop(field: str, system: Any) -> tuple[Array, Array]:
     """(A, B) of x' = A x + B u; InputError names the field."""
-    if isinstance(system, (tuple, list)) and len(system) == 2:
+    if isinstance(system, (tuple, list)) and len(system) in (2, 4):  # C and D have no part in it
         return system[0], system[1]
     found = (system.A, system.B, system.C, system.D) if isinstance(system, StateSpace) else foreign_state_space(system)
     if found is None:

@@ -65,6 +65,17 @@ def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: 
     return figure
 
 
+def draw_into(axes: Sequence[Axes], panels: Sequence[Panel], t_end: float) -> None:
+    """Each panel into axes of somebody else's figure, whose sizes stay as they are."""
+    theme = Theme.current()
+    for one, panel in zip(axes, panels, strict=True):
+        figure = one.get_figure(root=True)
+        assert figure is not None  # axes of a person's own are in one
+        inches = one.get_window_extent().width / figure.dpi
+        sizes = replace(PAGE, width=inches + PAGE.left + PAGE.right, columns=1)
+        _draw(one, panel, [_outline(series, panel, t_end, inches) for series in panel.series], t_end, theme, sizes)
+
+
 def _rows(panels: Sequence[Panel], *, narrow: bool) -> list[list[Panel]]:
     rows: list[list[Panel]] = []
     for panel in panels:

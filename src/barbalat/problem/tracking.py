@@ -15,7 +15,7 @@ from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Dynamics, Signal
 from barbalat.settings import Settings, given_of
-from barbalat.signals import Clock
+from barbalat.signals.smooth import Clock
 from barbalat.validate import Array, InputError, Vector, freeze
 
 

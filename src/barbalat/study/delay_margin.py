@@ -29,7 +29,7 @@ from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Member
-from barbalat.validate import Array, InputError
+from barbalat.validate import Array, InputError, hint, show
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,6 +45,14 @@ class Criterion(Enum):
 
     ONSET = "onset"
     LOSS = "loss"
+
+    @classmethod
+    def accept(cls, field: str, given: Criterion | str) -> Criterion:
+        """One of the two, given itself or by its name; InputError names the field."""
+        known = [one.value for one in cls]
+        if not isinstance(given, cls) and given not in known:
+            raise InputError.of(field, f"must be {' or '.join(known)}, got {show(given)}{hint(given, known)}")
+        return cls(given)
 
 
 LARGEST_GAIN_ERROR = 15.0

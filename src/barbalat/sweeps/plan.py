@@ -49,7 +49,8 @@ def design_of(name: str | Design) -> Design:
         return Design(name)
     except ValueError:
         known = ", ".join(one.value for one in Design)
-        raise InputError(f"design must be one of {known}, got {validate.show(name)}") from None
+        meant = validate.hint(name, [one.value for one in Design])
+        raise InputError(f"design must be one of {known}, got {validate.show(name)}{meant}") from None
 
 
 @dataclass(frozen=True)

@@ -6,34 +6,29 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from barbalat import (
-    EULER,
-    Constant,
+from barbalat import (  # fmt: skip
     DirectMrac,
-    FixedSigma,
     Mrac,
     NetworkMrac,
     ParameterBox,
     Plant,
     Problem,
     ReferenceModel,
-    Results,
     Sampled,
     Simulation,
-    Sine,
-    Step,
-    Steps,
     certify,
-    check_numerics,
-    delay_margins,
     load_case,
-    plot,
     simulate,
     simulate_ensemble,
-)  # fmt: skip
+)
+from barbalat.laws import FixedSigma  # fmt: skip
 from barbalat.problem.command_gain import command_warning, gains_at_rest
+from barbalat.results import Results, plot  # fmt: skip
 from barbalat.run.results.outcome import ends_of, text_of
 from barbalat.run.results.picture import panels
+from barbalat.signals import Constant, Sine, Step, Steps  # fmt: skip
+from barbalat.solvers import EULER  # fmt: skip
+from barbalat.studies import check_numerics, delay_margins  # fmt: skip
 from barbalat.study.tau_limit import TauLimits
 from independent import refusal
 
@@ -214,6 +209,49 @@ def test_a_panel_that_stands_alone_has_its_whole_row(results):
     figure = plot(results["MRAC"])
     widths = sorted(axes.get_position().width for axes in figure.axes)
     assert len(widths) == 4 and widths[1] < 0.5 < widths[2] == widths[3]
+
+
+def titles(figure):
+    return [axes.get_legend().get_title().get_text().splitlines()[0] for axes in figure.axes if axes.get_legend()]
+
+
+def test_panels_are_chosen_by_their_names(results):
+    """In the order of the names, and each once; a state also by its number, or by its own name."""
+    both = results["MRAC"].plot(panels=["control", "motion"])
+    assert [one.split()[0] for one in titles(both)] == ["Control", "State"]
+    assert len(titles(results["MRAC"].plot(panels="x_1"))) == len(titles(plot(results, panels=["motion", "x_1"]))) == 1
+    own = titles(results.plot(panels="MRAC"))
+    assert own and all(one.startswith("MRAC: ") for one in own)
+    said = refusal(lambda: plot(results, panels="contrl"))
+    assert said.startswith("panels must be of motion, x_1, ") and said.endswith("did you mean 'control'?")
+    assert "at least one" in refusal(lambda: plot(results, panels=[]))
+
+
+def test_a_state_is_chosen_by_its_label():
+    found = load_case("lateral-aircraft")
+    result = next(iter(simulate(found.problem, found.controllers[:1], Simulation(1.0, 1e-3)).values()))
+    name = next(filter(None, (found.problem.labels.name(state) for state in range(found.problem.plant.n))))
+    assert len(titles(result.plot(panels=name))) == 1
+
+
+def test_panels_are_drawn_into_axes_of_ones_own(results):
+    """With what was there before; nothing of the figure is changed but those axes."""
+    figure = Figure(figsize=(6, 4))
+    left, right = figure.subplots(1, 2)
+    left.plot([0, 1], [5, 5])
+    before = left.get_position().bounds
+    assert results["MRAC"].plot(panels=["error", "control"], axes=[left, right]) is figure
+    assert len(left.get_lines()) > 1 and right.get_lines() and left.get_position().bounds == before
+    assert [one.split()[0] for one in titles(figure)] == ["Tracking", "Control"]
+    figure.draw_without_rendering()
+    alone = Figure().subplots()
+    assert plot(results, panels="largest error", axes=alone) is alone.figure
+    grid = Figure().subplots(2, 2)
+    result = next(iter(results.values()))
+    assert result.plot(panels=["motion", "error", "control", "estimates"], axes=grid) is grid[0, 0].figure
+    said = refusal(lambda: results["MRAC"].plot(panels=["error", "control"], axes=left))
+    assert said.startswith("axes must be 2 pairs of Matplotlib's axes, for error, control, got ")
+    assert "1 pair of" in refusal(lambda: results["MRAC"].plot(panels="error", axes=["no axes"]))
 
 
 def test_what_a_problem_is_made_of_is_one_line_at_a_prompt():

@@ -78,7 +78,7 @@ def contest(
     whole = case if isinstance(case, Case) else load_case(case)
     problem = posed(whole.problem)
     margin = default_delay_margin(problem, whole.simulation) if delay_margin is None else delay_margin
-    rule = Rule(delay_margin=margin, gain_margin=gain_margin, until=criterion(until), plants=plants, trials=trials, seed=seed)
+    rule = Rule(delay_margin=margin, gain_margin=gain_margin, until=until, plants=plants, trials=trials, seed=seed)
     rule.require_steps(whole.simulation)
     held = margin if sample_time is None else sample_time
     noisy = with_noise(problem, noise, whole.simulation, held, seed)
@@ -96,15 +96,6 @@ def posed(problem: TrackingProblem) -> Problem:
     CONTEST.require(problem)
     assert isinstance(problem, Problem)
     return problem
-
-
-def criterion(name: str | Criterion) -> Criterion:
-    """The criterion with this name; InputError for another one."""
-    try:
-        return Criterion(name)
-    except ValueError:
-        known = " or ".join(one.value for one in Criterion)
-        raise InputError(f"until must be {known}, got {validate.show(name)}") from None
 
 
 def compete(

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from barbalat.loop.true_values import estimate_set
-from barbalat.pictures.panel_drawing import close_ups, draw
-from barbalat.pictures.panels import Level, Panel, Series, around, as_typed, span_of, text_of, width_of
+from barbalat.pictures.panel_drawing import close_ups, draw, draw_into
+from barbalat.pictures.panels import Level, Panel, Series, around, as_typed, chosen, span_of, text_of, width_of
 from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
 from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet
 from barbalat.problem.labels import Labels
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.results.estimates import estimates_of
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError, counted, show
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -80,6 +81,7 @@ def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
         scale=scale_of(result),
         note="; ".join(said),
         may_part=True,
+        names=("estimates", result.name),
     )
 
 
@@ -146,13 +148,32 @@ LARGEST_SHOWN = 20
 """Times the largest error of the runs that stay bounded: so much is seen of one that diverges, and the others stay apart."""
 
 
-def figure_of(results: Sequence[Result], *, narrow: bool = False, shown: bool = False) -> Figure:
+def figure_of(
+    results: Sequence[Result],
+    *,
+    names: str | Iterable[str] | None = None,
+    axes: Axes | Iterable[Axes] | None = None,
+    narrow: bool = False,
+    shown: bool = False,
+) -> Figure:
     """Runs of one problem side by side.
 
+    names   of the panels that are drawn; all by default
+    axes    into which they are drawn, one for each panel; axes of a figure of its own by default
     narrow  one panel below the other, for a phone or a column of a page
     shown   to a person at once, by pyplot where that is in use
     """
-    return draw(panels(results), ends_at(results), narrow=narrow, shown=shown)
+    drawn = panels(results) if names is None else chosen(panels(results), names)
+    if axes is None:
+        return draw(drawn, ends_at(results), narrow=narrow, shown=shown)
+    places = [one for one in np.asarray(axes, dtype=object).ravel() if isinstance(one, Axes)]
+    if len(places) != len(drawn) or len(places) != np.size(np.asarray(axes, dtype=object)):
+        titles = ", ".join(panel.names[0] for panel in drawn)
+        raise InputError.of("axes", f"must be {counted(len(drawn), 'pair')} of Matplotlib's axes, for {titles}, got {show(axes)}")
+    draw_into(places, drawn, ends_at(results))
+    figure = places[0].get_figure(root=True)
+    assert figure is not None  # they are drawn
+    return figure
 
 
 def ends_at(results: Sequence[Result]) -> float:
@@ -189,9 +210,18 @@ def _tracking(results: Sequence[Result]) -> list[Panel]:
         note = _settles_at(gains, state, commands)
         title = "Output $y$" if output else f"State $x_{state + 1}$"
         title += f" = {text_of(labels.name(state))}" if labels.name(state) else ""
+        names = ("motion", "y" if output else f"x_{state + 1}", *([labels.name(state)] if labels.name(state) else []))
         y = f"{'$y$' if output else f'$x_{state + 1}$'} {as_typed(labels.unit(state))}"
         limits = _limits_beside_diverged(results, [s.value for s in runs], [s.value for s in others])
-        whole = Panel(title=f"{title}, model and command", series=[*runs, *others], note=note, limits=limits, whole_row=True, y=y)
+        whole = Panel(
+            title=f"{title}, model and command",
+            series=[*runs, *others],
+            note=note,
+            limits=limits,
+            whole_row=True,
+            y=y,
+            names=names,
+        )
         found += [whole, *close_ups(whole, others, longest.simulation.t_end)]
     return found
 
@@ -246,7 +276,14 @@ def _largest_error(results: Sequence[Result]) -> Panel:
     limits = (max(bottom, 1e-9 * top) / 2, (LARGEST_SHOWN if len(tops) < len(series) else 2) * top) if 0 < bottom < top else None
     gone = ", ".join(text_of(result.name) for result in results if result.diverged_at is not None)
     note = f"diverges, beyond the upper edge: {gone}" if gone and limits is not None else ""
-    return Panel(title=f"Largest $|e_i|$ in each {width:.3g} s", series=series, scale="log", limits=limits, note=note)
+    return Panel(
+        title=f"Largest $|e_i|$ in each {width:.3g} s",
+        series=series,
+        scale="log",
+        limits=limits,
+        note=note,
+        names=("largest error",),
+    )
 
 
 def _control(results: Sequence[Result]) -> Panel:
@@ -260,7 +297,7 @@ def _control(results: Sequence[Result]) -> Panel:
     levels = [Level(value=end, label="limit of the actuator") for end in drawn]
     limits = around(*span_of([np.array([*(limits or span_of(of_each)), *drawn])])) if drawn else limits
     unit = as_typed((results[0].problem.labels or Labels()).input_unit)
-    return Panel(title="Control $u$", series=series, levels=levels, note=note, limits=limits, y=f"$u$ {unit}")
+    return Panel(title="Control $u$", series=series, levels=levels, note=note, limits=limits, y=f"$u$ {unit}", names=("control",))
 
 
 def _inputs(result: Result, k: int, count: int) -> list[Series]:
@@ -307,5 +344,6 @@ def _error(result: Result, title: str) -> Panel:
         series=series,
         scale=scale_of(result),
         note="" if result.diverged_at is None else f"diverged at t = {result.diverged_at:.4g} s; logarithmic beyond 1",
+        names=("error", result.name),
         y=f"$e$ {as_typed(labels.common_unit)}",
     )

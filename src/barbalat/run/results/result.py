@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     import control
     import pandas
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SERIES = ("x", "x_m", "e", "theta_hat", "u", "r", "y")
@@ -189,11 +190,13 @@ class Result:
         """For notebooks: the figures as a table, and the plot."""
         return html_of([self])
 
-    def plot(self, *, narrow: bool = False) -> Figure:
-        """Motion, error, control and estimates over time, as a Matplotlib figure; ``narrow`` for a phone or a column."""
+    def plot(
+        self, *, panels: str | Iterable[str] | None = None, axes: Axes | Iterable[Axes] | None = None, narrow: bool = False
+    ) -> Figure:
+        """Motion, error, control and estimates as a Matplotlib figure; ``barbalat.results.plot`` says what may be chosen."""
         from barbalat.run.results.picture import figure_of
 
-        return figure_of([self], narrow=narrow, shown=True)
+        return figure_of([self], names=panels, axes=axes, narrow=narrow, shown=True)
 
     def step_info(self, component: int = 1) -> dict[str, float]:
         """Rise time, settling time, overshoot, ... after the command's last jump: see ``step_info``."""
@@ -338,19 +341,32 @@ class Results(Named[Result]):
         """For notebooks: the figures as a table, what deserves a second look, and the plot."""
         return html_of(list(self.values()))
 
-    def plot(self, *, narrow: bool = False) -> Figure:
-        """All runs side by side, as a Matplotlib figure; ``narrow`` for a phone or a column: see ``barbalat.plot``."""
-        return plot(self, narrow=narrow)
+    def plot(
+        self, *, panels: str | Iterable[str] | None = None, axes: Axes | Iterable[Axes] | None = None, narrow: bool = False
+    ) -> Figure:
+        """All runs side by side, as a Matplotlib figure; ``barbalat.results.plot`` says what may be chosen."""
+        return plot(self, panels=panels, axes=axes, narrow=narrow)
 
 
-def plot(results: Result | Mapping[str, Result] | Iterable[Result], *, narrow: bool = False) -> Figure:
+def plot(
+    results: Result | Mapping[str, Result] | Iterable[Result],
+    *,
+    panels: str | Iterable[str] | None = None,
+    axes: Axes | Iterable[Axes] | None = None,
+    narrow: bool = False,
+) -> Figure:
     """Runs of one problem side by side, as a Matplotlib figure: what ``simulate`` gave back, or results of several calls.
 
+    panels  names of those that are drawn: motion, x_1 ... or y, largest error, control, error, estimates, or a controller's or a
+            state's own name; all by default
+    axes    Matplotlib axes to draw into, one for each of the panels; a new figure by default
     narrow  one panel below the other, for a phone or a column of a page
+
+    Raises InputError for a panel that there is not, and for more or fewer axes than panels.
     """
     from barbalat.run.results.picture import figure_of
 
-    return figure_of(_listed(results), narrow=narrow, shown=True)
+    return figure_of(_listed(results), names=panels, axes=axes, narrow=narrow, shown=True)
 
 
 def _listed(results: Result | Mapping[str, Result] | Iterable[Result]) -> list[Result]:
