@@ -18,7 +18,8 @@ from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Sampled
 from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.explorer.explorer import explore
-from barbalat.export.write import files, units
+from barbalat.export.c99.files import files
+from barbalat.export.fmu.archive import units
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.regressors import Polynomial
 from barbalat.roles import Role

@@ -15,7 +15,8 @@ from barbalat import Sampled, simulate
 from barbalat.certificates.certify import certify
 from barbalat.cli import main
 from barbalat.comparison.contest.entrant import initial_estimates
-from barbalat.export.write import files, units
+from barbalat.export.c99.files import files
+from barbalat.export.fmu.archive import units
 from barbalat.interfaces import Role
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import ParameterBox

@@ -32,9 +32,10 @@ from barbalat.controllers.windup import ModifiedError
 from barbalat.explorer.commands import grids_of, is_computed, is_formula, points_of, smooth_module
 from barbalat.explorer.describe import Described
 from barbalat.explorer.source import ObjectSource
+from barbalat.export.c99.files import files
+from barbalat.export.fmu.archive import units
 from barbalat.export.parameters import Opened
 from barbalat.export.plant import PlantContents
-from barbalat.export.write import files, units
 from barbalat.laws import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, Normalization, SwitchingSigma
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.kernel_numbers import Family

@@ -23,9 +23,9 @@ from barbalat import (
 )
 from barbalat.cli import main
 from barbalat.export import exported_step
+from barbalat.export.c99.files import files
 from barbalat.export.compiler import require_compiler, shared_library
 from barbalat.export.exported_step import exported_c
-from barbalat.export.write import files
 from barbalat.laws import AsFlown
 from barbalat.plants import PlantInput
 from barbalat.run.engine.simulate import recorded

@@ -16,8 +16,9 @@ import pytest
 
 from barbalat import Mrac, Sampled, Simulation
 from barbalat.cli import main
+from barbalat.export.c99.files import files
+from barbalat.export.fmu.archive import units
 from barbalat.export.parameters import Opened
-from barbalat.export.write import files, units
 from barbalat.exports import export_controller
 from barbalat.plants import Labels, PlantInput
 from barbalat.signals import Sine, Square

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from barbalat.export.fmu.archive import units
 from barbalat.export.parameters import Opened
-from barbalat.export.write import units
 from barbalat.run.engine.engine import Batch
 from barbalat.run.kernel.grid import signal_table
 from barbalat.run.kernel.portable import standard_normal

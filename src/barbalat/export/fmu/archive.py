@@ -13,11 +13,19 @@ from xml.etree import ElementTree as xml
 
 from barbalat import __version__
 from barbalat.export.compiler import require_compiler, shared_library
+from barbalat.export.contents import Contents
 from barbalat.export.fmu.units import Unit
 from barbalat.export.fmu.variables import Variable
-from barbalat.export.plant_source import plant_header, plant_source
+from barbalat.export.parameters import Opened
+from barbalat.export.plant import PlantContents
+from barbalat.export.plant_source import PrintedPlant, plant_header, plant_source
 from barbalat.export.source import header, source
-from barbalat.export.texts import filled, indented
+from barbalat.export.target import require_case
+from barbalat.export.texts import Printed, filled, indented
+from barbalat.lowering.c99 import DOUBLE, FLOAT
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 OPTIONS = ("-std=c99", "-ffp-contract=off")
@@ -348,3 +356,25 @@ def _value(one: Variable) -> dict[str, str]:
 def _text(root: xml.Element) -> str:
     xml.indent(root)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + xml.tostring(root, encoding="unicode") + "\n"
+
+
+def units(
+    problem: TrackingProblem,
+    controller: Controller,
+    simulation: Simulation,
+    *,
+    version: int,
+    float32: bool = False,
+    closed_loop: bool = False,
+    compiled: bool = True,
+    place: int = 0,
+) -> dict[str, bytes]:
+    """The units of an export by their names, in version 2 or 3 of FMI; InputError as of ``export_controller``."""
+    require_case(problem, simulation)
+    opened = Opened.of(problem, controller, simulation, tunable=True, place=place)
+    printed = Printed(Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE, opened=opened))
+    made = [Unit(printed, True, None)]
+    if closed_loop:
+        plant = PrintedPlant(PlantContents.of(problem, opened), printed)
+        made += [Unit(printed, False, plant), Unit(printed, True, plant)]
+    return {f"{unit.identifier}.fmu": Archive(unit, version, simulation.t_end).bytes(compiled=compiled) for unit in made}
