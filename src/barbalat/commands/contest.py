@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list, whole
+from barbalat.commands.options import add_budget, add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, tell, write_drawn
 from barbalat.commands.progress import SECONDS_EACH_STEP, work
 
@@ -47,6 +47,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of plants, searches, commands and noise; default 0")
     parser.add_argument("--out", metavar="DIR", help="for page and JSON; default: barbalat-contest, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 

@@ -7,7 +7,7 @@ import webbrowser
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers
+from barbalat.commands.options import add_budget, add_controllers
 from barbalat.commands.output import STANDARD_OUTPUT, print_json, print_text
 from barbalat.commands.progress import say, work
 
@@ -30,6 +30,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--no-open", action="store_true", help="don't open it in a browser")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 

@@ -6,7 +6,7 @@ import argparse
 import shlex
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers
+from barbalat.commands.options import add_budget, add_controllers
 from barbalat.commands.output import print_json, require_folder_name
 from barbalat.commands.progress import say
 
@@ -30,6 +30,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--sources-only", action="store_true", help="units without a binary, which needs a C compiler here")
     add_controllers(parser)
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list, whole
+from barbalat.commands.options import add_budget, add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, require_folder_name, tell
 from barbalat.commands.progress import Work, say, work
 
@@ -51,6 +51,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT_FOLDER}, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_controllers(parser)
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 

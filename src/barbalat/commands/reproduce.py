@@ -8,6 +8,7 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
+from barbalat.commands.options import add_budget
 from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.progress import work
 
@@ -34,6 +35,7 @@ def add(commands: Commands) -> None:
     extent.add_argument("--quick", action="store_true", help="the figures and the claims that take seconds")
     extent.add_argument("--full", action="store_true", help="sharpen claims by what takes minutes: more gains, longer runs")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 

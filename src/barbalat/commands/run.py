@@ -9,7 +9,7 @@ from concurrent.futures import Executor
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
-from barbalat.commands.options import add_controllers
+from barbalat.commands.options import add_budget, add_controllers
 from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.progress import Work, say, work
 
@@ -36,6 +36,7 @@ def add(commands: Commands) -> None:
         action="store_true",
         help="software in the loop: sampled controllers once more as exported C, compiled here; exit code 1 where a bit differs",
     )
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 

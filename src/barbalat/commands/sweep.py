@@ -6,7 +6,7 @@ import argparse
 import time
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list, whole
+from barbalat.commands.options import add_budget, add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, print_json, require_folder_name, tell
 from barbalat.commands.progress import SECONDS_EACH_STEP, Work, say, work
 
@@ -61,6 +61,7 @@ def add(commands: Commands) -> None:
         "--out", metavar="DIR", help="where the page goes, or a single member's; default: barbalat-sweep, none with --json"
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 

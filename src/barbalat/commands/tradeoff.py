@@ -7,7 +7,7 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, whole
+from barbalat.commands.options import add_budget, add_controllers, whole
 from barbalat.commands.output import folder_of, tell, write_drawn
 from barbalat.commands.progress import Work, work
 
@@ -38,6 +38,7 @@ def add(commands: Commands) -> None:
         "--share", type=float, default=1.0, metavar="S", help="added error, in motions, that counts as loss; default 1"
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
