@@ -65,7 +65,7 @@ def running(module: bytes, batch: Batch, table: np.ndarray) -> Callable[[], None
     store = wasmtime.Store(engine)
     exports = wasmtime.Instance(store, wasmtime.Module(engine, module), []).exports(store)
     (group,) = batch.groups
-    memory, at, end = exports["memory"], [], -(-exports["free"](store) // 8) * 8
+    memory, at, end = exports["memory"], [], exports["memory"].data_len(store)
     past, nothing = group.past, np.zeros(0)
     lags, ring, mask = (nothing, nothing, 0) if past is None else (past.lags, past.ring, past.mask)
     size = batch.program.shape.states + batch.program.shape.accumulators

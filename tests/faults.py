@@ -29,7 +29,7 @@ ROOMS = {
     "equations": ["controllers/**/*.py", "adaptation/**/*.py"],
     "projection": ["problem/known_set/*.py"],
     "solvers": ["solvers/*.py"],
-    "delay": ["run/delay.py", "run/step.py", "lowering/llvm/past.py", "problem/actuation.py", "linear/delayed_peaks.py"],
+    "delay": ["run/delay.py", "run/step.py", "lowering/llvm/past.py", "problem/actuation.py", "linear/peaks.py"],
     "certificates": ["certificates/**/*.py", "linear/**/*.py"],
     "case reading": ["cases/*.py"],
 }

@@ -31,7 +31,7 @@ from barbalat import (
     tune,
 )
 from barbalat import contest as hold
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications import FixedSigma
 from barbalat.budget import DEFAULT_MEMORY, DEFAULT_SECONDS, Estimate, in_force, in_time, largest, require
 from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.linear import systems

@@ -23,8 +23,8 @@ from barbalat import (
     LeastSquaresResetting,
     SwitchingSigma,
 )
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.laws import Gradient, LeastSquares
-from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.closed_loop import ClosedLoop

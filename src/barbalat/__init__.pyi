@@ -1,6 +1,7 @@
 """The public names: one list, from which the package imports lazily and type checkers read."""
 
 from .adaptation.law import AdaptiveLaw as AdaptiveLaw
+from .adaptation.law import Normalization as Normalization
 from .adaptation.laws import Gradient as Gradient
 from .adaptation.laws import IntegralCost as IntegralCost
 from .adaptation.laws import LeastSquares as LeastSquares
@@ -9,12 +10,11 @@ from .adaptation.laws import LeastSquaresBoundedGain as LeastSquaresBoundedGain
 from .adaptation.laws import LeastSquaresForgetting as LeastSquaresForgetting
 from .adaptation.laws import LeastSquaresResetting as LeastSquaresResetting
 from .adaptation.learning import CompositeLearning as CompositeLearning
-from .adaptation.modifications.dead_zone import DeadZone as DeadZone
-from .adaptation.modifications.epsilon_modification import EpsilonModification as EpsilonModification
-from .adaptation.modifications.fixed_sigma import FixedSigma as FixedSigma
-from .adaptation.modifications.switching_sigma import SwitchingSigma as SwitchingSigma
-from .adaptation.normalization import Normalization as Normalization
-from .adaptation.output_lyapunov import LyapunovLaw as LyapunovLaw
+from .adaptation.lyapunov import LyapunovLaw as LyapunovLaw
+from .adaptation.modifications import DeadZone as DeadZone
+from .adaptation.modifications import EpsilonModification as EpsilonModification
+from .adaptation.modifications import FixedSigma as FixedSigma
+from .adaptation.modifications import SwitchingSigma as SwitchingSigma
 from .budget import Budget as Budget
 from .cases.build import Case as Case
 from .cases.load import load_case as load_case
@@ -74,9 +74,9 @@ from .problem.known_set import ParameterBox as ParameterBox
 from .problem.labels import Labels as Labels
 from .problem.measurement import Noise as Noise
 from .problem.measurement import Sensor as Sensor
+from .problem.output_feedback import OutputPlant as OutputPlant
 from .problem.output_feedback import OutputProblem as OutputProblem
-from .problem.output_plant import OutputPlant as OutputPlant
-from .problem.output_plant import OutputReferenceModel as OutputReferenceModel
+from .problem.output_feedback import OutputReferenceModel as OutputReferenceModel
 from .problem.plant import Plant as Plant
 from .problem.reference_model import ReferenceModel as ReferenceModel
 from .problem.regressors import GaussianRBF as GaussianRBF

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import foreign_estimates
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
 from barbalat.cli import main
 from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Sampled

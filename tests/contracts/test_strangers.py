@@ -10,8 +10,8 @@ import pytest
 from adaptation.examples import LAW_EXAMPLES
 from barbalat.adaptation.laws import LAWS, Gradient
 from barbalat.certificates.bounds.laws import guarantee_of, kept_from_zero
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
 from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.tuning_grid import TuningGrid

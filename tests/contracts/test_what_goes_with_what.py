@@ -36,8 +36,8 @@ from barbalat import (
 from barbalat.cases.build import Case, made
 from barbalat.cases.keys import Context
 from barbalat.cases.schema import json_schema, table_of
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
 from barbalat.comparison.contest.contest import posed
 from barbalat.comparison.contest.entrant import entrants_of
 from barbalat.comparison.tradeoff.tradeoff import trade_off

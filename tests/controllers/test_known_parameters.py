@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lsim, lti
 
 from barbalat import KnownParameters, certify
-from barbalat.certificates.table_1 import table_1
+from barbalat.certificates.certificates import table_1
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.regressors import Terms

@@ -142,8 +142,8 @@ def test_a_module_s_commands_have_a_run_s_bits() -> None:
     engine = wasmtime.Engine()
     store = wasmtime.Store(engine)
     exports = wasmtime.Instance(store, wasmtime.Module(engine, module), []).exports(store)
-    begin = -(-exports["free"](store) // 8) * 8
-    memory, (p, rows, out) = exports["memory"], (begin, begin + parameters.nbytes, begin + parameters.nbytes + t.nbytes)
+    memory, begin = exports["memory"], exports["memory"].data_len(store)
+    p, rows, out = (begin, begin + parameters.nbytes, begin + parameters.nbytes + t.nbytes)
     memory.grow(store, 8)
     memory.write(store, parameters.tobytes(), p)
     memory.write(store, t.tobytes(), rows)

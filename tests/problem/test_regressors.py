@@ -17,7 +17,7 @@ from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.packing import column, symbols
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.output_plant import Nonlinearity
+from barbalat.problem.output_feedback import Nonlinearity
 from barbalat.problem.plant import Plant
 from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.regressors import GaussianRBF, Linear, Polynomial, Terms

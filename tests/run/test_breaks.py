@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from barbalat.adaptation.laws.bounded_covariance import LeastSquaresBounded
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.adaptation.laws.least_squares import LeastSquaresBounded
+from barbalat.adaptation.modifications import DeadZone, EpsilonModification, SwitchingSigma
 from barbalat.controllers import L1Adaptive, Mrac, RobustMrac, Sampled
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.actuation import PlantInput

@@ -15,7 +15,7 @@ from barbalat import (
     input_filter,
     simulate,
 )
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications import FixedSigma
 from barbalat.controllers import L1PiecewiseConstant
 from barbalat.run.estimates import estimates_of
 from barbalat.run.picture import panels

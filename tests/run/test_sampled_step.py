@@ -19,7 +19,7 @@ from barbalat import (
 )
 from barbalat.export.layout import Layout
 from barbalat.run.recording import recorded
-from barbalat.run.sampled_part import controller_program, initial_acting
+from barbalat.run.sampled_part import controller_program
 from barbalat.run.sampled_step import SampledList, SampledStep
 
 PROBLEM = Problem(
@@ -39,7 +39,7 @@ CONTROLLERS = (
 def test_sample_by_sample_it_is_the_simulated_one_in_every_bit(controller):
     expected = recorded(PROBLEM, controller, Simulation(t_end=2, dt=1e-3), 200)
     step, loop = SampledStep(SampledList.of(PROBLEM, controller)), expected.loop
-    kept = Layout.of(controller_program(loop), initial_acting(loop)).rows  # what an export keeps of the state
+    kept = Layout.of(controller_program(loop), loop).rows  # what an export keeps of the state
     for _ in range(2):  # a reset leaves nothing behind
         for y, r, state in zip(expected.measured, expected.commands, expected.states, strict=True):
             u = step(y, r)

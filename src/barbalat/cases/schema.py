@@ -13,8 +13,7 @@ from pydantic.json_schema import models_json_schema
 
 from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw
 from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
-from barbalat.adaptation.modifications import leakage
-from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications import LEAKAGES, DeadZone, Leakage
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make, keys_of, summary
 from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
 from barbalat.cases.scheme_keys import DIFFERENCES as SCHEME_DIFFERENCES
@@ -190,7 +189,7 @@ def _one_of(registry: Mapping[str, type], key: str) -> Any:
     return Annotated[Union[tuple(tables)], Field(discriminator=key)]  # noqa: UP007  # made at run time
 
 
-MODIFICATIONS: dict[Any, tuple[type, ...]] = {leakage.Leakage: leakage.LEAKAGES, DeadZone: (DeadZone,)}
+MODIFICATIONS: dict[Any, tuple[type, ...]] = {Leakage: LEAKAGES, DeadZone: (DeadZone,)}
 """What a field may hold, by its type: one of these, chosen by the keys that are given."""
 
 Choices = dict[str, tuple[type, ...]]

@@ -127,7 +127,7 @@ def with_page(
     beside: Executor | None = None,
 ) -> str:
     """Certify and write the page, of which a part is drawn ``beside``; the JSON document with what was found."""
-    from barbalat.certificates.overview import certified_case
+    from barbalat.certificates.certify import certified_case
     from barbalat.report import documents, write
     from barbalat.report.file_names import RUN
 

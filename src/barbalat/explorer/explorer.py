@@ -15,7 +15,7 @@ from typing import Any
 import barbalat
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.certificates.overview import certified_case
+from barbalat.certificates.certify import certified_case
 from barbalat.certificates.rows import CertificateRow
 from barbalat.explorer.describe import Described
 from barbalat.explorer.lessons import Lesson

@@ -93,6 +93,9 @@ class Family:
 
     def read(self, members: Sequence[Member]) -> Numbers:
         """Of any members that differ from the examples in no more than these do; InputError for others."""
+        first = self.reader.problem, self.reader.controller
+        if all(one is other for member in members for one, other in zip(member[:2], first, strict=True)):
+            return self._first.of(np.zeros(len(members), dtype=int))
         reader = Reader.of((self.reader.problem, self.reader.controller), self.reader.simulation, adjustable=False)
         try:
             for member in members:
@@ -101,6 +104,11 @@ class Family:
         except StructureError:
             raise InputError(OTHER_STRUCTURE) from None
         return _numbers(reader, parameters, 1)
+
+    @cached_property
+    def _first(self) -> Numbers:
+        """What the kernel is handed for the first example."""
+        return self.numbers.of(np.array([0]))
 
     @property
     def weights(self) -> tuple[Array, Array]:

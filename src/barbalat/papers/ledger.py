@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.papers.claim import Claim, Measurement
 from barbalat.papers.paper import Paper, paper_of, papers
 from barbalat.run.processes import deaf_children

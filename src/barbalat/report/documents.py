@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.papers.claim import Claim
 from barbalat.papers.paper import PaperFigure
 from barbalat.run.result import Result

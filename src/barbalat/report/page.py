@@ -18,7 +18,7 @@ from markupsafe import Markup
 
 import barbalat
 from barbalat.certificates.cells import PROPERTIES
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff

@@ -11,7 +11,7 @@ from typing import Protocol
 from matplotlib.figure import Figure
 
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.certificates.picture import distinct
 from barbalat.comparison.contest.picture import draw as draw_contest
 from barbalat.comparison.contest.result import Contest

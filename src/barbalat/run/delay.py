@@ -138,14 +138,20 @@ def _tabulator(solver: Tableau) -> Tabulator:
 
 def _combined(fraction: Value, solver: Tableau, jumps: Value) -> Value:
     """``weights`` with these stage values for a jump inside the step."""
-    start, end = np.eye(CHANNELS_PER_INPUT * TAPS_PER_CHANNEL).reshape(CHANNELS_PER_INPUT, TAPS_PER_CHANNEL, -1)
-    jump, earlier = start[0] - end[1], start[1] - end[2]  # between k - d - 1 and k - d, and one step before
-    values = np.array([end[0] - jump, end[1], start[1], start[2] + earlier])  # as if there were no jump
-    places = np.array([1.0, 0.0, -1.0, -2.0])  # of these values, in steps from the beginning of step k - d
     nodes = np.array(solver.nodes)[:, None] - fraction
-    others = [np.delete(places, j) for j in range(len(places))]
-    cubic = np.column_stack([np.prod((nodes - o) / (place - o), axis=1) for place, o in zip(places, others, strict=True)])
-    return cubic @ values + jumps.reshape(-1, 1) * jump
+    factors = zip(CUBIC_PLACES, OTHER_PLACES, strict=True)
+    cubic = np.column_stack([np.prod((nodes - others) / (place - others), axis=1) for place, others in factors])
+    return cubic @ CUBIC_VALUES + jumps.reshape(-1, 1) * JUMP
+
+
+_START, _END = np.eye(CHANNELS_PER_INPUT * TAPS_PER_CHANNEL).reshape(CHANNELS_PER_INPUT, TAPS_PER_CHANNEL, -1)
+JUMP = _START[0] - _END[1]
+"""Between steps k - d - 1 and k - d, of what is remembered."""
+CUBIC_VALUES = np.array([_END[0] - JUMP, _END[1], _START[1], _START[2] + _START[1] - _END[2]])
+"""What the cubic goes through: what is remembered as if there were no jump."""
+CUBIC_PLACES = np.array([1.0, 0.0, -1.0, -2.0])
+"""Where, in steps from the beginning of step k - d."""
+OTHER_PLACES = [np.delete(CUBIC_PLACES, j) for j in range(len(CUBIC_PLACES))]
 
 
 def jump_weights(solver: Tableau, fraction: float) -> Array:
@@ -163,6 +169,12 @@ def jump_weights(solver: Tableau, fraction: float) -> Array:
 
 def _jump_equations(solver: Tableau, fraction: Value) -> tuple[Array, list[Value]]:
     """The matrix and the right-hand side that ``jump_weights`` solve."""
+    rows = _jump_matrix(solver)
+    return rows, [(1 - fraction) ** (j + 1) / factorial(j + 1) for j in range(len(rows))]
+
+
+@cache
+def _jump_matrix(solver: Tableau) -> Array:
     stages = len(solver.b)
     a = np.array([[*row, *[0.0] * (stages - len(row))] for row in solver.a])
     by_node = np.equal.outer(solver.c, solver.nodes).astype(float)  # (stages, nodes)
@@ -170,5 +182,4 @@ def _jump_equations(solver: Tableau, fraction: Value) -> tuple[Array, list[Value
     for _ in solver.nodes:
         rows.append(row @ by_node)
         row = row @ a
-    moments = [(1 - fraction) ** (j + 1) / factorial(j + 1) for j in range(len(rows))]
-    return np.array(rows), moments
+    return np.array(rows)

@@ -112,7 +112,7 @@ def _set_of(result: Result) -> EstimateSet | None:
     kept = estimate_set(result.loop)
     if kept is not None:
         return kept
-    return result.problem.known.box if isinstance(result.problem, Problem) else None
+    return result.problem.known.estimate_set if isinstance(result.problem, Problem) else None
 
 
 def reachable(ends: Sequence[float], needed: tuple[float, float], within: float = WITHIN_REACH) -> tuple[list[float], bool]:

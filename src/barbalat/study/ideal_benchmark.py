@@ -105,7 +105,7 @@ def known_width(problem: TrackingProblem, controller: Controller) -> Array:
     loop = ClosedLoop.of(problem, controller)
     theta, known_set = true_values(problem, loop), estimate_set(loop)
     if known_set is None and theta is not None and isinstance(problem.known, Projecting):
-        known_set = problem.known.box  # a network's weights, say, lie in no known set
+        known_set = problem.known.estimate_set  # a network's weights, say, lie in no known set
     if known_set is not None and known_set.bounds_theta:
         extents = [part.extent for part in (known_set.sphere, known_set.intervals) if part is not None]
         return np.concatenate([high - low for low, high in extents])[: loop.parameters]

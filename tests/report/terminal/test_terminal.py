@@ -14,10 +14,10 @@ from rich.console import Console
 
 from barbalat.cases.load import bundled, load_case, parse_case
 from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.summary import five
-from barbalat.certificates.table_1 import table_1
 from barbalat.papers.claim import Claim, Listing, Reading
 from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.papers.paper import Check, PaperFigure

@@ -177,7 +177,7 @@ def initial_estimates(problem: Problem, controller: Controller) -> Array:
 def start_of(problem: Problem, controller: Controller) -> Array | None:
     """(p,) where a controller's estimates of theta start; None where it has none, or none that are known to be theta's."""
     start = initial_estimates(problem, controller)
-    p, gains = len(problem.plant.theta), problem.known.inputs if problem.known.uncertainty.gain_unknown else 0
+    p, gains = len(problem.plant.theta), problem.known.inputs if problem.known.matched.gain_unknown else 0
     return start[:p] if len(start) in (p, p + gains) else None
 
 

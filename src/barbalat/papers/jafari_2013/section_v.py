@@ -12,8 +12,8 @@ import numpy as np
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.cases.load import load_case
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers.parametric_model import State
 from barbalat.controllers.robust_mrac import Equations
-from barbalat.controllers.robust_mrac_state import State
 from barbalat.linear.systems import input_filter
 from barbalat.papers.claim import Listing, table
 from barbalat.problem.actuation import PlantInput

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
-from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
+from barbalat.certificates.linear_loops.ideal import around_equilibrium, fast_adaptation, known_parameters
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction, input_filter

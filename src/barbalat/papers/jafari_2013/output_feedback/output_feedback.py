@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.lyapunov import LyapunovLaw
+from barbalat.adaptation.modifications import DeadZone
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent

@@ -15,7 +15,7 @@ from barbalat import (
     SwitchingSigma,
 )
 from barbalat.adaptation.laws import Estimation
-from barbalat.adaptation.laws.covariance import Memory
+from barbalat.adaptation.laws.least_squares import Memory
 from independent import integrate, refusal
 
 
