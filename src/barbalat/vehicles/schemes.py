@@ -99,13 +99,13 @@ def _low_pass(loop: Loop, numbers: Numbers) -> TransferFunction:
     return input_filter(kappa=loop.time_unit / numbers["bandwidth"])
 
 
-def _adrc(loop: Loop, numbers: Numbers) -> OnLoop:
+def adrc(loop: Loop, numbers: Numbers) -> OnLoop:
     """Active disturbance rejection."""
     controller = Adrc(bandwidth=numbers["bandwidth"] / loop.time_unit, nominal=loop.known_gain, saturated_predictor=True)
     return OnLoop(loop.linear_problem, Sampled(controller, loop.sample_time))
 
 
-def _robust_mrac(loop: Loop, numbers: Numbers) -> OnLoop:
+def robust_mrac(loop: Loop, numbers: Numbers) -> OnLoop:
     """The robust MRAC with least squares."""
     controller = RobustMrac(
         tau=loop.time_unit / numbers["bandwidth"],
@@ -116,7 +116,7 @@ def _robust_mrac(loop: Loop, numbers: Numbers) -> OnLoop:
     return OnLoop(loop.adaptive_problem, Sampled(controller, loop.sample_time))
 
 
-def _l1(loop: Loop, numbers: Numbers) -> OnLoop:
+def l1(loop: Loop, numbers: Numbers) -> OnLoop:
     """L1 adaptive control with the gradient law."""
     controller = L1Adaptive(
         gamma=adaptive_gain(loop, numbers),
@@ -128,12 +128,12 @@ def _l1(loop: Loop, numbers: Numbers) -> OnLoop:
     return OnLoop(loop.adaptive_problem, Sampled(controller, loop.sample_time))
 
 
-def _l1_piecewise(loop: Loop, numbers: Numbers) -> OnLoop:
+def l1_piecewise(loop: Loop, numbers: Numbers) -> OnLoop:
     """L1 adaptive control with the piecewise-constant law."""
     return _piecewise(loop, numbers, "L1 piecewise", None)
 
 
-def _l1_piecewise_flown(loop: Loop, numbers: Numbers) -> OnLoop:
+def l1_piecewise_flown(loop: Loop, numbers: Numbers) -> OnLoop:
     """L1 adaptive control with the piecewise-constant law and the predictor as it was flown."""
     return _piecewise(loop, numbers, "L1 piecewise, as flown", AsFlown(nominal=loop.known_gain))
 
@@ -159,12 +159,12 @@ Range = Mapping[str, tuple[float, float]]
 def on_every_vehicle(mrac: Callable[[Any, Numbers], OnLoop], *, bandwidth: Range, adaptation: Range) -> dict[str, Scheme]:
     """The schemes that all vehicles offer: an MRAC of the vehicle's own, and what is made alike from any loop."""
     return {
-        "adrc": Scheme(_adrc, bandwidth),
+        "adrc": Scheme(adrc, bandwidth),
         "mrac": Scheme(mrac, adaptation),
-        "robust-mrac": Scheme(_robust_mrac, {**bandwidth, "covariance": (1e-3, 1e2)}),
-        "l1": Scheme(_l1, {**bandwidth, **adaptation}),
-        "l1-piecewise": Scheme(_l1_piecewise, bandwidth),
-        "l1-piecewise-flown": Scheme(_l1_piecewise_flown, bandwidth),
+        "robust-mrac": Scheme(robust_mrac, {**bandwidth, "covariance": (1e-3, 1e2)}),
+        "l1": Scheme(l1, {**bandwidth, **adaptation}),
+        "l1-piecewise": Scheme(l1_piecewise, bandwidth),
+        "l1-piecewise-flown": Scheme(l1_piecewise_flown, bandwidth),
     }
 
 
