@@ -168,11 +168,7 @@ class RobustMrac(Scheme):
         )
 
     def bind(self, known: Known) -> Equations | several.Equations:
-        require_taken(RobustMrac, known)
-        if known.inputs > 1:
-            return _several(self, known)
-        Q = auxiliary_filter(minimum_phase_model(_output_vector(self.c_0, known), known), self.tau)
-        return _equations(self, known, Q)
+        return _bound(self, known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +214,7 @@ class NormalizedMrac(Scheme):
         )
 
     def bind(self, known: Known) -> Equations | several.Equations:
-        return _several(self, known) if known.inputs > 1 else _equations(self, known, Q=None)
+        return _bound(self, known)
 
 
 SLOWNESS_RATIO = 100.0
@@ -234,29 +230,25 @@ def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
     validate.instance("normalization", settings.normalization, Normalization)
 
 
-def _output_vector(c_0: Array | None, known: Known) -> Array:
-    """c_0, by default P b: W_m is then strictly positive real (Kalman-Yakubovich), so minimum phase of relative degree 1."""
-    return known.P @ known.b if c_0 is None else validate.vector("c_0", c_0, known.n)
+def _bound(settings: RobustMrac | NormalizedMrac, known: Known) -> Equations | several.Equations:
+    """The equations of both schemes on a plant. c_0 is P b by default.
 
-
-def _several(settings: RobustMrac | NormalizedMrac, known: Known) -> several.Equations:
+    W_m is then strictly positive real (Kalman-Yakubovich), so minimum phase of relative degree 1.
+    """
     require_taken(type(settings), known)
-    return several.equations(
-        known,
-        c_0=settings.c_0,
-        tau=settings.tau,
-        law=settings.law,
-        normalization=settings.normalization,
-        theta_hat0=settings.theta_hat0,
-        estimate_set=projection_set(settings.projection, known),
-        limits=limits_of_predictor(settings.saturated_predictor, known),
-    )
-
-
-def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpace | None) -> Equations:
-    require_taken(type(settings), known)
-    c_0 = _output_vector(settings.c_0, known)
-    minimum_phase_model(c_0, known)
+    if known.inputs > 1:
+        return several.equations(
+            known,
+            c_0=settings.c_0,
+            tau=settings.tau,
+            law=settings.law,
+            normalization=settings.normalization,
+            theta_hat0=settings.theta_hat0,
+            estimate_set=projection_set(settings.projection, known),
+            limits=limits_of_predictor(settings.saturated_predictor, known),
+        )
+    c_0 = known.P @ known.b if settings.c_0 is None else validate.vector("c_0", settings.c_0, known.n)
+    W_m = minimum_phase_model(c_0, known)
     settings.law.initial(known.n)  # refuses settings of another size
     estimate_set = projection_set(settings.projection, known)
     return Equations(
@@ -265,7 +257,7 @@ def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpac
         k_0=known.k_0,
         regressor=known.matched.regressor,
         c_0=c_0,
-        Q=Q,
+        Q=None if settings.tau is None else auxiliary_filter(W_m, settings.tau),
         law=settings.law,
         normalization=settings.normalization,
         theta_hat0=initial_estimate(settings.theta_hat0, estimate_set, known),
