@@ -24,12 +24,12 @@ from barbalat.cases.build import Case
 from barbalat.comparison.contest.entrant import Entrant
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified, qualify
-from barbalat.comparison.search.trial import Plants
+from barbalat.comparison.search.aim import Plants
 from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.study.delay_search import Criterion
+from barbalat.study.delay_margin import Criterion
 from barbalat.vehicles.f16.axis import Axis
 from barbalat.vehicles.f16.schemes import SCHEMES
 from barbalat.vehicles.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES

@@ -12,8 +12,7 @@ import sys
 import time
 
 from barbalat.export.exported_step import exported_c
-from barbalat.run.sampled_step import SampledList
-from barbalat.run.stepwise import Step
+from barbalat.run.kernel.sampled_controller import SampledList, Step
 from barbalat.vehicles.dispersed import fly_dispersed
 from barbalat.vehicles.f16.airframe import FlightCondition
 from barbalat.vehicles.f16.axis import Axis

@@ -28,8 +28,8 @@ from barbalat.loop.packing import symbols
 from barbalat.lowering.operations import Program, read
 from barbalat.problem.known_set import Gain
 from barbalat.protocols import Controller
-from barbalat.run.grid import signal_table
-from barbalat.run.step import StepProgram, step_function, step_program
+from barbalat.run.kernel.grid import signal_table
+from barbalat.run.kernel.step import StepProgram, step_function, step_program
 
 STEP = 1e-4
 """Section V, Figs. 2 and 3 [s]."""

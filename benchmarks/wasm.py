@@ -20,8 +20,8 @@ from barbalat.lowering.shape import ENTRY
 from barbalat.lowering.wasm.loop import loop
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.batch import Batch
-from barbalat.run.grid import signal_table
+from barbalat.run.engine.engine import Batch
+from barbalat.run.kernel.grid import signal_table
 from benchmarks.race import best_seconds
 
 STEPS = 20_000
@@ -65,7 +65,7 @@ def running(module: bytes, batch: Batch, table: np.ndarray) -> Callable[[], None
     store = wasmtime.Store(engine)
     exports = wasmtime.Instance(store, wasmtime.Module(engine, module), []).exports(store)
     (group,) = batch.groups
-    memory, at, end = exports["memory"], [], -(-exports["free"](store) // 8) * 8
+    memory, at, end = exports["memory"], [], exports["memory"].data_len(store)
     past, nothing = group.past, np.zeros(0)
     lags, ring, mask = (nothing, nothing, 0) if past is None else (past.lags, past.ring, past.mask)
     size = batch.program.shape.states + batch.program.shape.accumulators

@@ -23,13 +23,13 @@ from barbalat import (
     LeastSquaresResetting,
     SwitchingSigma,
 )
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.laws import Gradient, LeastSquares
-from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import ParameterBall, ParameterBox, Plant, Problem, ReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation

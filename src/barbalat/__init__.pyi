@@ -36,14 +36,14 @@ from .controllers.output.mrac import MracOutput as MracOutput
 from .linear.systems import TransferFunction as TransferFunction
 from .linear.systems import input_filter as input_filter
 from .problem.known_set import ParameterBox as ParameterBox
+from .problem.output_feedback import OutputPlant as OutputPlant
 from .problem.output_feedback import OutputProblem as OutputProblem
-from .problem.output_plant import OutputPlant as OutputPlant
-from .problem.output_plant import OutputReferenceModel as OutputReferenceModel
+from .problem.output_feedback import OutputReferenceModel as OutputReferenceModel
 from .problem.plant import Plant as Plant
 from .problem.reference_model import ReferenceModel as ReferenceModel
 from .problem.state_feedback import Problem as Problem
-from .run.ensemble import simulate_ensemble as simulate_ensemble
-from .run.simulate import simulate as simulate
+from .run.engine.ensemble import simulate_ensemble as simulate_ensemble
+from .run.engine.simulate import simulate as simulate
 from .solvers.simulation import Simulation as Simulation
 from .validate import InputError as InputError
 

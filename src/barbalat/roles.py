@@ -197,7 +197,7 @@ class StatePart(NamedTuple):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of its entries, (size,), without a hat: the estimates' own names, or the symbol with an index."""
+        """The names of its entries, (size,), without a hat: the estimates' own names, or the symbol with an index."""
         if self.role.names is not None:
             return self.role.names
         if self.role.of == THETA:

@@ -11,7 +11,7 @@ from .comparison.tune.result import Tuning as Tuning
 from .comparison.tune.tune import tune as tune
 from .explorer.explorer import Explorer as Explorer
 from .explorer.explorer import explore as explore
-from .run.check_numerics import check_numerics as check_numerics
+from .run.engine.check_numerics import check_numerics as check_numerics
 from .study.criteria import Lost as Lost
 from .study.criteria import Onset as Onset
 from .study.delay_margin import DelayMargins as DelayMargins

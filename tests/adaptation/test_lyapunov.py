@@ -23,8 +23,8 @@ from barbalat import (
 from barbalat.adaptation.lyapunov import Modifications
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import Gain
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 from independent import brute_force, integrate, refusal

@@ -28,12 +28,9 @@ from barbalat import (
     input_filter,
 )
 from barbalat.adaptation import laws
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.learning import CompositeLearning
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.modifications import DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.controllers import Adrc, DirectMrac, KnownParameters, MitRule, MracClosedLoop, NetworkMrac
 from barbalat.controllers.windup import ModifiedError
 from barbalat.loop.binding import bound

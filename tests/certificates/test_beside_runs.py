@@ -22,8 +22,8 @@ from barbalat import (
     TransferFunction,
     simulate,
 )
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
 from barbalat.solvers.simulation import Simulation
 
 COARSE, FINE = Simulation(t_end=2.0, dt=0.02), Simulation(t_end=2.0, dt=1e-7)

@@ -26,11 +26,10 @@ from barbalat import (
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops import over_known_set
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
-from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
+from barbalat.certificates.linear_loops.ideal import around_equilibrium, fast_adaptation, known_parameters
 from barbalat.cli import main
-from barbalat.linear.interconnections import series
 from barbalat.linear.margins import margins
+from barbalat.linear.systems import series
 from barbalat.papers.jafari_2013.variants import variant
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

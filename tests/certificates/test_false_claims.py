@@ -26,17 +26,13 @@ from barbalat import (
     input_filter,
     simulate,
 )
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.law import Normalization
+from barbalat.adaptation.modifications import DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify_where_possible
-from barbalat.certificates.table_1 import table_1
 from barbalat.controllers import MracClosedLoop
 from barbalat.controllers.output import LinearOutput, MracOutput
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.problem.regressors import Terms
 from barbalat.signals import Clock, Step
 from barbalat.solvers.simulation import Simulation

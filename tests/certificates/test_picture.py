@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from barbalat import Certificate, TransferFunction, certify, load_case, margins
 from barbalat.certificates.picture import MarginLoop, Marked, figure_of
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from independent import refusal
 
 

@@ -24,14 +24,13 @@ from barbalat import (
     TransferFunction,
     input_filter,
 )
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.law import Normalization
+from barbalat.adaptation.modifications import FixedSigma, SwitchingSigma
 from barbalat.cases.bundled import bundled
 from barbalat.cases.load import load_case
+from barbalat.certificates.certificates import PROPERTIES, table_1
 from barbalat.certificates.certify import certify_where_possible
-from barbalat.certificates.rounding import down, up
-from barbalat.certificates.table_1 import PROPERTIES, table_1
+from barbalat.certificates.rows import down, up
 from barbalat.cli import main
 from barbalat.papers.jafari_2013.variants import variant
 

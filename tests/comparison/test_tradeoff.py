@@ -28,8 +28,8 @@ from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import Known, ParameterBox, Problem
 from barbalat.report import documents, tradeoff, write
 from barbalat.report.files import Folder
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation

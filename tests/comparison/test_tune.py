@@ -23,13 +23,12 @@ from barbalat import (
 )
 from barbalat.cases.load import CaseText, parse_case
 from barbalat.cli import main
-from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.aim import Aim, Trial
 from barbalat.comparison.search.quantity import TunedQuantity
 from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, search
-from barbalat.comparison.search.trial import Trial
 from barbalat.comparison.tune.tune import Tuner
+from barbalat.study.criteria import ReferenceMotion
 from barbalat.study.ideal_benchmark import known_width
-from barbalat.study.reference_motion import ReferenceMotion
 from independent import refusal
 
 DRIVE = """

@@ -19,7 +19,7 @@ from barbalat.export.write import files, units
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import ParameterBox
 from barbalat.roles import column_names, roles_of, state_parts, within
-from barbalat.run.estimates import estimates_of
+from barbalat.run.results.estimates import estimates_of
 from barbalat.solvers.simulation import Simulation
 from foreign import wrong
 from independent import refusal

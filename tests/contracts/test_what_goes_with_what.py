@@ -36,8 +36,8 @@ from barbalat import (
 from barbalat.cases.build import Case, made
 from barbalat.cases.keys import Context
 from barbalat.cases.schema import json_schema, table_of
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
 from barbalat.comparison.contest.contest import posed
 from barbalat.comparison.contest.entrant import entrants_of
 from barbalat.comparison.tradeoff.tradeoff import trade_off
@@ -54,7 +54,7 @@ from barbalat.export.plant import PlantContents
 from barbalat.export.write import files, units
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.kernel_numbers import Family
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import SIGNALS
 from barbalat.targets import (
     CONTEST,

@@ -22,7 +22,7 @@ from barbalat import (
 )
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.schemes.adrc import loop_at
-from barbalat.linear.interconnections import sensitivity
+from barbalat.linear.systems import sensitivity
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

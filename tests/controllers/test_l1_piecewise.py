@@ -28,6 +28,7 @@ from barbalat import (
     simulate,
 )
 from barbalat.controllers.l1_piecewise import input_directions, realisation, started
+from barbalat.protocols import Sample
 from independent import EPS, refusal
 
 SECOND = TransferFunction([900.0], [1.0, 42.0, 900.0])
@@ -354,3 +355,35 @@ def test_what_is_refused_of_the_form_as_flown(given, word):
 def test_it_is_sampled_by_nature():
     law = L1PiecewiseConstant(sample_time=0.01, filter=None)
     assert "sampled itself" in refusal(lambda: Sampled(controller=law, sample_time=0.01).bind(second_order().known))
+
+
+@pytest.mark.parametrize("gap", [1, 2, 3, 10, 200])
+def test_after_a_gap_the_estimate_has_answered_once_what_acted_in_it(gap) -> None:
+    """In one dimension, where the weight of a gap is exact: a jump at its beginning is answered as without a gap.
+
+    The answer of the sample after it is the same: the predictor forgets what it was.
+    """
+    a, T, steps = -2.0, 0.02, np.exp(-2.0 * 0.02)
+    plant = Plant(A_m=[[a]], b=[1.0], theta=[0.0], x0=[0.0])
+    problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Sine(1.0, 1.0))
+    controller = L1PiecewiseConstant(sample_time=T, filter=None)
+    equations = controller.bind(problem.known)
+    gain, state, x, sigma = (1 - steps) / 2.0, equations.initial(), np.zeros(1), 3.0
+    r, u, measured = np.zeros(()), np.zeros(()), np.zeros(1)
+
+    def moved(state, x, measured, lost):
+        x = steps * x + gain * sigma
+        y = measured if lost else x
+        law = equations.freezing(np.bool_(lost))
+        return law.advance(state, Sample(measured, y, r), u, Sample(y, y, r)), x, y
+
+    for _ in range(5):
+        state, x, measured = moved(state, x, measured, lost=False)
+    np.testing.assert_allclose(state.sigma_hat, steps * 3.0, rtol=1e-12)
+    sigma = 5.0
+    for k in range(gap):
+        state, x, measured = moved(state, x, measured, lost=k < gap - 1)
+    np.testing.assert_allclose(state.sigma_hat, steps * 5.0, rtol=1e-10)
+    state, x, measured = moved(state, x, measured, lost=False)
+    np.testing.assert_allclose(state.sigma_hat, steps * 5.0, rtol=1e-10)
+    assert state.span == 1

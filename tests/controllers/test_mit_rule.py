@@ -7,8 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from barbalat import Constant, MitRule, Plant, PlantInput, Problem, ReferenceModel, Square, certify, load_case, simulate
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.schemes.mit_rule import MARGIN
-from barbalat.certificates.table_1 import table_1
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

@@ -8,9 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
 from barbalat import NetworkMrac, Plant, Problem, ReferenceModel, Sampled, Simulation, Square, Terms, simulate
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat.adaptation.modifications import EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.controllers.mrac_network import initial_inner_weights
 from barbalat.signals import Sine
 from independent import refusal

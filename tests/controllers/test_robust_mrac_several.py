@@ -31,8 +31,8 @@ from barbalat import (
     load_case,
     simulate,
 )
-from barbalat.adaptation.normalization import Normalization
-from barbalat.certificates.table_1 import table_1
+from barbalat.adaptation.law import Normalization
+from barbalat.certificates.certificates import table_1
 from barbalat.controllers import robust_mrac_several as several
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.solvers.simulation import Simulation
@@ -100,7 +100,7 @@ def test_with_one_input_it_is_the_scheme_for_one(problems):
         one = RobustMrac(tau=0.2, law=law, normalization=Normalization(alpha_0=0.5)).bind(problem.known)
         C_0 = one.c_0[None]
         same = several.Equations(
-            A_m=one.A_m, B=one.b[:, None], k_0=np.array([[one.k_0]]), uncertainty=problem.known.uncertainty, C_0=C_0,
+            A_m=one.A_m, B=one.b[:, None], k_0=np.array([[one.k_0]]), matched=problem.known.matched, C_0=C_0,
             Q=several.AuxiliaryFilter.of(C_0, one.A_m, one.b[:, None], 0.2), law=law, normalization=one.normalization,
             theta_hat0=one.theta_hat0, x0=one.x0, box=None,
         )  # fmt: skip

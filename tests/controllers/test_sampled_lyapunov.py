@@ -9,13 +9,11 @@ import pytest
 
 from barbalat import CompositeLearning, EpsilonModification, FixedSigma, ParameterBall, ParameterBox, SwitchingSigma
 from barbalat.controllers import L1Adaptive
-from barbalat.controllers.l1_sampled import Predictor
-from barbalat.controllers.output.l1 import L1Output
-from barbalat.controllers.output.l1_sampled import OutputPredictor
+from barbalat.controllers.l1 import Predictor
+from barbalat.controllers.output.l1 import L1Output, OutputPredictor
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.problem.regressors import Linear, Uncertainty
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.problem.regressors import Linear, MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample
 from barbalat.signals import Sine
@@ -28,7 +26,7 @@ def random_known(random, n, m=1, *, gain_unknown=False, box=None):
         A_m -= (max(np.linalg.eigvals(A_m).real.max(), 0) + 10 ** random.uniform(-1, 1)) * np.eye(n)
         b = random.normal(size=n) if m == 1 else random.normal(size=(n, m))
         known = Known(A_m=A_m, b=b, k_0=1.0 if m == 1 else np.eye(m), x0=np.zeros(n), box=box,
-                      uncertainty=Uncertainty(Linear(), m, gain_unknown))  # fmt: skip
+                      matched=MatchedTerm(Linear(), m, gain_unknown))  # fmt: skip
         if np.linalg.cond(known.P) < 1e6:
             return known
 
@@ -65,7 +63,7 @@ def test_closed_form_against_a_dense_solve(m):
         before, now = (Sample(random.normal(size=n), None, np.zeros(() if m == 1 else m)) for _ in range(2))
         u = random.normal(size=() if m == 1 else m)
         following = twin.advance(state, before, u, now)
-        phi = known.uncertainty.phi((before.x + now.x) / 2)
+        phi = known.matched.phi((before.x + now.x) / 2)
         x_hat, theta_hat = implicit_by_dense_solve(known, gamma, T, state.x_hat, state.theta_hat, before.x, now.x, phi, u)
         np.testing.assert_allclose(following.x_hat, x_hat, rtol=1e-9, atol=1e-9 * np.abs(x_hat).max())
         np.testing.assert_allclose(following.theta_hat, theta_hat, rtol=1e-9, atol=1e-9 * np.abs(theta_hat).max())
@@ -175,7 +173,7 @@ def test_the_predictor_is_fed_with_the_estimate_inside_the_set(sample):
             case = Case(random, m)
             for known_set in (case.box, case.ball) if m == 1 else (case.box,):
                 before, after, _, _ = case.run(known_set)
-                phi = case.known.uncertainty.phi((case.x + case.x_next) / 2)
+                phi = case.known.matched.phi((case.x + case.x_next) / 2)
                 A_m, B = case.known.A_m, case.known.b.reshape(case.n, -1)
                 entering = B @ (np.atleast_1d(phi.T @ after.theta_hat) + np.atleast_1d(case.u))
                 start = before.x_hat + case.T * (entering - A_m @ (case.x_next - case.x) / 2)

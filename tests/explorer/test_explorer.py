@@ -20,8 +20,8 @@ from barbalat.explorer.source import TextSource, toml
 from barbalat.lowering.shape import ENTRY
 from barbalat.open_numbers.numbers import in_tables
 from barbalat.open_numbers.path import FieldPath
-from barbalat.run.grid import signal_table
-from barbalat.run.portable import run_times
+from barbalat.run.kernel.grid import signal_table
+from barbalat.run.kernel.portable import run_times
 from barbalat.signals import Constant, Sine, Sines, Square
 from barbalat.validate import InputError, signal_values
 from lowering.test_c99 import same_bits
@@ -143,8 +143,8 @@ def test_a_module_s_commands_have_a_run_s_bits() -> None:
     engine = wasmtime.Engine()
     store = wasmtime.Store(engine)
     exports = wasmtime.Instance(store, wasmtime.Module(engine, module), []).exports(store)
-    begin = -(-exports["free"](store) // 8) * 8
-    memory, (p, rows, out) = exports["memory"], (begin, begin + parameters.nbytes, begin + parameters.nbytes + t.nbytes)
+    memory, begin = exports["memory"], exports["memory"].data_len(store)
+    p, rows, out = (begin, begin + parameters.nbytes, begin + parameters.nbytes + t.nbytes)
     memory.grow(store, 8)
     memory.write(store, parameters.tobytes(), p)
     memory.write(store, t.tobytes(), rows)

@@ -19,8 +19,8 @@ from barbalat.export.source import source
 from barbalat.export.texts import Printed
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.lowering.c99 import DOUBLE
-from barbalat.run.recording import recorded
-from barbalat.run.sampled_part import initial_acting
+from barbalat.run.engine.simulate import recorded
+from barbalat.run.kernel.sampled_controller import initial_acting
 from export.examples import LONG, OUTPUT, SIMULATION, STATE, sampled_examples, schemes_covered
 from export.targets import ISO, drive, needs, needs_gcc, same_bits, write
 

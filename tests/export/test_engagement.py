@@ -26,7 +26,7 @@ from barbalat import (
 )
 from barbalat.export.in_the_loop import simulate_export
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.sampled_part import initial_acting
+from barbalat.run.kernel.sampled_controller import initial_acting
 from export.engaged import Engaged
 from export.targets import needs_gcc
 

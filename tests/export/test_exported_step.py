@@ -30,8 +30,8 @@ from barbalat.export import exported_step
 from barbalat.export.compiler import require_compiler, shared_library
 from barbalat.export.exported_step import exported_c
 from barbalat.export.write import files
-from barbalat.run.recording import recorded
-from barbalat.run.stepwise import Agreement
+from barbalat.run.engine.simulate import recorded
+from barbalat.run.kernel.sampled_controller import Agreement
 from export.examples import SEVERAL
 from export.targets import needs_gcc
 from independent import refusal

@@ -303,6 +303,19 @@ def test_it_finds_every_fault_that_is_planted_around_the_arithmetic(fault, tmp_p
 
 
 @needs_gcc
+@pytest.mark.parametrize("beginning", ["L1Adaptive-state-midpoint", "L1PiecewiseConstant-state"])
+def test_a_negative_fade_is_found_where_the_first_control_is_zero(beginning, tmp_path) -> None:
+    """The filter of such a law starts at rest: a refused step after the start then puts out the same u as a good one."""
+    exported(one(beginning), tmp_path)
+    right = (tmp_path / "controller.c").read_text()
+    original, planted = AROUND["a fade of a negative time"]
+    assert original in right
+    (tmp_path / "controller.c").write_text(right.replace(original, planted, 1))
+    done = run_selftest(tmp_path, "gcc", *ISO, "-O1", "-w")
+    assert done.returncode == 1 and "negative number of samples" in done.stdout
+
+
+@needs_gcc
 @pytest.mark.full
 @pytest.mark.parametrize("name", [one("Mrac-state-midpoint"), one("L1Adaptive-state-midpoint"), one("L1PiecewiseConstant-state")])
 def test_no_statement_around_the_arithmetic_can_be_left_out(name, tmp_path) -> None:

@@ -20,12 +20,10 @@ from barbalat import (
     input_filter,
 )  # fmt: skip
 from barbalat.cases.load import load_case
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium, equilibrium
-from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.linear.delayed_peaks import delayed_peaks
-from barbalat.linear.interconnections import series
+from barbalat.certificates.linear_loops.ideal import around_equilibrium, equilibrium, fast_adaptation, known_parameters
 from barbalat.linear.margins import margins
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.peaks import delayed_peaks
+from barbalat.linear.systems import StateSpace, TransferFunction, series
 from barbalat.loop.closed_loop import ClosedLoop
 
 

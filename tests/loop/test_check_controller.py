@@ -26,8 +26,8 @@ from barbalat.controllers import RobustMrac, Sampled
 from barbalat.loop import binding
 from barbalat.loop.binding import bound, is_sampled
 from barbalat.loop.structure import comes_from_outside
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 from foreign import WRONG, Bare, Plain, PlainEquations, Proportional, wrong

@@ -20,7 +20,7 @@ from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import Operation, Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import ENTRY, LoopShape
-from barbalat.run.step import step_program
+from barbalat.run.kernel.step import step_program
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 

@@ -9,7 +9,7 @@ from barbalat.cases.load import load_case
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.operations import Operation, Program
 from barbalat.lowering.registers import few_waiting
-from barbalat.run.step import step_program
+from barbalat.run.kernel.step import step_program
 
 CHAINS = 8
 

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from barbalat.certificates.overview import Certified
-from barbalat.certificates.table_1 import Table1
+from barbalat.certificates.certificates import Table1
+from barbalat.certificates.certify import Certified
 from barbalat.cli import main
 from barbalat.papers import ledger
 from barbalat.papers.claim import Claim, Reading, of_readings, verdict

@@ -9,7 +9,7 @@ from barbalat import Labels, Mrac, Plant, Problem, ReferenceModel, Simulation, S
 from barbalat.report.page import figure_columns
 from barbalat.report.terminal import runs as terminal
 from barbalat.report.terminal.layout import Screen
-from barbalat.run.picture import panels
+from barbalat.run.results.picture import panels
 from independent import refusal
 
 PLANT = Plant([[0, 1], [-4, -2]], [0, 1], [1, -1])

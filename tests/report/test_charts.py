@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from barbalat.certificates.overview import Certified
-from barbalat.certificates.table_1 import Table1
+from barbalat.certificates.certificates import Table1
+from barbalat.certificates.certify import Certified
 from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Listing
 from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.pictures.render import render

@@ -9,9 +9,9 @@ import pytest
 
 from barbalat import Mrac, Simulation, certify, simulate
 from barbalat.cases.load import load_case
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certificates import Table1
+from barbalat.certificates.certify import Certified
 from barbalat.certificates.picture import distinct
-from barbalat.certificates.table_1 import Table1
 from barbalat.report import page, write
 from barbalat.report.drawings import DrawnFile, ReportFigure
 from barbalat.report.files import Folder

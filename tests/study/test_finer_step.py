@@ -14,7 +14,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.plant import Plant
 from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import ParameterBox, Problem
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine, Square
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, EXAMINED_WITHOUT_ESTIMATES

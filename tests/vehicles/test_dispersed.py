@@ -13,7 +13,7 @@ from benchmarks.flight_tuning import PAGES
 from barbalat import FlightCondition
 from barbalat.cli import main
 from barbalat.papers.jafari_2013.flight.stored_flights import Flights
-from barbalat.run.sampled_step import SampledList, SampledStep
+from barbalat.run.kernel.sampled_controller import SampledList, SampledStep
 from barbalat.vehicles import dispersed
 from barbalat.vehicles.dispersed import fly_dispersed
 from barbalat.vehicles.f16.airframe import Airframe

@@ -12,8 +12,9 @@ pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev f
 
 from barbalat import FlightCondition, InputError, Mrac, Sampled, SimulatorFailed, fly, pi_feedback
 from barbalat.cli import main
-from barbalat.run.sampled_step import SampledList, SampledStep
+from barbalat.run.kernel.sampled_controller import SampledList, SampledStep
 from barbalat.vehicles import flying
+from barbalat.vehicles.f16 import vehicle as f16
 from barbalat.vehicles.f16.airframe import STEP
 from barbalat.vehicles.f16.axis import PITCH, ROLL, SAMPLE_TIME, Axis
 from barbalat.vehicles.f16.equipment import Actuator, Equipment, Sensors
@@ -242,7 +243,7 @@ def test_a_simulator_that_breaks_before_any_flight_is_one_sentence(monkeypatch, 
         raise SimulatorFailed("the simulator's process ended by signal 6")
 
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(flying, "isolated", broken)
+    monkeypatch.setattr(f16, "isolated", broken)
     assert main(["fly", "f16-pitch"]) == 1
     assert capsys.readouterr().err == "barbalat: the simulator's process ended by signal 6\n"
     assert list(tmp_path.iterdir()) == []

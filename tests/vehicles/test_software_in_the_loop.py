@@ -14,9 +14,8 @@ pytest.importorskip("mujoco", reason="the extra flight is not installed: ./dev f
 from barbalat import FlightCondition, Mrac, Sampled, Simulation, exported_c, fly
 from barbalat.cli import main
 from barbalat.export import exported_step
-from barbalat.run.recording import recorded
-from barbalat.run.sampled_step import SampledList
-from barbalat.run.stepwise import Agreement
+from barbalat.run.engine.simulate import recorded
+from barbalat.run.kernel.sampled_controller import Agreement, SampledList
 from barbalat.vehicles import flying
 from barbalat.vehicles.f16.axis import SAMPLE_TIME, Axis
 from barbalat.vehicles.f16.failures import OF_PITCH

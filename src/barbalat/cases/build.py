@@ -21,8 +21,8 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import identical
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import delay
-from barbalat.run.step import Rhythm, whole_steps
+from barbalat.run.kernel import delay
+from barbalat.run.kernel.step import Rhythm, whole_steps
 from barbalat.settings import given_of, one_line
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError, printable, show
@@ -54,10 +54,12 @@ class Case:
 
     def _repr_html_(self) -> str:
         """For notebooks: the problem, the controllers with their settings, the simulation."""
-        from barbalat.problem.notebook import html_of, table_of
+        from barbalat.problem.tracking import table_of
 
         rows = {one.name: one_line(one) if is_dataclass(one) else show(one) for one in self.controllers}  # type: ignore[redundant-expr]
-        return "".join([html_of(self.problem), table_of("Controllers", rows), table_of("Simulation", given_of(self.simulation))])
+        return "".join(
+            [self.problem._repr_html_(), table_of("Controllers", rows), table_of("Simulation", given_of(self.simulation))]
+        )
 
 
 @contextmanager
@@ -119,7 +121,8 @@ def build(case: Table, folder: Path, joining: Sequence[Controller] = (), parts: 
     found = _controllers(case, base._replace(known=problem.known), problem, parts)
     found += [(controller, bound(problem, controller)) for controller in joining]
     made = _assembled(problem, found, simulation, parts)
-    parts.objects, parts.complete = MappingProxyType(parts.objects), True
+    if not parts.complete:
+        parts.objects, parts.complete = MappingProxyType(parts.objects), True
     return made
 
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 from functools import cache
 from typing import Any, get_args
 
-from barbalat.adaptation.modifications import leakage
-from barbalat.adaptation.modifications.dead_zone import DeadZone
+from barbalat.adaptation.modifications import LEAKAGES, DeadZone, Leakage
 from barbalat.cases.keys import Differences, Given, Key, keys_of
 from barbalat.validate import InputError
 
-MODIFICATIONS: dict[Any, tuple[type, ...]] = {leakage.Leakage: leakage.LEAKAGES, DeadZone: (DeadZone,)}
+MODIFICATIONS: dict[Any, tuple[type, ...]] = {Leakage: LEAKAGES, DeadZone: (DeadZone,)}
 """What a field may hold, by its type: one of these, chosen by the keys that are given."""
 
 Choices = dict[str, tuple[type, ...]]

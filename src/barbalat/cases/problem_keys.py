@@ -7,8 +7,7 @@ from pathlib import Path
 
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys_of
 from barbalat.problem.known_set import ParameterBall, ParameterBox
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem
 from barbalat.problem.plant import Plant
 from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import Problem

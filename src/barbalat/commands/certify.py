@@ -13,7 +13,7 @@ from barbalat.commands.progress import Work, work
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
     from barbalat.certificates.certificates import Certificates
-    from barbalat.certificates.overview import Certified
+    from barbalat.certificates.certify import Certified
     from barbalat.commands import Commands
 
 
@@ -40,7 +40,7 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
-    from barbalat.certificates.overview import Certified
+    from barbalat.certificates.certify import Certified
     from barbalat.report.documents import as_json
     from barbalat.validate import InputError
 

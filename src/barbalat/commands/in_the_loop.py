@@ -9,7 +9,7 @@ from barbalat.commands.progress import Work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
-    from barbalat.run.result import Result
+    from barbalat.run.results.result import Result
 
 
 def require(case: Case) -> None:

@@ -14,13 +14,13 @@ from barbalat.commands.progress import work
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from barbalat.budget import Progress
     from barbalat.commands import Commands
     from barbalat.papers.claim import Claim
     from barbalat.papers.ledger import Measured
     from barbalat.papers.paper import Paper
     from barbalat.papers.paper_figure import PaperFigure
     from barbalat.report.files import Folder
-    from barbalat.run.progress import Progress
 
 
 def add(commands: Commands) -> None:
@@ -88,8 +88,8 @@ def _reproduced(
     """Figures, claims, the JSON document, and how long it took [s] from ``started`` on; the page is written."""
     from barbalat.explorer import section_v as explorers
     from barbalat.papers import ledger
+    from barbalat.processes import answer_of
     from barbalat.report import documents, page, write
-    from barbalat.run.processes import answer_of
 
     processes = 1 if quick else os.cpu_count() or 1
     rows = sum(part.duration(full=full) for part in paper.ledger if part.quick or not quick)

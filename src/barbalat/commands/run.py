@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from barbalat.cases.build import Case
     from barbalat.commands import Commands
     from barbalat.report.files import Folder
-    from barbalat.run.result import Result
+    from barbalat.run.results.result import Result
 
 
 def add(commands: Commands) -> None:
@@ -84,8 +84,8 @@ def _expected(case: Case, *, plots: bool) -> dict[str, float]:
 
 def _simulated(case: Case, running: Work) -> list[Result]:
     """All controllers, those that were numerically unstable also at a finer step."""
-    from barbalat.run.check_numerics import check_numerics
-    from barbalat.run.simulate import simulate
+    from barbalat.run.engine.check_numerics import check_numerics
+    from barbalat.run.engine.simulate import simulate
 
     with running.part("simulating") as progress:
         found = simulate(case.problem, case.controllers, case.simulation, progress=progress)
@@ -129,7 +129,7 @@ def with_page(
     beside: Executor | None = None,
 ) -> str:
     """Certify and write the page, of which a part is drawn ``beside``; the JSON document with what was found."""
-    from barbalat.certificates.overview import certified_case
+    from barbalat.certificates.certify import certified_case
     from barbalat.report import documents, write
     from barbalat.report.file_names import RUN
 

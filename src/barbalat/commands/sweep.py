@@ -13,10 +13,10 @@ from barbalat.commands.progress import SECONDS_EACH_STEP, Work, say, work
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from barbalat.budget import Progress
     from barbalat.cases.load import CaseText
     from barbalat.commands import Commands
     from barbalat.report.files import Folder
-    from barbalat.run.progress import Progress
     from barbalat.sweeps.cluster import Scheduler
     from barbalat.sweeps.requirement import Requirement
     from barbalat.sweeps.result import SweepResult
@@ -103,8 +103,8 @@ def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> 
     """One member alone; the exit code says 1 where its figures are not those that the store has."""
     from barbalat.commands import run
     from barbalat.report import documents
-    from barbalat.sweeps.replay import replay
     from barbalat.sweeps.stored import require_parquet, row_of
+    from barbalat.sweeps.sweep import replay
 
     if store is not None:
         require_parquet()

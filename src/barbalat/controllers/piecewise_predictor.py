@@ -8,9 +8,13 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.zero_order_hold import HeldSystem
-from barbalat.protocols import Value
+from barbalat.protocols import Value, kept
+from barbalat.roles import Role
 from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, Vector
+
+SPAN = Role.other("samples that the prediction error gathers over: 1 unless measurements are missed")
+"""The role of what counts them; see ``next_span``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +28,15 @@ class PredictorStep:
     of_x: Array  # (n, n)
     of_acting: Array  # (n, n)
     G: Array  # (n, n)
+    answered: Array  # (n, n) G^-1
+    memory: float  # of x_hat from one sample to the next: the spectral radius of of_x_hat
 
     @classmethod
     def exact(cls, A_m: Array, B: Array, T: float) -> PredictorStep:
         """x_hat' = A_m x_hat + b v + B sigma_hat with v and sigma_hat held: B^-1 Phi^-1 inverts what B does in a sample."""
         held = HeldSystem.of(A_m, B, T)
         G = np.linalg.solve(held.Gamma, held.Phi)
-        return cls(held.Phi, np.zeros_like(A_m), held.Gamma, G)
+        return cls(held.Phi, np.zeros_like(A_m), held.Gamma, G, inverse(G), memory_of(A_m, T))
 
     def following(self, x_hat: Value, x: Value, v: Value, sigma_hat: Value) -> Value:
         """The predictor one sample later."""
@@ -39,6 +45,39 @@ class PredictorStep:
 
     def estimate(self, x_tilde: Value) -> Value:
         return -(self.G @ x_tilde)
+
+    def measured_again(self, x_hat: Value, x: Value, sigma_hat: Value, span: Value) -> Value:
+        """x_hat at a measurement ``span`` samples after the last one, see ``shared``; sigma_hat rested in between."""
+        return x + shared(x_hat - x, -(self.answered @ sigma_hat), span)
+
+
+def inverse(G: Array) -> Array:
+    """G^-1; of a G that is singular in numbers, as for samples far beyond the loop's own, the pseudo-inverse."""
+    return np.linalg.pinv(G) if np.isfinite(G).all() else np.full_like(G, np.nan)
+
+
+LONGEST_SPAN = 1e4
+"""Samples: beyond them nothing is counted, so that a long freeze leads no number out of an export's range, 1e6 at least."""
+
+
+def memory_of(A_m: Array, T: float) -> float:
+    """The spectral radius of e^(A_m T)."""
+    return float(np.exp(np.linalg.eigvals(A_m).real.max() * T))
+
+
+def shared(error: Value, answered: Value, span: Value) -> Value:
+    """The prediction error as one sample would have left it, of one that gathered over ``span`` samples without a measurement.
+
+    The law takes the whole of an error for the work of one sample. Applied to what gathered in m samples it would answer m times
+    what acts, and until the next measurement again for several samples: a loop in which two of three are missed runs away. So
+    what came on top of the error that sigma_hat already answers counts by its share.
+    """
+    return answered + (error - answered) / np.maximum(span, 1.0)
+
+
+def next_span(frozen: Value, span: Value, memory: float) -> Value:
+    """1 after a measurement, and 1 + memory + memory^2 + ... while there is none: what a constant error gathers to."""
+    return kept(frozen, np.minimum(1 + memory * span, LONGEST_SPAN), 1 + 0 * span)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,5 +128,6 @@ class AsFlown(Settings):
         with np.errstate(over="ignore"):  # of a T far beyond the loop's own: the factor tends to 0
             decay = -np.expm1(-a * T)  # a e^(aT)/(e^(aT) - 1) = a/(1 - e^(-aT)), which is 1/T for a = 0
         factor = np.where(a == 0, 1 / T, a / np.where(a == 0, 1.0, decay))
-        A_s = np.diag(a)
-        return PredictorStep(np.eye(len(a)) + T * A_s, T * (A_m - A_s), T * B, np.linalg.solve(B, np.diag(factor)))
+        A_s, memory = np.diag(a), float(np.abs(1 + T * a).max())
+        G = np.linalg.solve(B, np.diag(factor))
+        return PredictorStep(np.eye(len(a)) + T * A_s, T * (A_m - A_s), T * B, G, inverse(G), memory)

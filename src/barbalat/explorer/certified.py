@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from barbalat.cases.build import Case
-from barbalat.certificates.overview import certified_case
+from barbalat.certificates.certify import certified_case
 from barbalat.certificates.rows import CertificateRow
 
 TABLE_HEAD = "<tr>" + "".join(f'<th scope="col">{name}</th>' for name in ("quantity", "value", "kind", "meaning")) + "</tr>"

@@ -14,10 +14,9 @@ from barbalat.lowering.operations import read
 from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.wasm.loop import loop
 from barbalat.protocols import BreakingSignal, InterpolatedSignal, Signal
-from barbalat.run.breaks import breaks_inside, can_be_split
-from barbalat.run.columns import Columns
-from barbalat.run.grid import final_row, signal_table
-from barbalat.run.template import with_symbols
+from barbalat.run.kernel.breaks import breaks_inside, can_be_split
+from barbalat.run.kernel.grid import final_row, signal_table
+from barbalat.run.kernel.template import Columns, with_symbols
 from barbalat.signals.smooth import Continuous
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation

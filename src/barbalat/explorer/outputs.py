@@ -18,10 +18,10 @@ from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.pictures.symbols import estimated
 from barbalat.problem.command_gain import commanded, gains_at_rest
-from barbalat.run import delay
-from barbalat.run.estimates import MOST_REPORTED
-from barbalat.run.members import Members
-from barbalat.run.metrics import Accumulators
+from barbalat.run.kernel import delay
+from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.metrics import Accumulators
+from barbalat.run.results.estimates import MOST_REPORTED
 from barbalat.solvers import SOLVERS, Tableau
 
 

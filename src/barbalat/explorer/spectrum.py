@@ -1,7 +1,7 @@
 """A module that gives out a loop's exact Jacobian at instants of a run: a page judges the step by its spectrum, as ``run`` does.
 
-The kernel of the page watches what ``run.coupling`` is, and ``templates/stability.js`` looks at the windows, and at the steps of
-one with an exit, by the rules of ``run.diagnosis.stability_label``.
+The kernel of the page watches ``run.kernel.step.coupling_function``, and ``templates/stability.js`` looks at the windows, and at
+the steps of one with an exit, by the rules of ``run.engine.stability_label``.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from barbalat.lowering.shape import WATCH_EVERY, LoopShape
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.open_numbers.probe import Target
 from barbalat.protocols import DiscretizedEquations
-from barbalat.run.diagnosis.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
-from barbalat.run.template import Template
+from barbalat.run.engine.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
+from barbalat.run.kernel.template import Template
 
 MOST_STATES = 40
 """Of a loop whose spectrum is taken after every run: some dozens of them cost less than drawing."""
 
 
 WATCHING = {"windows": MOST_WINDOWS, "looks": MOST_LOOKS, "pieces": WINDOW_PIECES, "every": WATCH_EVERY}
-"""How the windows of a run are cut and looked at: see ``run.diagnosis.stability_label``."""
+"""How the windows of a run are cut and looked at: see ``run.engine.stability_label``."""
 
 
 def judged(target: Target) -> bool:

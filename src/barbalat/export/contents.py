@@ -19,8 +19,8 @@ from barbalat.lowering.operations import Program, sliced, sources
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, DiscretizedEquations, SampledEquations
-from barbalat.run.recording import Recording, recorded
-from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, PARAMETER, STATE, controller_program, initial_acting
+from barbalat.run.engine.simulate import Recording, recorded
+from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE, controller_program, initial_acting
 from barbalat.solvers.simulation import Simulation
 from barbalat.targets import require_sampled
 from barbalat.validate import Array, InputError

@@ -15,8 +15,7 @@ from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering.c99 import DOUBLE
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.sampled_step import SampledList, SampledStep
-from barbalat.run.stepwise import Agreement
+from barbalat.run.kernel.sampled_controller import Agreement, SampledList, SampledStep
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 

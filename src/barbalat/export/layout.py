@@ -15,7 +15,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.sampling import Acting
 from barbalat.lowering.operations import Program, sliced, sources
 from barbalat.roles import MEANINGS, Role, leaves
-from barbalat.run.sampled_part import STATE, initial_acting
+from barbalat.run.kernel.sampled_controller import STATE, initial_acting
 
 
 @dataclass(frozen=True)

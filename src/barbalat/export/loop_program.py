@@ -6,8 +6,8 @@ from barbalat.export.plant import PlantContents
 from barbalat.export.plant_source import PrintedPlant
 from barbalat.export.texts import filled, indented
 from barbalat.lowering import c99
-from barbalat.run.grid import WHOLE_STEP, signal_table
-from barbalat.run.noise import standard_normal
+from barbalat.run.kernel.grid import WHOLE_STEP, signal_table
+from barbalat.run.kernel.portable import standard_normal
 from barbalat.validate import Array, InputError
 
 MOST_NUMBERS = 20_000

@@ -24,10 +24,9 @@ from barbalat.open_numbers.probe import examined
 from barbalat.open_numbers.varied import VariedObjects
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import breaks
-from barbalat.run.columns import Columns, StructureError
-from barbalat.run.members import Members
-from barbalat.run.template import Template
+from barbalat.run.kernel import breaks
+from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.template import Columns, StructureError, Template
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 

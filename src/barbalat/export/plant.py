@@ -13,11 +13,11 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import flatten
 from barbalat.lowering.operations import Program, sliced, sources
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.run.sampled_part import STATE
+from barbalat.run.kernel.sampled_controller import STATE
 from barbalat.targets import EXPORTED_LOOP
 
 PARAMETER, SIGNAL, PAST, NOISE = 2, 3, 4, 5
-"""Arguments of a step's list, beside the state; see ``run.step.step_function``."""
+"""Arguments of a step's list, beside the state; see ``run.kernel.step.step_function``."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,6 +35,7 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
         range=f"{contents.range:g}",
         set=", or an estimate outside the known set" if contents.limits is not None else "",
         freeze=EULER_SWAPPING if euler else "",
+        gap=GAP if any(part.path == "controller.span" for part in layout.parts) else "",
         members=members,
         loop=filled("README_loop.md", library=" -lm").rstrip() + "\n" if closed_loop else "",
         patent=_patent(printed),
@@ -48,6 +49,9 @@ def _patent(printed: Printed) -> str:
 
 
 EULER_SWAPPING = " The swapping term of (14) moves as if the law did: Euler's steps know it from the law's rate alone."
+
+GAP = """ What the
+  prediction error gathered over m samples counts by one sample's share: the law would answer all of it as if it came of one."""
 
 LIBRARY = {"sqrt", "fabs", "floor", "ceil", "exp", "log", "sin", "cos", "tan", "tanh", "pow", "copysign"}
 """Operations that are calls of math.h."""

@@ -7,7 +7,7 @@ import numpy as np
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering import c99
 from barbalat.lowering.operations import sources
-from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
+from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
 
 CLOCK_TOLERANCE = 1e-3
 """By how much, relatively, a measured sample time may differ from the one that the export was made for.

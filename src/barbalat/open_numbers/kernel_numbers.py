@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.run.columns import StructureError
-from barbalat.run.members import Members, Reader
+from barbalat.run.kernel.members import Members, Reader
+from barbalat.run.kernel.template import StructureError
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
@@ -42,7 +42,7 @@ class Numbers:
     seeds: Array | None
 
     def of(self, which: Array) -> Numbers:
-        """Of chosen members, which may stand there more than once."""
+        """The numbers of chosen members, which may stand there more than once."""
         return Numbers(*(None if part is None else part[..., which] for part in vars(self).values()))
 
     def identical(self, other: Numbers) -> bool:
@@ -54,7 +54,7 @@ class Numbers:
 
     @classmethod
     def together(cls, parts: Sequence[Numbers]) -> Numbers:
-        """Of the members of all of these."""
+        """The numbers of the members of all parts."""
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return cls(*(None if found[0] is None else np.concatenate(found, axis=-1) for found in columns))
 
@@ -92,7 +92,10 @@ class Family:
         return _numbers(self.reader, self.reader.chosen(self.differs, self.rounding), 0)
 
     def read(self, members: Sequence[Member]) -> Numbers:
-        """Of any members that differ from the examples in no more than these do; InputError for others."""
+        """The numbers of members that differ from the examples in no more than these do; InputError for others."""
+        first = self.reader.problem, self.reader.controller
+        if all(one is other for member in members for one, other in zip(member[:2], first, strict=True)):
+            return self._first.of(np.zeros(len(members), dtype=int))
         reader = Reader.of((self.reader.problem, self.reader.controller), self.reader.simulation, adjustable=False)
         try:
             for member in members:
@@ -101,6 +104,11 @@ class Family:
         except StructureError:
             raise InputError(OTHER_STRUCTURE) from None
         return _numbers(reader, parameters, 1)
+
+    @cached_property
+    def _first(self) -> Numbers:
+        """What the kernel is handed for the first example."""
+        return self.numbers.of(np.array([0]))
 
     @property
     def weights(self) -> tuple[Array, Array]:

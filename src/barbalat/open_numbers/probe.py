@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import lru_cache
 from math import inf
 from typing import Protocol
 
@@ -18,11 +19,11 @@ from barbalat.cases.build import Case
 from barbalat.open_numbers.kernel_numbers import OTHER_STRUCTURE, ROUNDING, Family, Member, Numbers
 from barbalat.open_numbers.numbers import SPECIAL_VALUES, At, Number
 from barbalat.open_numbers.varied import Varied
-from barbalat.run import delay
-from barbalat.run.breaks import can_be_split
-from barbalat.run.columns import Columns, StructureError
-from barbalat.run.members import OtherRhythmError, Reader
-from barbalat.run.template import argument_numbers
+from barbalat.run.kernel import delay
+from barbalat.run.kernel.breaks import can_be_split
+from barbalat.run.kernel.members import OtherRhythmError, Reader
+from barbalat.run.kernel.template import Columns, StructureError, argument_numbers
+from barbalat.solvers import Tableau
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
@@ -51,7 +52,7 @@ Rows = set[tuple[str, int]]
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """Of one number on what one controller's kernel is handed.
+    """The effect of one number on what one controller's kernel is handed.
 
     parameters, states  rows (k,) that it moves
     table               (K, rows) what they are at each of its values, parameters first; None where they are the number itself
@@ -67,7 +68,7 @@ class Effect:
 
     @classmethod
     def of(cls, values: Array, numbers: Numbers) -> Effect | None:
-        """By numbers of members that differ in this one alone, ``values`` (K,); None where delays or streams of noise move."""
+        """The effect in members that differ in this number alone, ``values`` (K,); None where delays or streams of noise move."""
         apart = (numbers.lags, numbers.history, numbers.delays, numbers.seeds)
         if any(part is not None and (part != part[..., :1]).any() for part in apart):
             return None
@@ -96,41 +97,53 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class DelayEffect:
-    """Of a number that is the plant's delay and nothing else: what a kernel is handed follows from it without any object.
+    """The effect of a number that is the plant's delay alone: what a kernel is handed follows from it without any object.
 
-    rows, entries  of the kernel's parameters those that are weights, and which of all weights they are; first: all of them (w,)
+    copied         rows of the kernel's parameters that are the delay itself
+    rows, entries  those that are weights, and which of all weights they are; first: all of them (w,)
     """
 
     simulation: Simulation
+    copied: Array
     rows: Array
     entries: Array
     first: Array
 
     @classmethod
     def of(cls, values: Array, numbers: Numbers, family: Family) -> DelayEffect | None:
-        """By numbers of members that differ in this one alone, ``values`` (K,); None where other things follow from it."""
+        """The effect in members that differ in this number alone, ``values`` (K,); None where other things follow from it."""
         if numbers.lags is None or (numbers.delays != values).any():
             return None
         rows, entries = family.weights
         moved = np.flatnonzero((numbers.parameters != numbers.parameters[:, :1]).any(axis=1))
+        copied = np.setdiff1d(moved, rows)
         apart = (numbers.states, numbers.history, numbers.seeds)
-        if not np.isin(moved, rows).all() or any(part is not None and (part != part[..., :1]).any() for part in apart):
+        if (numbers.parameters[copied] != values).any() or any(
+            part is not None and (part != part[..., :1]).any() for part in apart
+        ):
             return None
         simulation = family.reader.simulation
         first = delay.weights(float(values[0]), simulation.dt, simulation.solver, fused=simulation.fused).reshape(-1)
-        return cls(simulation, rows, entries, first)
+        return cls(simulation, copied, rows, entries, first)
 
     def put(self, numbers: Numbers, values: Array) -> None:
         """What delays ``values`` (M,) make, where it belongs; the arrays are changed. InputError for another structure."""
         assert numbers.lags is not None
-        simulation, others = self.simulation, np.delete(np.arange(self.first.size), self.entries)
-        for k, value in enumerate(values.tolist()):
-            weights = delay.weights(value, simulation.dt, simulation.solver, fused=simulation.fused).reshape(-1)
-            if (np.abs(weights - self.first)[others] > ROUNDING).any():  # the largest is about 1
-                raise InputError(OTHER_STRUCTURE)
-            numbers.lags[k] = delay.lag(value, simulation.dt)
-            numbers.parameters[self.rows, k] = weights[self.entries]
-        numbers.delays[:] = values
+        lags, weights = _delayed(values.tobytes(), self.simulation.dt, self.simulation.solver, self.simulation.fused)
+        others = np.delete(np.arange(self.first.size), self.entries)
+        if (np.abs(weights[others] - self.first[others, None]) > ROUNDING).any():  # the largest is about 1
+            raise InputError(OTHER_STRUCTURE)
+        numbers.parameters[self.rows] = weights[self.entries]
+        numbers.parameters[self.copied] = numbers.delays[:] = values
+        numbers.lags[:] = lags
+
+
+@lru_cache(maxsize=1)  # of each controller in turn
+def _delayed(values: bytes, dt: float, solver: Tableau, fused: bool) -> tuple[Array, Array]:
+    """Lags (M,) and weights (w, M) of delays [s]."""
+    delays = np.frombuffer(values).tolist()
+    weights = [delay.weights(one, dt, solver, fused=fused).reshape(-1) for one in delays]
+    return np.array([delay.lag(one, dt) for one in delays]), np.column_stack(weights)
 
 
 def direct(values: Array, numbers: Numbers, family: Family) -> Effect | DelayEffect | None:
@@ -242,10 +255,7 @@ class Target:
 
     def read(self, cases: Sequence[Case]) -> Numbers:
         """What it is handed for each of these cases; InputError where one has another structure."""
-        first, members = self.family.reader, [case.member(self.index) for case in cases]
-        if all(one[0] is first.problem and one[1] is first.controller for one in members):
-            return self.base.of(np.zeros(len(members), dtype=int))
-        return self.family.read(members)
+        return self.family.read([case.member(self.index) for case in cases])
 
 
 def effects_of(

@@ -8,12 +8,12 @@ from functools import cache, cached_property
 from importlib import import_module
 from typing import Any
 
-from barbalat.certificates.overview import Certified
-from barbalat.certificates.table_1 import Table1
+from barbalat.budget import Progress
+from barbalat.certificates.certificates import Table1
+from barbalat.certificates.certify import Certified
 from barbalat.discovery import modules_in, packages_in, slices
 from barbalat.papers.measurement import Measurement
 from barbalat.papers.paper_figure import PaperFigure
-from barbalat.run.progress import Progress
 from barbalat.validate import InputError, hint
 
 GROUP = "barbalat.papers"

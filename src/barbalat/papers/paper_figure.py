@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from barbalat.run.result import Result
+from barbalat.run.results.result import Result
 
 ADDED_FIGURE = "added"
 """The key of the comparison that is none of the paper's figures."""

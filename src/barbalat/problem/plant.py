@@ -15,7 +15,7 @@ from barbalat.linear.conditions import require_controllable, require_hurwitz
 from barbalat.linear.pole_placement import place
 from barbalat.linear.systems import open_loop
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.regressors import Linear, Regressor, Uncertainty
+from barbalat.problem.regressors import Linear, MatchedTerm, Regressor
 from barbalat.protocols import Value
 from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError, Matrix, Vector, freeze
@@ -145,7 +145,7 @@ class Plant(Settings):
 
     def derivative(self, x: Value, v: Value) -> Value:
         """x' for the matched input v: what reaches the plant of u, and d."""
-        phi = Uncertainty(self.regressor, self.inputs).phi(x)
+        phi = MatchedTerm(self.regressor, self.inputs).phi(x)
         return self.A_m @ x + np.dot(self.b, phi.T @ self.theta + v)  # (1)
 
     def output(self, x: Value) -> Value:

@@ -9,7 +9,7 @@ from typing import Any
 from barbalat.problem.labels import Labels
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.report.file_names import file_name, table_names
-from barbalat.run.result import Result
+from barbalat.run.results.result import Result
 
 MEANINGS = {
     "t": "time",

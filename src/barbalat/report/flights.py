@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.run.stepwise import Agreement
+from barbalat.run.kernel.sampled_controller import Agreement
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.flight import Failing, Flight
 

@@ -18,7 +18,7 @@ from markupsafe import Markup
 
 import barbalat
 from barbalat.certificates.cells import PROPERTIES
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
@@ -35,8 +35,8 @@ from barbalat.report.file_names import PAGE
 from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.sweep import WorstMember, extremes, in_symbols, shares, varied
-from barbalat.run.outcome import about_u, ends_of, units_of
-from barbalat.run.result import Result
+from barbalat.run.results.outcome import about_u, ends_of, units_of
+from barbalat.run.results.result import Result
 from barbalat.sweeps.evidence import DIVERGES, EXAMINED
 from barbalat.sweeps.result import SweepResult
 from barbalat.vehicles.comparison import FlightComparison

@@ -11,7 +11,7 @@ import numpy as np
 
 from barbalat.report.file_names import table_names
 from barbalat.report.files import Folder
-from barbalat.run.result import Result
+from barbalat.run.results.result import Result
 
 MOST_NUMBERS = 60_000
 """In all CSVs of a folder: 17 bytes each, some 1 MB of its 2 MB. Results in Python have all that was recorded."""

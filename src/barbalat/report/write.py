@@ -11,7 +11,7 @@ from typing import Protocol
 from matplotlib.figure import Figure
 
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.certificates.picture import distinct
 from barbalat.comparison.contest.picture import draw as draw_contest
 from barbalat.comparison.contest.result import Contest
@@ -23,14 +23,14 @@ from barbalat.papers.claim import Chart, Claim, Map
 from barbalat.papers.paper_figure import PaperFigure
 from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
+from barbalat.processes import Here, answer_of
 from barbalat.report import charts, diagrams, flights, maps, page
 from barbalat.report.drawings import ReportFigure, narrow_panels, pictures_of_loops, svg_of
 from barbalat.report.file_names import CERTIFICATES, NARROW, PAGE, PICTURE, TUNED_CASE, diagram_names
 from barbalat.report.files import Folder
 from barbalat.report.sweep import WorstMember
-from barbalat.run.picture import ends_at, figure_of, panels
-from barbalat.run.processes import Here, answer_of
-from barbalat.run.result import Result
+from barbalat.run.results.picture import ends_at, figure_of, panels
+from barbalat.run.results.result import Result
 from barbalat.sweeps import picture as of_sweep
 from barbalat.sweeps.result import SweepResult
 from barbalat.vehicles import path_picture

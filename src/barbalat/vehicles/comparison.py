@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from barbalat.run.stepwise import Agreement
+from barbalat.run.kernel.sampled_controller import Agreement
 from barbalat.validate import InputError, show
 from barbalat.vehicles.flight import Failing, Flight
 from barbalat.vehicles.scene import Mover, Scene

@@ -21,14 +21,10 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate
-from barbalat.run.progress import Progress
-from barbalat.sweeps.chunks import Chunk, chunks_of
+from barbalat.budget import Estimate, Progress
+from barbalat.sweeps.chunks import Chunk, Columns, Rows, UnstoredChunks, chunks_of, in_order
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.store import Store, opened, require_place
-from barbalat.sweeps.study import Columns
-from barbalat.sweeps.unstored_chunks import UnstoredChunks, in_order
 from barbalat.validate import Array, counted
 from barbalat.vehicles.evidence import Evidence, evidence_of
 from barbalat.vehicles.flight import Failing

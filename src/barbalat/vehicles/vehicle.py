@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Generic, TypeVar
 
 from barbalat.open_numbers.path import FieldPath
-from barbalat.run.stepwise import Flyable
+from barbalat.run.kernel.sampled_controller import Flyable
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.spread import Uniform
 from barbalat.validate import Array

@@ -11,8 +11,8 @@ from barbalat.adaptation.laws import LAWS
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import limit
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError

@@ -21,8 +21,8 @@ from barbalat import (
     simulate_ensemble,
 )
 from barbalat.certificates.linear_loops.frozen import FrozenLoops, borne, small_gain
-from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
 from barbalat.linear.peaks import peak_gain
+from barbalat.linear.systems import complementary_sensitivity, sensitivity, series
 from barbalat.problem.modelling_error import DelayError, ScaledError
 from independent import refusal
 

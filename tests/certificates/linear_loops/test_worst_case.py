@@ -11,12 +11,10 @@ from barbalat import InputError, L1Adaptive, Mrac, ParameterBox, Plant, PlantInp
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta, worst_case
+from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta, screen, worst_case
 from barbalat.cli import main
-from barbalat.linear.interconnections import sensitivity
 from barbalat.linear.margins import margins
-from barbalat.linear.screening import screen
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.systems import StateSpace, sensitivity
 from barbalat.papers.jafari_2013.variants import variant
 from barbalat.problem.known_set import ParameterBall
 from barbalat.solvers.simulation import Simulation

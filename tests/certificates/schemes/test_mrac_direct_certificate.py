@@ -23,7 +23,7 @@ from barbalat import (
     load_case,
     simulate,
 )
-from barbalat.certificates.table_1 import table_1
+from barbalat.certificates.certificates import table_1
 from barbalat.solvers.simulation import Simulation
 
 SIMULATION = Simulation(t_end=10.0, dt=1e-3)

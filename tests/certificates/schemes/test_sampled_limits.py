@@ -9,7 +9,7 @@ from barbalat import Constant, L1Adaptive, Mrac, Plant, Problem, ReferenceModel,
 from barbalat.cases.load import load_case
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.certify import certify
-from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
+from barbalat.certificates.step_limits.oscillator import HeldOscillator
 
 PAPER = load_case("paper").problem
 SIMULATION = Simulation(t_end=20.0, dt=1e-4)

@@ -28,8 +28,8 @@ from barbalat import (
     certify,
     simulate,
 )
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
-from barbalat.certificates.table_1 import table_1
 from barbalat.controllers.output.l1 import L1Output
 from barbalat.controllers.output.l1_piecewise import L1OutputPiecewiseConstant
 

@@ -25,10 +25,10 @@ from barbalat import (
     simulate,
 )
 from barbalat.cases.load import load_case
-from barbalat.certificates.bounds.regressor import TIGHTNESS_RATIO, Ball, largest_square
+from barbalat.certificates.bounds.formulas import TIGHTNESS_RATIO, Ball, largest_square
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.run.diagnosis.adapting import regressor_along
+from barbalat.run.results.adapting import regressor_along
 from barbalat.solvers import RK4
 
 REGRESSORS = {

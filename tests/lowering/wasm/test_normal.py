@@ -7,7 +7,7 @@ import pytest
 
 from barbalat.lowering.wasm.normal import ENTRY, normal_module
 from barbalat.problem.measurement import LARGEST_SEED
-from barbalat.run.noise import standard_normal
+from barbalat.run.kernel.portable import standard_normal
 from lowering.test_c99 import same_bits
 
 wasmtime = pytest.importorskip("wasmtime", reason="wasmtime is not installed")
@@ -17,7 +17,7 @@ def drawn(channels: int, seed: int, member: int, first: int, rows: int) -> np.nd
     engine = wasmtime.Engine()
     store = wasmtime.Store(engine)
     exports = wasmtime.Instance(store, wasmtime.Module(engine, normal_module(channels)), []).exports(store)
-    begin, size = -(-exports["free"](store) // 8) * 8, rows * channels * 8
+    begin, size = exports["memory"].data_len(store), rows * channels * 8
     exports["memory"].grow(store, 1 + size // 65_536)
     exports[ENTRY](store, *(word - 2**64 if word >= 2**63 else word for word in (seed, member, first, rows)), begin)
     return np.frombuffer(bytes(exports["memory"].read(store, begin, begin + size))).reshape(rows, channels)

@@ -8,7 +8,7 @@ import wasmtime
 from barbalat.lowering.llvm.machine import Rings, Watch
 from barbalat.lowering.shape import ENTRY
 from barbalat.lowering.wasm.loop import loop
-from barbalat.run.step import StepProgram
+from barbalat.run.kernel.step import StepProgram
 
 _PAGE_BYTES = 65_536
 _ENGINE = wasmtime.Engine()
@@ -19,13 +19,13 @@ class WasmKernel:
 
     lanes = 1
 
-    def __init__(self, program: StepProgram, exported: tuple[str, ...] = ()) -> None:
+    def __init__(self, program: StepProgram) -> None:
         resets = () if program.accumulators is None else program.accumulators.resets
         self.shape = program.shape
-        self.bytes = loop(program.program, program.shape, resets, program.sample, program.watch, exported=exported)
+        self.bytes = loop(program.program, program.shape, resets, program.sample, program.watch)
         self.store = wasmtime.Store(_ENGINE)
         self.exports = wasmtime.Instance(self.store, wasmtime.Module(_ENGINE, self.bytes), []).exports(self.store)
-        self.free = self.exports["free"](self.store)
+        self.own = self.exports["memory"].data_len(self.store)
 
     def __call__(
         self, blocks, steps, state, parameters, signals, out, past: Rings | None = None, noise=None, watch: Watch | None = None,
@@ -43,7 +43,7 @@ class WasmKernel:
 
     def put(self, arrays: list[np.ndarray]) -> list[int]:
         """The arrays one after another in the memory; their addresses."""
-        memory, at, end = self.exports["memory"], [], -(-self.free // 8) * 8
+        memory, at, end = self.exports["memory"], [], self.own
         for array in arrays:
             at.append(end)
             end += array.nbytes

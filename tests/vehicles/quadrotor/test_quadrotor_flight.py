@@ -14,7 +14,7 @@ from scipy.signal import step
 from barbalat import InputError, Mrac, Sampled, SimulatorFailed, fly
 from barbalat.cli import main
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.sampled_part import initial_acting
+from barbalat.run.kernel.sampled_controller import initial_acting
 from barbalat.vehicles import flying
 from barbalat.vehicles.flight import Timing
 from barbalat.vehicles.quadrotor import control
@@ -171,7 +171,7 @@ class Overflowing:
 def test_a_controller_that_overflows_loses_its_vehicle_and_says_so(axes, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     nominal = scheme_on(axes, "geometric")
-    scheme = replace(nominal, attitude=(Overflowing(), *nominal.attitude[1:]))
+    scheme = replace(nominal, loops=(Overflowing(), *nominal.loops[1:]))
     (one,) = quadrotor_through(axes, scheme, [FAILURES["none"]], Timing(duration=4.0, fails_at=3.0))
     assert one.lost == "its controller gave a command that is no number"
     assert one.lost_at == pytest.approx(Overflowing.overflows_at, abs=0.011)

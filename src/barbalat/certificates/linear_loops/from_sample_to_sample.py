@@ -42,11 +42,12 @@ def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
     marked = loop.unpack(np.arange(loop.size))
     held = marked.held
     out = np.concatenate([part.reshape(-1) for part in (marked.x_m, held.x_m, held.r, held.started, held.theta_hat)])
-    kept = np.setdiff1d(np.arange(loop.size), out)
     state, signals = np.zeros(loop.size), np.zeros(loop.signal_count)
     state[held.started] = 1.0  # after the first sample
     slopes = np.array(jacobian_function(loop)(state, signals))
     J = np.array(sampled_jacobian_function(loop)(state, signals))
+    idle = [row for row in range(loop.size) if not (J[row].any() or J[:, row].any() or slopes[row].any() or slopes[:, row].any())]
+    kept = np.setdiff1d(np.arange(loop.size), np.append(out, idle))  # idle: what counts missed samples, of which there are none
     where = np.full(loop.size, -1)
     where[kept] = np.arange(len(kept))
     parts = marked.controller._asdict() | {"u": held.u, "x": marked.x, "held": held.measured}

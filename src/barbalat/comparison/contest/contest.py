@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate
+from barbalat.budget import Estimate, Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.comparison.contest.entrant import Entrant, entrants_of, initial_estimates
@@ -27,19 +27,17 @@ from barbalat.comparison.contest.rule import (
 )
 from barbalat.comparison.contest.tuned import Qualified, qualify
 from barbalat.comparison.contest.validation import Draws, Remeasured, Validation, measure, measured_again
+from barbalat.comparison.search.aim import Plants
 from barbalat.comparison.search.search import least_trials
-from barbalat.comparison.search.trial import Plants
 from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import EXAMINED
-from barbalat.study.delay_search import Criterion
+from barbalat.study.criteria import EXAMINED, REST_SENTENCE, ReferenceMotion
+from barbalat.study.delay_margin import Criterion
 from barbalat.study.finer_step import FINER_BY, refined
 from barbalat.study.ideal_benchmark import quiet
-from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.targets import CONTEST
 from barbalat.validate import InputError, Named, counted
 

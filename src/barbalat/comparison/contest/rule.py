@@ -15,9 +15,9 @@ from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_search import LARGEST_GAIN_ERROR, LONGEST_DELAY, Criterion
+from barbalat.study.criteria import ReferenceMotion
+from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, LONGEST_DELAY, Criterion
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import InputError
 
 DEFAULT_GAIN_MARGIN = 1.5
@@ -83,7 +83,7 @@ class Rule(Settings):
 
     @property
     def aim(self) -> Aim:
-        """The same as what a tuning is for."""
+        """The rule as the aim of a tuning."""
         quantity = TunedQuantity(OBJECTIVE_FIGURE, larger_is_worse=True)
         return Aim(quantity=quantity, constraints=self.constraints, plants=self.plants, seed=self.seed)
 

@@ -17,6 +17,7 @@ from barbalat import validate
 from barbalat.controllers.l1 import require_low_pass
 from barbalat.controllers.l1_piecewise import PATENT_NOTE, input_directions
 from barbalat.controllers.piecewise_filter import FilterStep, filter_step
+from barbalat.controllers.piecewise_predictor import SPAN, memory_of, next_span, shared
 from barbalat.controllers.settings import Scheme
 from barbalat.controllers.tuning_grid import OutputTuningScale, TuningGrid
 from barbalat.controllers.windup import applied, limits_of_predictor
@@ -35,25 +36,31 @@ class State(NamedTuple):
     x_hat: Value  # (n,) predictor, in the coordinates of the model's controllable form
     sigma_hat: Value  # (n,) what acts on it: with the input, and beside it
     filter: Value  # states of C(s), and of the inverse of the model
+    span: Value  # () samples that y_hat - y gathers over: 1 unless measurements are missed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """From sample to sample; B = [b, b_um]."""
+    """The equations from sample to sample; B = [b, b_um]."""
 
     sample_time: float
     model: HeldSystem  # over a sample, with B
     c: Array  # (n,)
     G: Array  # (n,): sigma_hat = -G (y_hat - y)
+    g: Array  # (n,), c'g = 1: the direction of x_hat in which the law answers
+    memory: float  # of the model from one sample to the next: its spectral radius
     filter: FilterStep
     limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
     frozen: Value = None  # where it holds, sigma_hat rests; None: it never does
 
-    roles: ClassVar[Mapping[str, Role]] = {"sigma_hat": Role.estimates("sigma", meaning="sigma_hat, what acts on the plant")}
+    roles: ClassVar[Mapping[str, Role]] = {
+        "sigma_hat": Role.estimates("sigma", meaning="sigma_hat, what acts on the plant"),
+        "span": SPAN,
+    }
 
     def initial(self) -> State:
         n = len(self.c)
-        return State(np.zeros(0), np.zeros(n), np.zeros(n), np.zeros(len(self.filter.A)))
+        return State(np.zeros(0), np.zeros(n), np.zeros(n), np.zeros(len(self.filter.A)), np.ones(()))
 
     def control(self, state: State, y: Value, y_m: Value, r: Value) -> Value:
         return self.filter.output(state.filter, self._filtered(state.sigma_hat, r))[0]
@@ -61,15 +68,23 @@ class Equations:
     def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
         acting = np.concatenate([applied(u, self.limits).reshape(1) + state.sigma_hat[:1], state.sigma_hat[1:]])
         x_hat = self.model.Phi @ state.x_hat + self.model.Gamma @ acting
+        if self.frozen is not None:
+            x_hat = kept(self.frozen, x_hat, kept(state.span > 1, self._measured_again(state, x_hat, now.x), x_hat))
         sigma_hat = kept(self.frozen, state.sigma_hat, -self.G * (self.c @ x_hat - now.x))
         wanted = self._filtered(state.sigma_hat, before.r), self._filtered(sigma_hat, now.r)
-        return State(state.theta_hat, x_hat, sigma_hat, self.filter.end(state.filter, *wanted))
+        span = next_span(self.frozen, state.span, self.memory)
+        return State(state.theta_hat, x_hat, sigma_hat, self.filter.end(state.filter, *wanted), span)
+
+    def _measured_again(self, state: State, x_hat: Value, y: Value) -> Value:
+        """x_hat at the first measurement after missed ones, moved by what one sample's share of y_hat - y leaves of it."""
+        error, answered = self.c @ x_hat - y, -(self.G @ state.sigma_hat) / (self.G @ self.G)
+        return x_hat + self.g * (shared(error, answered, state.span) - error)
 
     def freezing(self, frozen: Value) -> Equations:
         return replace(self, frozen=frozen)
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
-        """What passes C(s): r - sigma_hat of the input, and sigma_hat beside it."""
+        """The signals that pass C(s): r - sigma_hat of the input, and sigma_hat beside it."""
         return np.concatenate([(r - sigma_hat[0]).reshape(1), sigma_hat[1:]])
 
 
@@ -126,12 +141,14 @@ class L1OutputPiecewiseConstant(Scheme):
             )
         model = known.W_m.realise()
         B, T = input_directions(model.B[:, None]), self.sample_time
-        held = HeldSystem.of(model.A, B, T)
+        held, g = HeldSystem.of(model.A, B, T), observed_direction(model)
         return Equations(
             sample_time=T,
             model=held,
             c=model.C,
-            G=np.linalg.solve(held.Gamma, held.Phi @ observed_direction(model)),
+            G=np.linalg.solve(held.Gamma, held.Phi @ g),
+            g=g,
+            memory=memory_of(model.A, T),
             filter=filter_step(model.A, B, 1, self.filter, model.C[None], T),
             limits=limits_of_predictor(self.saturated_predictor, known),
         )

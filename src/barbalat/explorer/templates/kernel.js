@@ -6,7 +6,7 @@ const TAPS = 3; // remembered values that a step gets back of each delayed chann
 export class Kernel {
   constructor(bytes) {
     this.exports = new WebAssembly.Instance(new WebAssembly.Module(bytes)).exports;
-    this.free = Math.ceil(this.exports.free() / 8) * 8;
+    this.free = this.exports.memory.buffer.byteLength; // up to there the memory is the module's own
   }
 
   // Addresses of arrays of so many doubles each.

@@ -6,8 +6,8 @@ count of its own; counts begin with 1, as NumPy's do, and their upper 192 bits a
 
 from __future__ import annotations
 
-from barbalat.lowering.wasm.encode import DOUBLE_BYTES, Code, Do, Type, module
-from barbalat.lowering.wasm.functions import coded, tables_of
+from barbalat.lowering.llvm.printer import constant, definitions
+from barbalat.lowering.wasm.module import module
 
 ENTRY = "barbalat_normal"
 NUMBERS_PER_COUNT = 4
@@ -15,130 +15,93 @@ ROUNDS = 10
 MULTIPLIERS = 0xD2E7470EE14C6C93, 0xCA5A826395121157
 WEYL = 0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B
 """What the two halves of the key grow by from round to round: the golden ratio and sqrt(3) - 1, in 64 bits."""
-HALF_BITS, LOW_HALF = 32, 2**32 - 1
 UNUSED_BITS = 11
 """Of 64: what is left is a double's whole number, of which half a unit more is never 0."""
-_NDTRI, _HIGH = range(2)  # functions of the module
+
+_HIGH_HALF = """
+; the upper 64 bits of the product of two whole numbers of 64, by halves (Knuth, Seminumerical Algorithms, 4.3.1)
+define internal i64 @high_half(i64 %a, i64 %b) noinline {
+  %a.low = and i64 %a, 4294967295
+  %a.high = lshr i64 %a, 32
+  %b.low = and i64 %b, 4294967295
+  %b.high = lshr i64 %b, 32
+  %lowest = mul i64 %a.low, %b.low
+  %carried = lshr i64 %lowest, 32
+  %cross = mul i64 %a.high, %b.low
+  %middle = add i64 %cross, %carried
+  %middle.low = and i64 %middle, 4294967295
+  %middle.high = lshr i64 %middle, 32
+  %crossed = mul i64 %a.low, %b.high
+  %all.middle = add i64 %crossed, %middle.low
+  %all.carried = lshr i64 %all.middle, 32
+  %highest = mul i64 %a.high, %b.high
+  %so.far = add i64 %highest, %middle.high
+  %value = add i64 %so.far, %all.carried
+  ret i64 %value
+}"""
 
 
 def normal_module(channels: int) -> bytes:
     """Its function ``barbalat_normal(seed, member, first, rows, out)`` writes rows of so many numbers, one after another."""
-    tables, data = tables_of(["ndtri"])
-    free = Code((), Type.I32)
-    free.i32(len(data))
-    functions = [coded("ndtri", tables), _high_half(), _rows(channels), free]
-    return module(functions, [(ENTRY, 2), ("free", 3)], data)
-
-
-def _signed(word: int) -> int:
-    """As instructions have a constant of 64 bits."""
-    return word - 2**64 if word >= 2**63 else word
-
-
-def _high_half() -> Code:
-    """The upper 64 bits of the product of two whole numbers of 64, by halves (Knuth, Seminumerical Algorithms, 4.3.1)."""
-    c = Code((Type.I64, Type.I64), Type.I64)
-    a_low, a_high, b_low, b_high, middle = (c.local(Type.I64) for _ in range(5))
-    for given, low, high in ((0, a_low, a_high), (1, b_low, b_high)):
-        c.get(given)
-        _low(c)
-        c.set(low)
-        c.get(given)
-        _high(c)
-        c.set(high)
-    c.get(a_high, b_low)
-    c.do(Do.I64_MUL)
-    c.get(a_low, b_low)
-    c.do(Do.I64_MUL)
-    _high(c)
-    c.do(Do.I64_ADD)
-    c.set(middle)
-    c.get(a_high, b_high)
-    c.do(Do.I64_MUL)
-    c.get(middle)
-    _high(c)
-    c.do(Do.I64_ADD)
-    c.get(a_low, b_high)
-    c.do(Do.I64_MUL)
-    c.get(middle)
-    _low(c)
-    c.do(Do.I64_ADD)
-    _high(c)
-    c.do(Do.I64_ADD)
-    return c
-
-
-def _low(c: Code) -> None:
-    c.i64(LOW_HALF)
-    c.do(Do.I64_AND)
-
-
-def _high(c: Code) -> None:
-    c.i64(HALF_BITS)
-    c.do(Do.I64_SHR_U)
-
-
-def _rows(channels: int) -> Code:
-    c = Code((Type.I64, Type.I64, Type.I64, Type.I64, Type.I32))
-    seed, member, first, rows, out = range(5)
-    count, words = c.local(Type.I64), [c.local(Type.I64) for _ in range(NUMBERS_PER_COUNT)]
     counts = -(-channels // NUMBERS_PER_COUNT)
-    c.get(first)
-    c.i64(counts)
-    c.do(Do.I64_MUL)
-    c.set(count)
-    c.begin_loop()
-    for place in range(0, channels, NUMBERS_PER_COUNT):
-        c.get(count)
-        c.i64(1)
-        c.do(Do.I64_ADD)
-        c.tee(count)
-        c.set(words[0])
-        for word in words[1:]:
-            c.i64(0)
-            c.set(word)
-        for k in range(ROUNDS):
-            _round(c, words, (seed, member), k)
-        for j, word in enumerate(words[: channels - place]):
-            _store(c, out, place + j, word)
-    c.get(out)
-    c.i32(channels * DOUBLE_BYTES)
-    c.do(Do.I32_ADD)
-    c.set(out)
-    c.get(rows)
-    c.i64(1)
-    c.do(Do.I64_SUB)
-    c.tee(rows)
-    c.do(Do.I64_EQZ, Do.I32_EQZ)
-    c.again_if()
-    c.end()
-    return c
+    lines = [
+        f"define void @{ENTRY}(i64 %seed, i64 %member, i64 %first, i64 %rows, ptr %out) {{",
+        "entry:",
+        f"  %count.0 = mul i64 %first, {counts}",
+        "  br label %row",
+        "row:",
+        "  %r = phi i64 [ 0, %entry ], [ %r.next, %row ]",
+        f"  %to.0 = mul i64 %r, {channels}",
+        f"  %more = mul i64 %r, {counts}",
+        "  %count = add i64 %count.0, %more",
+    ]
+    for k in range(counts):
+        lines += _drawn(f"d{k}", k, min(NUMBERS_PER_COUNT, channels - k * NUMBERS_PER_COUNT))
+    lines += [
+        "  %r.next = add i64 %r, 1",
+        "  %again = icmp ult i64 %r.next, %rows",
+        "  br i1 %again, label %row, label %exit",
+        "exit:",
+        "  ret void",
+        "}",
+        _HIGH_HALF,
+    ]
+    functions, declared = definitions(["ndtri"], 1)
+    return module("\n".join([*lines, *functions, *sorted(declared)]), ENTRY)
 
 
-def _round(c: Code, words: list[int], key: tuple[int, int], k: int) -> None:
+def _drawn(name: str, k: int, numbers: int) -> list[str]:
+    """The first numbers of the row's count number ``k``, stored in their places; its values are called ``name``."""
+    lines, words = [f"  %{name} = add i64 %count, {k + 1}"], [f"%{name}", "0", "0", "0"]
+    for i in range(ROUNDS):
+        more, words = _round(f"{name}.{i}", words, i)
+        lines += more
+    for j, word in enumerate(words[:numbers]):
+        at = f"%{name}.{j}"
+        lines += [
+            f"  {at}.bits = lshr i64 {word}, {UNUSED_BITS}",
+            f"  {at}.whole = sitofp i64 {at}.bits to double",
+            f"  {at}.middle = fadd double {at}.whole, 0.5",
+            f"  {at}.uniform = fmul double {at}.middle, {constant(2.0**-53)}",
+            f"  {at}.value = call double @barbalat.ndtri(double {at}.uniform)",
+            f"  {at}.index = add i64 %to.0, {k * NUMBERS_PER_COUNT + j}",
+            f"  {at}.to = getelementptr double, ptr %out, i64 {at}.index",
+            f"  store double {at}.value, ptr {at}.to, align 8",
+        ]
+    return lines
+
+
+def _round(name: str, words: list[str], i: int) -> tuple[list[str], list[str]]:
     """words = [high(M1 w2) ^ w1 ^ key0, low(M1 w2), high(M0 w0) ^ w3 ^ key1, low(M0 w0)]."""
-    for factor, multiplied, mixed, half in ((1, 2, 1, 0), (0, 0, 3, 1)):
-        c.i64(_signed(MULTIPLIERS[factor]))
-        c.get(words[multiplied])
-        c.call(_HIGH)
-        c.get(words[mixed], key[half])
-        c.i64(_signed(k * WEYL[half] % 2**64))
-        c.do(Do.I64_ADD, Do.I64_XOR, Do.I64_XOR)
-        c.i64(_signed(MULTIPLIERS[factor]))
-        c.get(words[multiplied])
-        c.do(Do.I64_MUL)
-    for word in reversed(words):
-        c.set(word)
-
-
-def _store(c: Code, out: int, entry: int, word: int) -> None:
-    """Of a word's upper bits, as a number between 0 and 1."""
-    c.get(out, word)
-    c.i64(UNUSED_BITS)
-    c.do(Do.I64_SHR_U, Do.F64_CONVERT_I64_S)
-    c.f64(0.5)
-    c.do(Do.F64_ADD)
-    c.f64(2.0**-53)
-    c.do(Do.F64_MUL)
-    c.call(_NDTRI)
-    c.store(entry)
+    lines, after = [], []
+    for factor, multiplied, mixed, key, half in ((1, 2, 1, "seed", 0), (0, 0, 3, "member", 1)):
+        at = f"%{name}.{key}"
+        lines += [
+            f"  {at}.high = call i64 @high_half(i64 {MULTIPLIERS[factor]}, i64 {words[multiplied]})",
+            f"  {at}.key = add i64 %{key}, {i * WEYL[half] % 2**64}",
+            f"  {at}.mixed = xor i64 {words[mixed]}, {at}.key",
+            f"  {at}.word = xor i64 {at}.high, {at}.mixed",
+            f"  {at}.low = mul i64 {words[multiplied]}, {MULTIPLIERS[factor]}",
+        ]
+        after += [f"{at}.word", f"{at}.low"]
+    return lines, after

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from barbalat.certificates.certify import certify_where_possible
-from barbalat.certificates.overview import Certified, certified_case
+from barbalat.certificates.certify import Certified, certified_case, certify_where_possible
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.solvers.simulation import Simulation
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from barbalat.controllers.parametric_model import State
 from barbalat.controllers.robust_mrac import Equations, RobustMrac
-from barbalat.controllers.robust_mrac_state import State
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 

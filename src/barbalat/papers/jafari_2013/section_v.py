@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from functools import cache
 
 from barbalat.adaptation.laws import LeastSquares
+from barbalat.budget import Progress, part_of
 from barbalat.cases.load import load_case
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.linear.systems import input_filter
 from barbalat.papers.jafari_2013.printed_sign import PrintedSign
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.run.check_numerics import check_numerics
-from barbalat.run.progress import Progress, part_of
-from barbalat.run.result import Result
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.check_numerics import check_numerics
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.result import Result
 from barbalat.solvers.simulation import Simulation
 
 T_END = 60.0

@@ -16,8 +16,8 @@ from barbalat.problem.plant import Plant
 from barbalat.problem.reference_model import ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.metrics import Metrics
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 

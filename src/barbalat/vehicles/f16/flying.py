@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.linear.zero_order_hold import HeldSystem
-from barbalat.run.stepwise import Step
+from barbalat.run.kernel.sampled_controller import Step
 from barbalat.validate import Array
 from barbalat.vehicles.f16 import model as f16
 from barbalat.vehicles.f16.airframe import DEGREES, STEP, Airframe

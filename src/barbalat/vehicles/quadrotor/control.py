@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.run.stepwise import Agreement, Resumable, Step
+from barbalat.run.kernel.sampled_controller import Agreement, Resumable, Step
 from barbalat.validate import Array
 from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, POSITION_SAMPLE, Axes, Axis
 from barbalat.vehicles.quadrotor.geometry import (

@@ -9,7 +9,7 @@ from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.numerics import stiff, stiff_settings
 from barbalat.papers.jafari_2013.numerics.stiff_methods import SolverPath
 from barbalat.papers.jafari_2013.numerics.stiff_runs import StiffRow
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from barbalat.papers.paper_figure import Check
 from barbalat.papers.wording import numbers
-from barbalat.run.result import Result
+from barbalat.run.results.result import Result
 from barbalat.validate import Array
 
 DRAWN_SHARE = 0.1

@@ -16,8 +16,8 @@ from barbalat.papers.measurement import Measurement
 from barbalat.papers.wording import table
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.run.result import Result
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.result import Result
 from barbalat.signals import Sines
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array

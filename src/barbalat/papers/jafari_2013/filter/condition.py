@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from barbalat.certificates.bounds import theorem_1
-from barbalat.certificates.rounding import down, up
+from barbalat.certificates.rows import down, up
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.systems import input_filter
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict

@@ -14,7 +14,7 @@ from barbalat.papers.jafari_2013.variants import figures
 from barbalat.papers.measurement import Measurement
 from barbalat.papers.wording import span, table
 from barbalat.protocols import Controller
-from barbalat.run.result import Result
+from barbalat.run.results.result import Result
 from barbalat.solvers import RK4
 from barbalat.validate import Array
 

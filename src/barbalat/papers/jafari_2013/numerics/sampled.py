@@ -15,7 +15,7 @@ from barbalat.papers.measurement import Measurement
 from barbalat.papers.wording import span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.lyapunov import LyapunovLaw
+from barbalat.adaptation.modifications import DeadZone
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent
@@ -19,9 +19,9 @@ from barbalat.papers.measurement import Measurement
 from barbalat.papers.wording import span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputProblem
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.result import Result
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.result import Result
 from barbalat.signals import Step
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array

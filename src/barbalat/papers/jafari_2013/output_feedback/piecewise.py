@@ -14,7 +14,7 @@ from barbalat.papers.claim import Claim, Reading, of_readings, verdict
 from barbalat.papers.measurement import Measurement
 from barbalat.papers.wording import table
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Step
 from barbalat.solvers.simulation import Simulation
 

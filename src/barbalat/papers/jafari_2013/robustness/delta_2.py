@@ -12,7 +12,7 @@ from functools import partial
 
 import numpy as np
 
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.law import Normalization
 from barbalat.controllers import RobustMrac
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import TransferFunction

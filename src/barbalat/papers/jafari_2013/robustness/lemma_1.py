@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.laws import LeastSquares
-from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import RobustMrac
 from barbalat.linear.systems import TransferFunction
 from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict

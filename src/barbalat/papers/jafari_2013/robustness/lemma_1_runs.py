@@ -12,7 +12,8 @@ from barbalat.controllers import RobustMrac
 from barbalat.controllers.robust_mrac import Equations as RobustEquations
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import Value
-from barbalat.run.simulate import simulate
+from barbalat.roles import Role, roles_of
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -37,6 +38,10 @@ class LemmaEquations:
 
     scheme: RobustEquations
     theta: Array
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        return {f"scheme.{path}": role for path, role in roles_of(self.scheme).items()}
 
     def initial(self) -> LemmaState:
         return LemmaState(self.scheme.initial(), *(np.zeros(()) for _ in range(4)))
@@ -113,7 +118,7 @@ def along(problem: Problem, controller: RobustMrac, simulation: Simulation) -> A
     phi, m_s_squared, epsilon = (np.array([getattr(f, name) for f in found]) for name in Estimation._fields)
     covariance, theta_tilde = np.array([s.scheme.memory.covariance for s in states]), run.theta_hat - problem.plant.theta
     pairs = zip((state.scheme for state in states), found, strict=True)
-    rates = [equations.law.rates(scheme.theta_hat, scheme.memory, f, equations.box).theta_hat for scheme, f in pairs]
+    rates = [equations.law.rates(scheme.theta_hat, scheme.memory, f, equations.estimate_set).theta_hat for scheme, f in pairs]
     m_s = np.sqrt(m_s_squared)
     return Along(
         t=run.t,

@@ -29,7 +29,7 @@ from barbalat.papers.wording import numbers, span, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.reference_motion import ReferenceMotion
+from barbalat.study.criteria import ReferenceMotion
 from barbalat.validate import Array
 
 THETAS = ((4.0, -3.0), (0.0, 0.0), (5.0, 5.0), (-5.0, 5.0), (5.0, -5.0), (-5.0, -5.0))

@@ -22,8 +22,8 @@ from barbalat.papers.measurement import Measurement
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
-from barbalat.run.metrics import Metrics
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import delay_margins_ensemble
