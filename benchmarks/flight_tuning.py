@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat import Simulation, Step, TransferFunction
+from barbalat import Simulation, TransferFunction
 from barbalat.cases.build import Case
 from barbalat.comparison.contest.entrant import Entrant
 from barbalat.comparison.contest.rule import Rule
@@ -29,6 +29,7 @@ from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
+from barbalat.signals import Step
 from barbalat.study.delay_margin import Criterion
 from barbalat.vehicles.f16.axis import Axis
 from barbalat.vehicles.f16.schemes import SCHEMES

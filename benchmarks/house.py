@@ -13,11 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat import RK4, Simulation
+from barbalat import Simulation
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel
 from barbalat.run.engine.engine import Batch, best_lanes, run
 from barbalat.run.kernel.step import step_program
+from barbalat.solvers import RK4
 from benchmarks.loops import PROBLEM, STEP, Case, l1
 from benchmarks.race import Time
 from benchmarks.table import Row

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat import Plant, Problem, ReferenceModel, Simulation, Step, Steps, TransferFunction
+from barbalat import Plant, Problem, ReferenceModel, Simulation, TransferFunction
 from barbalat.cases.build import Case
 from barbalat.comparison.contest.entrant import Entrant
 from barbalat.comparison.contest.rule import Rule
@@ -28,6 +28,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Controller, Sample, SampledEquations, Value
 from barbalat.roles import Role, declared_roles
+from barbalat.signals import Step, Steps
 from barbalat.study.delay_margin import Criterion
 from barbalat.study.ideal_benchmark import quiet
 from barbalat.validate import Array

@@ -15,8 +15,9 @@ import scipy.signal
 from matplotlib.testing.compare import compare_images
 
 import barbalat
-from barbalat import InputError, StateSpace, TransferFunction, certify, l1_norm, margins
+from barbalat import InputError, TransferFunction, certify
 from barbalat.cases.load import load_case, parse_case
+from barbalat.systems import StateSpace, l1_norm, margins
 from independent import refusal
 
 README = Path(__file__).parents[1].joinpath("README.md").read_text(encoding="utf-8")
@@ -148,7 +149,7 @@ def test_recorded_commands_in_every_form(tmp_path):
     for name, text in texts.items():
         file = tmp_path / f"{name}.csv"
         file.write_bytes(text.encode("latin-1"))
-        found = barbalat.Recorded.from_csv(file)
+        found = barbalat.signals.Recorded.from_csv(file)
         assert found.times.tolist() == t.tolist() and found.values.tolist() == r.tolist(), name
     scipy.io.savemat(tmp_path / "r.mat", {"t": t, "r": r, "other": np.eye(2)})
     scipy.io.savemat(tmp_path / "pair.mat", {"data": np.column_stack([t, r])})
@@ -156,19 +157,19 @@ def test_recorded_commands_in_every_form(tmp_path):
     scipy.io.savemat(tmp_path / "logged.mat", {"yout": logged})
     scipy.io.savemat(tmp_path / "named.mat", {"own": {"seconds": t, "speed": r, "other": 2 * r}})
     for found in (
-        barbalat.Recorded.from_mat(tmp_path / "r.mat"),
-        barbalat.Recorded.from_mat(tmp_path / "pair.mat", values="data"),
-        barbalat.Recorded.from_mat(tmp_path / "pair.mat"),
-        barbalat.Recorded.from_mat(tmp_path / "logged.mat"),
-        barbalat.Recorded.from_mat(tmp_path / "named.mat", times="own.seconds", values="own.speed"),
+        barbalat.signals.Recorded.from_mat(tmp_path / "r.mat"),
+        barbalat.signals.Recorded.from_mat(tmp_path / "pair.mat", values="data"),
+        barbalat.signals.Recorded.from_mat(tmp_path / "pair.mat"),
+        barbalat.signals.Recorded.from_mat(tmp_path / "logged.mat"),
+        barbalat.signals.Recorded.from_mat(tmp_path / "named.mat", times="own.seconds", values="own.speed"),
     ):
         assert found.times.tolist() == t.tolist() and found.values.tolist() == r.tolist()
     scipy.io.savemat(tmp_path / "square.mat", {"data": np.eye(2)})
-    assert "data is 2 x 2" in refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "square.mat"))
-    said = refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "named.mat"))
+    assert "data is 2 x 2" in refusal(lambda: barbalat.signals.Recorded.from_mat(tmp_path / "square.mat"))
+    said = refusal(lambda: barbalat.signals.Recorded.from_mat(tmp_path / "named.mat"))
     assert "no variable 't' for the times; its variables are: own.other, own.seconds, own.speed" in said
     (tmp_path / "no.mat").write_bytes(b"nothing of MATLAB's")
-    assert "no.mat" in refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "no.mat"))
+    assert "no.mat" in refusal(lambda: barbalat.signals.Recorded.from_mat(tmp_path / "no.mat"))
 
 
 @pytest.mark.parametrize(
@@ -211,7 +212,7 @@ def test_certify_gives_a_certificate_for_each_controller():
     case = load_case("first-order")
     found = certify(case.problem, list(case.controllers), case.simulation)
     assert list(found) == [controller.name for controller in case.controllers]
-    assert all(isinstance(one, barbalat.Certificate) for one in found.values())
+    assert all(isinstance(one, barbalat.results.Certificate) for one in found.values())
 
 
 def test_the_norm_of_a_system_in_every_form():

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from barbalat import Budget, InputError, Recorded, load_case, reading
+from barbalat import InputError, load_case, reading
 from barbalat.budget import Estimate
 from barbalat.cases import user_controllers
 from barbalat.cases.load import CaseText
 from barbalat.reading import contents
-from barbalat.signals import recorded
+from barbalat.signals import Recorded, recorded
+from barbalat.studies import Budget
 
 BYTE = Estimate(memory=2.0, seconds=1e-9)
 READERS = {

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from barbalat import Gradient, L1Output, L1PiecewiseConstant, LeastSquares, Mrac, TransferFunction, input_filter, simulate
+from barbalat import L1Output, L1PiecewiseConstant, Mrac, TransferFunction, input_filter, simulate
 from barbalat.export import compiler
+from barbalat.laws import Gradient, LeastSquares
 from barbalat.problem.known_set import ParameterBox
 from barbalat.solvers.simulation import Simulation
 from barbalat.testing import CheckFailed, check, problem_kinds

@@ -11,7 +11,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from barbalat import (
+from barbalat.adaptation.law import Normalization
+from barbalat.adaptation.laws import Gradient, LeastSquares
+from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.laws import (
     CompositeLearning,
     DeadZone,
     EpsilonModification,
@@ -23,9 +26,6 @@ from barbalat import (
     LeastSquaresResetting,
     SwitchingSigma,
 )
-from barbalat.adaptation.law import Normalization
-from barbalat.adaptation.laws import Gradient, LeastSquares
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import ParameterBall, ParameterBox, Plant, Problem, ReferenceModel

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from barbalat import DeadZone, EpsilonModification, FixedSigma, ParameterBall, ParameterBox, SwitchingSigma
+from barbalat import ParameterBox
 from barbalat.adaptation.laws import LAWS, Estimation, integral_cost, least_squares
+from barbalat.laws import DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
+from barbalat.plants import ParameterBall
 from barbalat.problem.known_set import Gain
 
 BOUND = 40.0

@@ -5,17 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from barbalat import (
-    DeadZone,
-    EpsilonModification,
-    FixedSigma,
-    Gradient,
-    LeastSquares,
-    LeastSquaresResetting,
-    SwitchingSigma,
-)
 from barbalat.adaptation.laws import Estimation
 from barbalat.adaptation.laws.least_squares import Memory
+from barbalat.laws import DeadZone, EpsilonModification, FixedSigma, Gradient, LeastSquares, LeastSquaresResetting, SwitchingSigma
 from independent import integrate, refusal
 
 

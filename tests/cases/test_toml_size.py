@@ -5,10 +5,11 @@ import tomllib
 import numpy as np
 import pytest
 
-from barbalat import Budget, InputError
+from barbalat import InputError
 from barbalat.cases import load
 from barbalat.cases.load import bundled, parse_case
 from barbalat.cases.toml_size import MOST_NESTED, TomlSize
+from barbalat.studies import Budget
 
 TEXTS = {
     "a = 1": (1, 1 + 1 + 1),

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 from barbalat import (
-    CompositeLearning,
-    Constant,
     InputError,
     L1Adaptive,
     Mrac,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     Sampled,
@@ -28,9 +25,12 @@ from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import around_equilibrium, fast_adaptation, known_parameters
 from barbalat.cli import main
+from barbalat.laws import CompositeLearning
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import series
 from barbalat.papers.jafari_2013.variants import variant
+from barbalat.plants import PlantInput
+from barbalat.signals import Constant
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

@@ -10,8 +10,6 @@ from contradictions import OF_THE_LOOP, claims_where_nothing_holds, judged, runs
 from mixtures import SIMULATION, TF
 
 from barbalat import (
-    Constant,
-    Gradient,
     L1Adaptive,
     LinearFeedback,
     Mrac,
@@ -22,7 +20,6 @@ from barbalat import (
     ReferenceModel,
     RobustMrac,
     Sampled,
-    Sine,
     input_filter,
     simulate,
 )
@@ -32,9 +29,11 @@ from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify_where_possible
 from barbalat.controllers import MracClosedLoop
 from barbalat.controllers.output import LinearOutput, MracOutput
+from barbalat.laws import Gradient
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.problem.regressors import Terms
-from barbalat.signals import Clock, Step
+from barbalat.signals import Constant, Sine, Step
+from barbalat.signals.smooth import Clock
 from barbalat.solvers.simulation import Simulation
 
 UNSTABLE = Problem(

@@ -10,14 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from barbalat import (
-    Constant,
-    Gradient,
     L1Adaptive,
-    LeastSquares,
     LinearFeedback,
     Mrac,
     NormalizedMrac,
-    PlantInput,
     RobustMrac,
     Sampled,
     Simulation,
@@ -32,7 +28,10 @@ from barbalat.certificates.certificates import PROPERTIES, table_1
 from barbalat.certificates.certify import certify_where_possible
 from barbalat.certificates.rows import down, up
 from barbalat.cli import main
+from barbalat.laws import Gradient, LeastSquares
 from barbalat.papers.jafari_2013.variants import variant
+from barbalat.plants import PlantInput
+from barbalat.signals import Constant
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-4)
 DYNAMIC = Normalization(alpha_0=1.0)

@@ -119,12 +119,12 @@ def test_a_value_too_many_by_position_is_told_which_are_keywords(name):
 @pytest.mark.parametrize(
     ("made", "same"),
     [
-        (lambda: barbalat.RobustMrac(0.5, barbalat.LeastSquares(500.0)), {"tau": 0.5}),
+        (lambda: barbalat.RobustMrac(0.5, barbalat.laws.LeastSquares(500.0)), {"tau": 0.5}),
         (lambda: barbalat.KnownParameters([1.0, 2.0]), {"theta": [1.0, 2.0]}),
-        (lambda: barbalat.Noise(0.1, 0.01), {"std": [0.1], "sample_time": 0.01}),
-        (lambda: barbalat.SwitchingSigma(0.2, 5.0), {"sigma": 0.2, "M_0": 5.0}),
-        (lambda: barbalat.LeastSquaresBounded(9.0, forgetting=1.0, covariance_bound=99.0), {"covariance0": 9.0}),
-        (lambda: barbalat.Polynomial(3), {"degree": 3}),
+        (lambda: barbalat.plants.Noise(0.1, 0.01), {"std": [0.1], "sample_time": 0.01}),
+        (lambda: barbalat.laws.SwitchingSigma(0.2, 5.0), {"sigma": 0.2, "M_0": 5.0}),
+        (lambda: barbalat.laws.LeastSquaresBounded(9.0, forgetting=1.0, covariance_bound=99.0), {"covariance0": 9.0}),
+        (lambda: barbalat.regressors.Polynomial(3), {"degree": 3}),
     ],
 )
 def test_what_a_class_is_about_stands_first(made, same):
@@ -133,7 +133,7 @@ def test_what_a_class_is_about_stands_first(made, same):
 
 def test_what_is_lacking_is_named_with_the_whole_call():
     with pytest.raises(TypeError, match=r"^Square needs frequency too: Square\(amplitude, frequency, phase, constant\)$"):
-        barbalat.Square(1)
+        barbalat.signals.Square(1)
     with pytest.raises(TypeError, match=r"^RobustMrac needs law too: RobustMrac\(tau, law, c_0=\.\.\."):
         barbalat.RobustMrac(0.1)
 

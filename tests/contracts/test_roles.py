@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 import strangers
-from barbalat import Role, Sampled, simulate
+from barbalat import Sampled, simulate
 from barbalat.certificates.certify import certify
 from barbalat.cli import main
 from barbalat.comparison.contest.entrant import initial_estimates
 from barbalat.export.write import files, units
+from barbalat.interfaces import Role
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import ParameterBox
 from barbalat.roles import column_names, roles_of, state_parts, within

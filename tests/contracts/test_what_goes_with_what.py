@@ -15,24 +15,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from barbalat import (
-    CompositeLearning,
-    DeadZone,
-    Disturbance,
-    EpsilonModification,
-    FixedSigma,
-    KnownParameters,
-    Mrac,
-    Noise,
-    Normalization,
-    PlantInput,
-    Sampled,
-    Sensor,
-    Simulation,
-    Sine,
-    SwitchingSigma,
-    TransferFunction,
-)
+from barbalat import KnownParameters, Mrac, Sampled, Simulation, TransferFunction
 from barbalat.cases.build import Case, made
 from barbalat.cases.keys import Context
 from barbalat.cases.schema import json_schema, table_of
@@ -52,10 +35,12 @@ from barbalat.explorer.source import ObjectSource
 from barbalat.export.parameters import Opened
 from barbalat.export.plant import PlantContents
 from barbalat.export.write import files, units
+from barbalat.laws import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, Normalization, SwitchingSigma
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.kernel_numbers import Family
+from barbalat.plants import Disturbance, Noise, PlantInput, Sensor
 from barbalat.run.engine.simulate import simulate
-from barbalat.signals import SIGNALS
+from barbalat.signals import SIGNALS, Sine
 from barbalat.targets import (
     CONTEST,
     EXPORTED_LOOP,

@@ -7,21 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_lyapunov
 
-from barbalat import (
-    DirectMrac,
-    MitRule,
-    Mrac,
-    ParameterBall,
-    ParameterBox,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    Sines,
-    certify,
-    load_case,
-    simulate,
-)
+from barbalat import DirectMrac, MitRule, Mrac, ParameterBox, Plant, Problem, ReferenceModel, certify, load_case, simulate
+from barbalat.plants import ParameterBall, PlantInput
+from barbalat.signals import Sines
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

@@ -8,25 +8,13 @@ import numpy as np
 import pytest
 
 from barbalat import (
-    Constant,
-    DeadZone,
-    EpsilonModification,
-    FixedSigma,
-    Gradient,
-    IntegralCost,
-    LeastSquares,
-    LeastSquaresForgetting,
     NormalizedMrac,
-    ParameterBall,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     RobustMrac,
     Sampled,
-    Sines,
-    SwitchingSigma,
     certify,
     load_case,
     simulate,
@@ -34,7 +22,19 @@ from barbalat import (
 from barbalat.adaptation.law import Normalization
 from barbalat.certificates.certificates import table_1
 from barbalat.controllers import robust_mrac_several as several
+from barbalat.laws import (
+    DeadZone,
+    EpsilonModification,
+    FixedSigma,
+    Gradient,
+    IntegralCost,
+    LeastSquares,
+    LeastSquaresForgetting,
+    SwitchingSigma,
+)
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.plants import ParameterBall, PlantInput
+from barbalat.signals import Constant, Sines
 from barbalat.solvers.simulation import Simulation
 from independent import integrate, jacobian_against_differences, refusal, symbols_against_numbers
 

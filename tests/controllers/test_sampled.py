@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear, lfilter
 
-from barbalat import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.laws import Gradient, IntegralCost, LeastSquares, LeastSquaresBounded, LeastSquaresBoundedGain
 from barbalat.adaptation.lyapunov import LyapunovLaw
@@ -18,6 +17,7 @@ from barbalat.controllers.output.l1 import L1Output
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.controllers.windup import ModifiedError
+from barbalat.laws import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import CompositeLearning, EpsilonModification, FixedSigma, ParameterBall, ParameterBox, SwitchingSigma
+from barbalat import ParameterBox
 from barbalat.controllers import L1Adaptive
 from barbalat.controllers.l1 import Predictor
 from barbalat.controllers.output.l1 import L1Output, OutputPredictor
+from barbalat.laws import CompositeLearning, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.plants import ParameterBall
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.problem.regressors import Linear, MatchedTerm
 from barbalat.problem.state_feedback import Known

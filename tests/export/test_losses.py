@@ -10,15 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from barbalat import (
-    L1PiecewiseConstant,
-    LinearOutput,
-    OutputProblem,
-    PlantInput,
-    Sampled,
-    TransferFunction,
-    input_filter,
-)
+from barbalat import L1PiecewiseConstant, LinearOutput, OutputProblem, Sampled, TransferFunction, input_filter
 from barbalat.cases.load import load_case
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
@@ -31,6 +23,7 @@ from barbalat.export.source import source
 from barbalat.export.texts import Printed
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.lowering.c99 import DOUBLE
+from barbalat.plants import PlantInput
 from barbalat.run.engine.simulate import recorded
 from barbalat.run.kernel.sampled_controller import SampledList, SampledStep, initial_acting
 from export.examples import OUTPUT, SEVERAL, SIMULATION, T

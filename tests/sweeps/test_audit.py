@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from barbalat import InputError, sweep
+from barbalat import InputError
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import VariedCase
+from barbalat.studies import sweep
 from barbalat.sweeps.audit import FINER_BY, MOST_AUDITED
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Design, Plan

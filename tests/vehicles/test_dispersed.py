@@ -10,8 +10,8 @@ pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev f
 from benchmarks import flight_tuning
 from benchmarks.flight_tuning import PAGES
 
-from barbalat import FlightCondition
 from barbalat.cli import main
+from barbalat.flights import FlightCondition
 from barbalat.papers.jafari_2013.flight.stored_flights import Flights
 from barbalat.run.kernel.sampled_controller import SampledList, SampledStep
 from barbalat.vehicles import dispersed

@@ -10,8 +10,10 @@ from scipy.linalg import expm
 
 pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev flight installs it")
 
-from barbalat import FlightCondition, InputError, Mrac, Sampled, SimulatorFailed, fly, pi_feedback
+from barbalat import InputError, Mrac, Sampled
 from barbalat.cli import main
+from barbalat.designs import pi_feedback
+from barbalat.flights import FlightCondition, SimulatorFailed, fly
 from barbalat.run.kernel.sampled_controller import SampledList, SampledStep
 from barbalat.vehicles import flying
 from barbalat.vehicles.f16 import vehicle as f16

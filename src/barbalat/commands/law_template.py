@@ -12,10 +12,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from barbalat import InputError, Known, Role, TuningGrid
-from barbalat.controllers.tuning_grid import TuningScale
-from barbalat.problem.known_set import EstimateSet
-from barbalat.protocols import Value
+from barbalat import InputError
+from barbalat.interfaces import EstimateSet, Known, Role, TuningGrid, TuningScale, Value
 
 
 class State(NamedTuple):

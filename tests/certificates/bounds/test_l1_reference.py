@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from barbalat import L1Adaptive, PlantInput, Problem, Simulation, TransferFunction, input_filter
+from barbalat import L1Adaptive, Problem, Simulation, TransferFunction, input_filter
 from barbalat.adaptation.modifications import FixedSigma
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
 from barbalat.papers.jafari_2013 import section_v
+from barbalat.plants import PlantInput
 from certificates.bounds import random_problems
 
 H, T_END = 2e-3, 10.0

@@ -7,29 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import (
+from barbalat import L1Adaptive, Mrac, NormalizedMrac, ParameterBox, Sampled, input_filter
+from barbalat.certificates.bounds import laws
+from barbalat.certificates.certificates import table_1
+from barbalat.certificates.certify import certify
+from barbalat.certificates.linear_loops.ideal import around_equilibrium
+from barbalat.laws import (
     CompositeLearning,
     DeadZone,
     EpsilonModification,
     FixedSigma,
     Gradient,
-    L1Adaptive,
     LeastSquares,
     LeastSquaresForgetting,
-    Mrac,
-    NormalizedMrac,
-    ParameterBall,
-    ParameterBox,
-    Sampled,
     SwitchingSigma,
-    input_filter,
 )
-from barbalat.certificates.bounds import laws
-from barbalat.certificates.certificates import table_1
-from barbalat.certificates.certify import certify
-from barbalat.certificates.linear_loops.ideal import around_equilibrium
 from barbalat.linear.margins import margins
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.plants import ParameterBall
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation

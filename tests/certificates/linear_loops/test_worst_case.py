@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import InputError, L1Adaptive, Mrac, ParameterBox, Plant, PlantInput, TransferFunction, input_filter
+from barbalat import InputError, L1Adaptive, Mrac, ParameterBox, Plant, TransferFunction, input_filter
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
@@ -16,6 +16,7 @@ from barbalat.cli import main
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace, sensitivity
 from barbalat.papers.jafari_2013.variants import variant
+from barbalat.plants import PlantInput
 from barbalat.problem.known_set import ParameterBall
 from barbalat.solvers.simulation import Simulation
 

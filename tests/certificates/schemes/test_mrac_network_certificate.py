@@ -5,25 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import (
-    NetworkMrac,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    Sampled,
-    Simulation,
-    Square,
-    Terms,
-    certify,
-    simulate,
-)
+from barbalat import NetworkMrac, Plant, Problem, ReferenceModel, Sampled, Simulation, certify, simulate
 from barbalat.adaptation.modifications import EpsilonModification, FixedSigma
 from barbalat.certificates.certificates import table_1
 from barbalat.certificates.linear_loops.at_rest import rest_of
 from barbalat.certificates.schemes.mrac_network import ErrorBoundCase, NetworkLaw
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.signals import Constant, Sine
+from barbalat.plants import PlantInput
+from barbalat.regressors import Terms
+from barbalat.signals import Constant, Sine, Square
 
 AT = Simulation(t_end=20.0, dt=2e-3)
 A_M, B = np.array([[0.0, 1.0], [-1.0, -1.4]]), np.array([0.0, 1.0])

@@ -5,25 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import (
-    Constant,
-    L1Adaptive,
-    Mrac,
-    ParameterBox,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    Sampled,
-    Simulation,
-    Steps,
-    check_numerics,
-    input_filter,
-    simulate,
-)
+from barbalat import L1Adaptive, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Sampled, Simulation, input_filter, simulate
 from barbalat.cases.load import load_case
+from barbalat.plants import PlantInput
 from barbalat.report.documents import run_block
 from barbalat.run.results.step_comparison import FinerStep, label
+from barbalat.signals import Constant, Steps
+from barbalat.studies import check_numerics
 from independent import refusal
 
 PAPER = load_case("paper").problem

@@ -9,25 +9,23 @@ import pytest
 from barbalat import (
     InputError,
     L1Adaptive,
-    LeastSquares,
     Mrac,
-    Noise,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     RobustMrac,
-    Sensor,
     Simulation,
-    Sine,
     input_filter,
     simulate,
     simulate_ensemble,
 )
+from barbalat.laws import LeastSquares
+from barbalat.plants import Noise, PlantInput, Sensor
 from barbalat.run.engine import ensemble
 from barbalat.run.kernel import members as members_module
 from barbalat.run.kernel.members import Members
+from barbalat.signals import Sine
 
 REFERENCE = Sine(amplitude=3.0, frequency=0.7)
 SIMULATION = Simulation(t_end=3.0, dt=1e-3)

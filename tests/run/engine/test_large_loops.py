@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from barbalat import LeastSquares, NormalizedMrac, Plant, Problem, ReferenceModel, Simulation, Sine, simulate
+from barbalat import NormalizedMrac, Plant, Problem, ReferenceModel, Simulation, simulate
+from barbalat.laws import LeastSquares
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.run.engine.engine import Batch
 from barbalat.run.kernel import step as kernel_step
 from barbalat.run.kernel.step import LARGEST_WATCHED_STATE, step_program
+from barbalat.signals import Sine
 from independent import example_controllers
 
 

@@ -7,24 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import (
-    Constant,
-    L1Adaptive,
-    Mrac,
-    Noise,
-    ParameterBox,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    Sampled,
-    Sensor,
-    Simulation,
-    Steps,
-    input_filter,
-    simulate,
-)
+from barbalat import L1Adaptive, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Sampled, Simulation, input_filter, simulate
 from barbalat.cases.load import load_case
+from barbalat.plants import Noise, PlantInput, Sensor
+from barbalat.signals import Constant, Steps
 
 PAPER = load_case("paper").problem
 

@@ -27,7 +27,8 @@ from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.kernel.breaks import breaks_inside, can_be_split, lost_order
 from barbalat.run.kernel.grid import signal_table
-from barbalat.signals import Chirp, Clock, Constant, Recorded, Sine, Sines, Square, Step, Steps
+from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
+from barbalat.signals.smooth import Clock
 from barbalat.solvers import EULER, HEUN, RK4
 from barbalat.solvers.simulation import Simulation
 from foreign import wrong

@@ -5,24 +5,24 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from barbalat import (
-    Budget,
     InputError,
     Mrac,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     Simulation,
-    Sine,
     TransferFunction,
     simulate,
     simulate_ensemble,
 )
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.linear.margins import margins
+from barbalat.plants import PlantInput
 from barbalat.run.kernel import delay as exact_delay
+from barbalat.signals import Sine
 from barbalat.solvers import RK4, SOLVERS
+from barbalat.studies import Budget
 
 A_M, B, THETA = np.array([[0.0, 1.0], [-1.0, -1.4]]), np.array([0.0, 1.0]), np.array([0.7, -0.5])
 

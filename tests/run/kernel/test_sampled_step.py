@@ -14,12 +14,12 @@ from barbalat import (
     ReferenceModel,
     Sampled,
     Simulation,
-    Sine,
     input_filter,
 )
 from barbalat.export.layout import Layout
 from barbalat.run.engine.simulate import recorded
 from barbalat.run.kernel.sampled_controller import SampledList, SampledStep, controller_program
+from barbalat.signals import Sine
 
 PROBLEM = Problem(
     plant=Plant(A_m=[[0, 1], [-4, -3]], b=[0, 2], theta=[1, -0.5], x0=[0.2, 0]),

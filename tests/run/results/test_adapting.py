@@ -9,10 +9,7 @@ from scipy.integrate import trapezoid
 from scipy.signal import lsim
 
 from barbalat import (
-    Constant,
-    Gradient,
     L1Adaptive,
-    LeastSquares,
     LinearFeedback,
     Mrac,
     NormalizedMrac,
@@ -24,8 +21,10 @@ from barbalat import (
     input_filter,
     simulate,
 )
+from barbalat.laws import Gradient, LeastSquares
 from barbalat.problem.known_set import ParameterBall
 from barbalat.run.results.adapting import UNEXCITED_RATIO, _gram, excitation, share_text
+from barbalat.signals import Constant
 
 CHATTERING = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
 

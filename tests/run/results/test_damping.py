@@ -5,10 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, Sine, simulate
+from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, simulate
 from barbalat.report.documents import run_block
 from barbalat.report.terminal.runs import numerics
 from barbalat.run.results.spectrum import damping_of, worst_damping
+from barbalat.signals import Sine
 from barbalat.solvers import EULER, HEUN, RK4
 from barbalat.solvers.simulation import Simulation
 

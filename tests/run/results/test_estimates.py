@@ -4,19 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from barbalat import (
-    DirectMrac,
-    Mrac,
-    NetworkMrac,
-    PlantInput,
-    Problem,
-    Sampled,
-    Simulation,
-    input_filter,
-    simulate,
-)
+from barbalat import DirectMrac, Mrac, NetworkMrac, Problem, Sampled, Simulation, input_filter, simulate
 from barbalat.adaptation.modifications import FixedSigma
 from barbalat.controllers import L1PiecewiseConstant
+from barbalat.plants import PlantInput
 from barbalat.run.results.estimates import estimates_of
 from barbalat.run.results.picture import panels
 

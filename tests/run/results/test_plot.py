@@ -6,34 +6,29 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from barbalat import (
-    EULER,
-    Constant,
+from barbalat import (  # fmt: skip
     DirectMrac,
-    FixedSigma,
     Mrac,
     NetworkMrac,
     ParameterBox,
     Plant,
     Problem,
     ReferenceModel,
-    Results,
     Sampled,
     Simulation,
-    Sine,
-    Step,
-    Steps,
     certify,
-    check_numerics,
-    delay_margins,
     load_case,
-    plot,
     simulate,
     simulate_ensemble,
-)  # fmt: skip
+)
+from barbalat.laws import FixedSigma  # fmt: skip
 from barbalat.problem.command_gain import command_warning, gains_at_rest
+from barbalat.results import Results, plot  # fmt: skip
 from barbalat.run.results.outcome import ends_of, text_of
 from barbalat.run.results.picture import panels
+from barbalat.signals import Constant, Sine, Step, Steps  # fmt: skip
+from barbalat.solvers import EULER  # fmt: skip
+from barbalat.studies import check_numerics, delay_margins  # fmt: skip
 from barbalat.study.tau_limit import TauLimits
 from independent import refusal
 

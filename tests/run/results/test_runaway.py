@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import Constant, KnownParameters, Mrac, Plant, Problem, ReferenceModel, Simulation, Sine, simulate
+from barbalat import KnownParameters, Mrac, Plant, Problem, ReferenceModel, Simulation, simulate
 from barbalat.report.documents import run_block
 from barbalat.run.results.findings import runaway
+from barbalat.signals import Constant, Sine
 
 UNSTABLE = Problem(
     plant=Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[5.0, 3.0], x0=[0.1, 0.0]),
