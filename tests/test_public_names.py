@@ -13,6 +13,8 @@ from pathlib import Path
 import pytest
 
 import barbalat
+from barbalat.controllers import SCHEMES
+from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.public_names import PACKAGE, modules, places_of
 
 ROOT = Path(__file__).parents[1]
@@ -58,8 +60,9 @@ def test_a_name_has_one_home():
 
 
 def test_what_scripts_rely_on_stays_in_the_package_itself():
-    fixed = "Problem Plant Simulation simulate simulate_ensemble certify load_case InputError Sampled Mrac L1Adaptive RobustMrac"
-    assert set(fixed.split()) <= set(barbalat.__all__)
+    fixed = "Problem Plant Simulation simulate simulate_ensemble certify load_case InputError Sampled OutputProblem OutputPlant"
+    controllers = {kind.__name__ for registry in (SCHEMES, OUTPUT_SCHEMES) for kind in registry.values()}
+    assert {*fixed.split(), *controllers} <= set(barbalat.__all__)
 
 
 @pytest.mark.parametrize(
