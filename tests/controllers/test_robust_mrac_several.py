@@ -111,7 +111,7 @@ def test_with_one_input_it_is_the_scheme_for_one(problems):
             def phi(self, x):
                 return x[:, None]
 
-        same, one = replace(same, uncertainty=Matrix()), replace(one, estimate_set=None)
+        same, one = replace(same, matched=Matrix()), replace(one, estimate_set=None)
         state = one.initial()._replace(
             theta_hat=random.normal(size=3), xi=random.normal(size=3), Xi=random.normal(size=(3, 3)), n_d=np.array(0.7)
         )
