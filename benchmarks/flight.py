@@ -16,8 +16,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from barbalat.export.contents import Contents
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.lowering import c99
 from barbalat.problem.tracking import TrackingProblem

@@ -7,17 +7,13 @@ from dataclasses import replace
 from barbalat import (
     Adrc,
     DirectMrac,
-    FixedSigma,
-    Gradient,
     KnownParameters,
     L1Adaptive,
     L1Output,
     L1OutputPiecewiseConstant,
     L1PiecewiseConstant,
-    LeastSquares,
     LinearFeedback,
     LinearOutput,
-    LyapunovLaw,
     MitRule,
     Mrac,
     MracClosedLoop,
@@ -29,18 +25,19 @@ from barbalat import (
     OutputReferenceModel,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     RobustMrac,
     Sampled,
     Simulation,
-    Sine,
-    Terms,
     TransferFunction,
     input_filter,
 )
+from barbalat.laws import FixedSigma, Gradient, LeastSquares, LyapunovLaw
+from barbalat.plants import PlantInput
 from barbalat.protocols import Controller
+from barbalat.regressors import Terms
+from barbalat.signals import Sine
 
 T = 0.01
 SIMULATION = Simulation(t_end=2.0, dt=T / 2)

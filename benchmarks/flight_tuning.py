@@ -19,21 +19,22 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat import Simulation, Step, TransferFunction
+from barbalat import Simulation, TransferFunction
 from barbalat.cases.build import Case
 from barbalat.comparison.contest.entrant import Entrant
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified, qualify
-from barbalat.comparison.search.trial import Plants
+from barbalat.comparison.search.aim import Plants
 from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.study.delay_search import Criterion
+from barbalat.signals import Step
+from barbalat.study.delay_margin import Criterion
 from barbalat.vehicles.f16.axis import Axis
 from barbalat.vehicles.f16.schemes import SCHEMES
 from barbalat.vehicles.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
-from barbalat.vehicles.registry import vehicle_of
+from barbalat.vehicles.vehicle import vehicle_of
 from benchmarks import quadrotor_tuning
 
 DELAY_MARGIN, GAIN_MARGIN = 0.1, 2.0

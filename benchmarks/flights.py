@@ -12,8 +12,7 @@ import sys
 import time
 
 from barbalat.export.exported_step import exported_c
-from barbalat.run.sampled_step import SampledList
-from barbalat.run.stepwise import Step
+from barbalat.run.kernel.sampled_controller import SampledList, Step
 from barbalat.vehicles.dispersed import fly_dispersed
 from barbalat.vehicles.f16.airframe import FlightCondition
 from barbalat.vehicles.f16.axis import Axis
@@ -22,7 +21,7 @@ from barbalat.vehicles.f16.flying import fly_once
 from barbalat.vehicles.f16.trim import trimmed
 from barbalat.vehicles.flight import Timing
 from barbalat.vehicles.flying import on_loop
-from barbalat.vehicles.registry import vehicle_of
+from barbalat.vehicles.vehicle import vehicle_of
 from benchmarks.house import Section
 from benchmarks.processor import description
 from benchmarks.table import Row, console, show

@@ -9,11 +9,11 @@ import json
 import sys
 from pathlib import Path
 
-from barbalat.papers.jafari_2013.flight import stored_flights
+from barbalat.papers.jafari_2013.flight import flown
 
-FOLDER = Path(stored_flights.__file__).parent
+FOLDER = Path(flown.__file__).parent
 
 if __name__ == "__main__":
     document = json.load(sys.stdin)
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False)
-    (FOLDER / f"{stored_flights.PREFIX}{document['flight']}{stored_flights.SUFFIX}").write_text(text, encoding="utf-8")
+    (FOLDER / f"{flown.PREFIX}{document['flight']}{flown.SUFFIX}").write_text(text, encoding="utf-8")

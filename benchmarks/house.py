@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from barbalat import RK4, Simulation
+from barbalat import Simulation
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel
-from barbalat.run.batch import Batch, best_lanes
-from barbalat.run.engine import run
-from barbalat.run.step import step_program
+from barbalat.run.engine.engine import Batch, best_lanes, run
+from barbalat.run.kernel.step import step_program
+from barbalat.solvers import RK4
 from benchmarks.loops import PROBLEM, STEP, Case, l1
 from benchmarks.race import Time
 from benchmarks.table import Row
@@ -31,8 +31,8 @@ import sys
 import tempfile
 from pathlib import Path
 from barbalat import Simulation
-from barbalat.run.batch import Batch
-from barbalat.run.engine import run
+from barbalat.run.engine.engine import Batch
+from barbalat.run.engine.engine import run
 from benchmarks.loops import PROBLEM, STEP, l1
 case = l1(64)
 batch = Batch(case.loop, case.optimised(figures=True), case.states, case.parameters)

@@ -13,8 +13,8 @@ from barbalat.controllers import L1Adaptive, RobustMrac, Sampled
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.batch import Batch
-from barbalat.run.grid import signal_table
+from barbalat.run.engine.engine import Batch
+from barbalat.run.kernel.grid import signal_table
 from barbalat.solvers.simulation import Simulation
 from benchmarks.race import Contestant, race
 from benchmarks.table import Row

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from barbalat.lowering.shape import LoopShape
-from barbalat.run.batch import best_lanes
+from barbalat.run.engine.engine import best_lanes
 from benchmarks.loops import Case, command_table
 from benchmarks.race import Contestant
 

@@ -9,27 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from barbalat import (
-    RK4,
-    L1Adaptive,
-    LeastSquares,
-    ParameterBox,
-    Plant,
-    Problem,
-    ReferenceModel,
-    RobustMrac,
-    Simulation,
-    Sine,
-    input_filter,
-)
+from barbalat import L1Adaptive, ParameterBox, Plant, Problem, ReferenceModel, RobustMrac, Simulation, input_filter
 from barbalat.controllers.l1 import Equations
+from barbalat.laws import LeastSquares
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import symbols
 from barbalat.lowering.operations import Program, read
 from barbalat.problem.known_set import Gain
 from barbalat.protocols import Controller
-from barbalat.run.grid import signal_table
-from barbalat.run.step import StepProgram, step_function, step_program
+from barbalat.run.kernel.grid import signal_table
+from barbalat.run.kernel.step import StepProgram, step_function, step_program
+from barbalat.signals import Sine
+from barbalat.solvers import RK4
 
 STEP = 1e-4
 """Section V, Figs. 2 and 3 [s]."""

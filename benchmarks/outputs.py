@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from barbalat.adaptation.laws import LeastSquares
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.lyapunov import LyapunovLaw
 from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
 from barbalat.controllers.output import L1Output, MracOutput
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 from barbalat.signals import Sine

@@ -32,7 +32,7 @@ def cell(figures: dict[str, Any]) -> str:
 
 def flown() -> dict[str, Any]:
     """The document of all flights."""
-    from barbalat import fly
+    from barbalat.flights import fly
     from barbalat.report.flights import as_document
 
     return as_document(fly("quadrotor", delays=True))

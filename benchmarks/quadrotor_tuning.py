@@ -9,24 +9,27 @@ may add, and all that is measured has the flights' noise.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat import Plant, Problem, ReferenceModel, Simulation, Step, Steps, TransferFunction
+from barbalat import Plant, Problem, ReferenceModel, Simulation, TransferFunction
 from barbalat.cases.build import Case
 from barbalat.comparison.contest.entrant import Entrant
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified, qualify
-from barbalat.comparison.search.trial import Plants
+from barbalat.comparison.search.aim import Plants
 from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Controller, Sample, SampledEquations, Value
-from barbalat.study.delay_search import Criterion
+from barbalat.roles import Role, declared_roles
+from barbalat.signals import Step, Steps
+from barbalat.study.delay_margin import Criterion
 from barbalat.study.ideal_benchmark import quiet
 from barbalat.validate import Array
 from barbalat.vehicles.quadrotor.axes import Axes, Axis
@@ -55,6 +58,10 @@ class Both:
     @property
     def sample_time(self) -> float:
         return self.added.sample_time
+
+    @property
+    def roles(self) -> Mapping[str, Role]:
+        return declared_roles(self.added) or {}
 
     def initial(self) -> NamedTuple:
         return self.added.initial()

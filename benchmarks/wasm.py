@@ -20,8 +20,8 @@ from barbalat.lowering.shape import ENTRY
 from barbalat.lowering.wasm.loop import loop
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.batch import Batch
-from barbalat.run.grid import signal_table
+from barbalat.run.engine.engine import Batch
+from barbalat.run.kernel.grid import signal_table
 from benchmarks.race import best_seconds
 
 STEPS = 20_000

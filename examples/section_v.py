@@ -2,7 +2,6 @@
 
 from barbalat import (
     L1Adaptive,
-    LeastSquares,
     Mrac,
     ParameterBox,
     Plant,
@@ -10,10 +9,11 @@ from barbalat import (
     ReferenceModel,
     RobustMrac,
     Simulation,
-    Sine,
     input_filter,
     simulate,
 )
+from barbalat.laws import LeastSquares
+from barbalat.signals import Sine
 
 problem = Problem(
     plant=Plant(A_m=[[0, 1], [-0.3, -1]], b=[0, 1], theta=[4, -3], x0=[1, 1]),

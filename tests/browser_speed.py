@@ -19,8 +19,8 @@ from barbalat.explorer.section_v import explorer
 from barbalat.explorer.source import Source
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.batch import Batch
-from barbalat.run.grid import segments_of, signal_table
+from barbalat.run.engine.engine import Batch
+from barbalat.run.kernel.grid import segments_of, signal_table
 from barbalat.solvers.simulation import Simulation
 from browser_explorer import settled
 from chromium import launched

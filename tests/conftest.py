@@ -11,8 +11,8 @@ import hypothesis
 import pytest
 
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
+from barbalat.processes import Here
 from barbalat.report import drawing_process
-from barbalat.run.processes import Here
 from barbalat.signals import Sine, Sines
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def _optimised_code(request: pytest.FixtureRequest) -> Iterator[None]:
     """Most tests' runs are so short that their code is made quickly; the full command's is all optimised, as long runs' is."""
     with pytest.MonkeyPatch.context() as changed:
         if request.config.getoption("full") or request.config.getoption("rest"):
-            changed.setattr("barbalat.run.kernels.STEPS_WORTH_OPTIMISING", 0)
+            changed.setattr("barbalat.run.kernel.step.STEPS_WORTH_OPTIMISING", 0)
         yield
 
 

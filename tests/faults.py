@@ -29,7 +29,13 @@ ROOMS = {
     "equations": ["controllers/**/*.py", "adaptation/**/*.py"],
     "projection": ["problem/known_set/*.py"],
     "solvers": ["solvers/*.py"],
-    "delay": ["run/delay.py", "run/step.py", "lowering/llvm/past.py", "problem/actuation.py", "linear/delayed_peaks.py"],
+    "delay": [
+        "run/kernel/delay.py",
+        "run/kernel/step.py",
+        "lowering/llvm/loads.py",
+        "problem/actuation.py",
+        "linear/peaks.py",
+    ],
     "certificates": ["certificates/**/*.py", "linear/**/*.py"],
     "case reading": ["cases/*.py"],
 }

@@ -101,7 +101,7 @@ class WeighingEquations:
     centres: np.ndarray
     P_b: np.ndarray
     k_0: float
-    box: Any
+    estimate_set: Any
 
     def initial(self):
         return Weights(np.zeros(len(self.centres)))
@@ -128,7 +128,7 @@ class Weighing:
     def bind(self, known):
         grid = np.linspace(-6.0, 6.0, 4)
         centres = np.array([[one, two] for one in grid for two in grid])
-        return WeighingEquations(self.gamma, centres, known.P @ known.b, known.k_0, known.box)
+        return WeighingEquations(self.gamma, centres, known.P @ known.b, known.k_0, known.estimate_set)
 
 
 class Twisted(NamedTuple):

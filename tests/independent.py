@@ -13,8 +13,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from barbalat.adaptation.laws import Gradient, LeastSquares
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.lyapunov import LyapunovLaw
+from barbalat.adaptation.modifications import FixedSigma
 from barbalat.controllers import (
     Adrc,
     DirectMrac,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat import Role, TuningGrid
+from barbalat.interfaces import Role, TuningGrid
 
 
 class Weights(NamedTuple):

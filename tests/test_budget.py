@@ -11,36 +11,34 @@ import numpy as np
 import pytest
 
 from barbalat import (
-    Budget,
     Case,
-    Constant,
     InputError,
-    LeastSquares,
     Mrac,
     NetworkMrac,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     Simulation,
     TransferFunction,
     certify,
     simulate,
-    sweep,
-    tune,
 )
-from barbalat import contest as hold
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
+from barbalat.adaptation.modifications import FixedSigma
 from barbalat.budget import DEFAULT_MEMORY, DEFAULT_SECONDS, Estimate, in_force, in_time, largest, require
 from barbalat.comparison.tradeoff.tradeoff import trade_off
+from barbalat.laws import LeastSquares
 from barbalat.linear import systems
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import StateSpace, input_filter
-from barbalat.run.batch import Batch
-from barbalat.run.check_numerics import check_numerics
-from barbalat.run.members import Reader
-from barbalat.run.processes import processes
+from barbalat.plants import PlantInput
+from barbalat.processes import processes
+from barbalat.run.engine.check_numerics import check_numerics
+from barbalat.run.engine.engine import Batch
+from barbalat.run.kernel.members import Reader
+from barbalat.signals import Constant
+from barbalat.studies import Budget, sweep, tune
+from barbalat.studies import contest as hold
 from barbalat.study.delay_margin import delay_margins
 
 SHORT, LONG = Simulation(t_end=1.0, dt=1e-3), Simulation(t_end=20.0, dt=1e-4)

@@ -7,7 +7,9 @@ import pickle
 
 import pytest
 
-from barbalat import Mrac, ParameterBall, ParameterBox, Simulation, certify, check_numerics, delay_margins, simulate
+from barbalat import Mrac, ParameterBox, Simulation, certify, simulate
+from barbalat.plants import ParameterBall
+from barbalat.studies import check_numerics, delay_margins
 from barbalat.validate import Named
 from independent import refusal
 

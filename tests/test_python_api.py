@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import control
@@ -14,8 +15,9 @@ import scipy.signal
 from matplotlib.testing.compare import compare_images
 
 import barbalat
-from barbalat import InputError, StateSpace, TransferFunction, certify, l1_norm, margins
+from barbalat import InputError, TransferFunction, certify
 from barbalat.cases.load import load_case, parse_case
+from barbalat.systems import StateSpace, l1_norm, margins
 from independent import refusal
 
 README = Path(__file__).parents[1].joinpath("README.md").read_text(encoding="utf-8")
@@ -86,6 +88,52 @@ def test_an_output_plant_of_other_packages():
         np.testing.assert_allclose(found.den, ours.den, atol=1e-12)
 
 
+def test_a_system_is_taken_as_files_and_scipy_write_it():
+    """(num, den), or the matrices (A, B, C, D), wherever a linear system is asked for."""
+    num, den = [1.0], [0.02, 1.0]
+    matrices = scipy.signal.tf2ss(num, den)
+    for given in ((num, den), matrices, [part.tolist() for part in matrices]):
+        for found in (
+            barbalat.L1Adaptive(gamma=10.0, filter=given).filter,
+            barbalat.OutputPlant(given).transfer_function,
+            barbalat.OutputReferenceModel(given).transfer_function,
+            barbalat.plants.PlantInput(actuator=given).actuator,
+            barbalat.LinearFeedback(given).controller.transfer_function(),
+            barbalat.LinearOutput(given).loop,
+        ):
+            np.testing.assert_allclose(found.num, [50.0])
+            np.testing.assert_allclose(found.den, [1.0, 50.0])
+    assert "plant.input.actuator.den" in refusal(lambda: barbalat.plants.PlantInput(actuator=([1.0], ["s"])))
+    assert "controller.A must be square" in refusal(lambda: barbalat.LinearFeedback(([[1.0, 2.0]], [1.0], [1.0], 0.0)))
+    assert "controller.B must have shape 1" in refusal(lambda: barbalat.LinearFeedback(([[1.0]], [1.0, 2.0], [1.0], 0.0)))
+
+
+def test_what_a_case_file_names_python_takes_by_its_name():
+    assert barbalat.Simulation(1.0, 0.1, solver="heun").solver is barbalat.solvers.HEUN
+    assert barbalat.Simulation(1.0, 0.1, solver="heun") == barbalat.Simulation(1.0, 0.1, solver=barbalat.solvers.HEUN)
+    rule = barbalat.studies.Rule(delay_margin=0.1, until="loss")
+    assert rule.as_json()["until"] == "loss" and rule == replace(rule, until="loss")
+    assert "did you mean 'onset'?" in refusal(lambda: barbalat.studies.Rule(delay_margin=0.1, until="onst"))
+
+
+@pytest.mark.parametrize(
+    ("lookup", "meant"),
+    [
+        (lambda found, _: found["MRCA"], "MRAC"),
+        (lambda found, _: found["MRAC"].figures["max_abs_ee"], "max_abs_e"),
+        (lambda found, _: found["MRAC"].columns()["theta_ht_1"], "theta_hat_1"),
+        (lambda _, certified: certified["MRCA"], "MRAC"),
+        (lambda _, certified: certified["MRAC"].values["gama_max"], "gamma_max"),
+    ],
+)
+def test_a_misspelt_name_of_a_result_is_told_with_the_one_that_is_meant(lookup, meant):
+    case = load_case("first-order")
+    short = barbalat.Simulation(1.0, 1e-2)
+    given = case.problem, case.controllers[0], short
+    with pytest.raises(KeyError, match=rf"did you mean '{meant}'\?"):
+        lookup(barbalat.simulate(*given), certify(*given))
+
+
 def test_recorded_commands_in_every_form(tmp_path):
     t, r = np.array([0.0, 0.5, 1.25]), np.array([1.0, -2.5, 3.0])
     texts = {
@@ -101,7 +149,7 @@ def test_recorded_commands_in_every_form(tmp_path):
     for name, text in texts.items():
         file = tmp_path / f"{name}.csv"
         file.write_bytes(text.encode("latin-1"))
-        found = barbalat.Recorded.from_csv(file)
+        found = barbalat.signals.Recorded.from_csv(file)
         assert found.times.tolist() == t.tolist() and found.values.tolist() == r.tolist(), name
     scipy.io.savemat(tmp_path / "r.mat", {"t": t, "r": r, "other": np.eye(2)})
     scipy.io.savemat(tmp_path / "pair.mat", {"data": np.column_stack([t, r])})
@@ -109,19 +157,19 @@ def test_recorded_commands_in_every_form(tmp_path):
     scipy.io.savemat(tmp_path / "logged.mat", {"yout": logged})
     scipy.io.savemat(tmp_path / "named.mat", {"own": {"seconds": t, "speed": r, "other": 2 * r}})
     for found in (
-        barbalat.Recorded.from_mat(tmp_path / "r.mat"),
-        barbalat.Recorded.from_mat(tmp_path / "pair.mat", values="data"),
-        barbalat.Recorded.from_mat(tmp_path / "pair.mat"),
-        barbalat.Recorded.from_mat(tmp_path / "logged.mat"),
-        barbalat.Recorded.from_mat(tmp_path / "named.mat", times="own.seconds", values="own.speed"),
+        barbalat.signals.Recorded.from_mat(tmp_path / "r.mat"),
+        barbalat.signals.Recorded.from_mat(tmp_path / "pair.mat", values="data"),
+        barbalat.signals.Recorded.from_mat(tmp_path / "pair.mat"),
+        barbalat.signals.Recorded.from_mat(tmp_path / "logged.mat"),
+        barbalat.signals.Recorded.from_mat(tmp_path / "named.mat", times="own.seconds", values="own.speed"),
     ):
         assert found.times.tolist() == t.tolist() and found.values.tolist() == r.tolist()
     scipy.io.savemat(tmp_path / "square.mat", {"data": np.eye(2)})
-    assert "data is 2 x 2" in refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "square.mat"))
-    said = refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "named.mat"))
+    assert "data is 2 x 2" in refusal(lambda: barbalat.signals.Recorded.from_mat(tmp_path / "square.mat"))
+    said = refusal(lambda: barbalat.signals.Recorded.from_mat(tmp_path / "named.mat"))
     assert "no variable 't' for the times; its variables are: own.other, own.seconds, own.speed" in said
     (tmp_path / "no.mat").write_bytes(b"nothing of MATLAB's")
-    assert "no.mat" in refusal(lambda: barbalat.Recorded.from_mat(tmp_path / "no.mat"))
+    assert "no.mat" in refusal(lambda: barbalat.signals.Recorded.from_mat(tmp_path / "no.mat"))
 
 
 @pytest.mark.parametrize(
@@ -148,7 +196,7 @@ gamma = 1.0
         assert "twice" in refusal(lambda: parse_case(twice))
 
 
-@pytest.mark.parametrize("before", ["", "import barbalat.certificates.certify", "from barbalat import *"])
+@pytest.mark.parametrize("before", ["", "import barbalat.certificates.certify", "import barbalat.results"])
 def test_certify_can_be_called_whatever_was_imported_before(before):
     code = f"""
 {before}
@@ -164,7 +212,7 @@ def test_certify_gives_a_certificate_for_each_controller():
     case = load_case("first-order")
     found = certify(case.problem, list(case.controllers), case.simulation)
     assert list(found) == [controller.name for controller in case.controllers]
-    assert all(isinstance(one, barbalat.Certificate) for one in found.values())
+    assert all(isinstance(one, barbalat.results.Certificate) for one in found.values())
 
 
 def test_the_norm_of_a_system_in_every_form():
@@ -196,7 +244,10 @@ def test_what_is_no_system_is_refused():
 
 def test_margins_of_a_loop_in_every_form():
     ours = TransferFunction([2.0], [1.0, 3.0, 3.0, 1.0])
-    for loop in (ours, ours.realise(), control.tf([2.0], [1.0, 3.0, 3.0, 1.0])):
+    pair, matrices = ([2.0], [1.0, 3.0, 3.0, 1.0]), scipy.signal.tf2ss([2.0], [1.0, 3.0, 3.0, 1.0])
+    listed = [part.tolist() for part in matrices]
+    forms = (ours, ours.realise(), control.tf(*pair), pair, matrices, listed, StateSpace(listed[0], listed[1], listed[2], 0))
+    for loop in forms:
         assert margins(loop).gain_up == pytest.approx(4, rel=1e-9)
     assert "delay" in refusal(lambda: margins(ours, -1.0))
     assert "loop" in refusal(lambda: margins([[1.0]]))

@@ -12,12 +12,13 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from barbalat import Budget, InputError, Recorded, load_case, reading
+from barbalat import InputError, load_case, reading
 from barbalat.budget import Estimate
 from barbalat.cases import user_controllers
 from barbalat.cases.load import CaseText
 from barbalat.reading import contents
-from barbalat.signals import matlab
+from barbalat.signals import Recorded, recorded
+from barbalat.studies import Budget
 
 BYTE = Estimate(memory=2.0, seconds=1e-9)
 READERS = {
@@ -169,17 +170,20 @@ def test_a_packed_matlab_file_is_measured_unpacked(tmp_path):
     savemat(file, {"t": t, "r": 0 * t}, do_compression=True)
     large = 2 * t.nbytes
     assert file.stat().st_size < large / 4
-    inside = matlab._unpacked(file.read_bytes())
+    inside = recorded._unpacked(file.read_bytes())
     assert large < inside < large + 1000  # tags and names beside the numbers
     assert (Recorded.from_mat(file).times == t).all()
-    with Budget(memory=matlab.FILE_BYTE.memory * large), pytest.raises(InputError, match=rf"holds {inside} bytes, unpacked, and"):
+    with (
+        Budget(memory=recorded.FILE_BYTE.memory * large),
+        pytest.raises(InputError, match=rf"holds {inside} bytes, unpacked, and"),
+    ):
         Recorded.from_mat(file)
 
 
 def test_an_unpacked_matlab_file_is_measured_as_it_is(tmp_path):
     file = tmp_path / "plain.mat"
     savemat(file, {"t": np.arange(1000.0), "r": np.ones(1000)})
-    assert 16_000 < matlab._unpacked(file.read_bytes()) < file.stat().st_size
+    assert 16_000 < recorded._unpacked(file.read_bytes()) < file.stat().st_size
 
 
 def test_a_matlab_file_that_only_says_that_it_is_large_is_refused(tmp_path):

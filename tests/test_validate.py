@@ -11,7 +11,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from barbalat import (
+from barbalat.adaptation.law import Normalization
+from barbalat.adaptation.laws import Gradient, LeastSquares
+from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.laws import (
     CompositeLearning,
     DeadZone,
     EpsilonModification,
@@ -23,13 +26,10 @@ from barbalat import (
     LeastSquaresResetting,
     SwitchingSigma,
 )
-from barbalat.adaptation.laws import Gradient, LeastSquares
-from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import ParameterBall, ParameterBox, Plant, Problem, ReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
@@ -156,7 +156,8 @@ REFUSED = {
     "dt does not divide": (lambda p: simulation(dt=0.3), "simulation.dt", "0.3"),
     "dt longer than the run": (lambda p: simulation(dt=3.0), "simulation.dt", "3"),
     "dt absurd": (lambda p: simulation(dt=1e-14), "simulation.dt", "1e-14"),
-    "solver by name": (lambda p: simulation(solver="rk4"), "simulation.solver", "'rk4'"),
+    "solver misspelt": (lambda p: simulation(solver="rk5"), "simulation.solver", "did you mean 'rk4'?"),
+    "solver of another kind": (lambda p: simulation(solver=4), "simulation.solver", "euler, heun, rk4"),
     "record_points one": (lambda p: simulation(record_points=1), "simulation.record_points", "1"),
     "record_points fractional": (lambda p: simulation(record_points=10.5), "simulation.record_points", "10.5"),
     "a controller that is none": (lambda p: ClosedLoop.of(p, 42), "controller", "42"),

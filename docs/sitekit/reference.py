@@ -1,19 +1,20 @@
-"""The reference of the Python package: a directive for the public names of some rooms, and the docstrings' reader."""
+"""The reference of the Python package: a directive for the names of a public module, and the docstrings' reader."""
 
 from __future__ import annotations
 
-import ast
+import importlib
 import inspect
 import re
-from pathlib import Path
+from typing import Any
 
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from sphinx.pycode import ModuleAnalyzer
 from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
-import barbalat
+from barbalat.public_names import PACKAGE, modules, places_of
 
 logger = logging.getLogger(__name__)
 
@@ -22,39 +23,34 @@ FIELD = re.compile(r"^(?P<names>[A-Za-z_][\w.]*(?:, [A-Za-z_][\w.]*)*) {2,}(?P<m
 CODE = re.compile(r"(``.+?``)", re.DOTALL)
 
 
-def public_names() -> dict[str, list[str]]:
-    """The names of ``__init__.pyi`` by the room they come from."""
-    rooms: dict[str, list[str]] = {}
-    stub = ast.parse(Path(barbalat.__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
-    for node in stub.body:
-        if isinstance(node, ast.ImportFrom) and node.module:
-            rooms.setdefault(node.module.split(".")[0], []).extend(alias.asname or alias.name for alias in node.names)
-    return rooms
+class PublicModule(SphinxDirective):
+    """``{public-module} laws signals`` documents public modules with all their names; without an argument the package itself."""
 
-
-class Rooms(SphinxDirective):
-    """``{rooms} problem signals`` documents all public names of these rooms."""
-
-    required_arguments = 1
+    optional_arguments = 1
     final_argument_whitespace = True
 
     def run(self) -> list[nodes.Node]:
-        rooms, lines = public_names(), []
-        chosen = self.arguments[0].split()
-        page = self.env.metadata[self.env.docname]
-        page["rooms"] = " ".join([page.get("rooms", ""), *chosen])
-        for room in chosen:
-            for name in rooms[room]:
-                lines += [*_directive(name), ""]
+        chosen = [f"{PACKAGE}.{name}" for name in self.arguments[0].split()] if self.arguments else [PACKAGE]
+        page, lines = self.env.metadata[self.env.docname], []
+        page["modules"] = " ".join([page.get("modules", ""), *chosen])
+        for place in chosen:
+            module = importlib.import_module(place)
+            lines += [f".. automodule:: {place}", "   :no-members:", ""]
+            for name in module.__all__:
+                if place != PACKAGE or name not in modules():
+                    lines += [*_directive(place, name, getattr(module, name)), ""]
         return self.parse_text_to_nodes("\n".join(["```{eval-rst}", *lines, "```"]))  # the pages are Markdown
 
 
-def _directive(name: str) -> list[str]:
+def _directive(module: str, name: str, value: object) -> list[str]:
     """How one public name is documented."""
-    value = getattr(barbalat, name)
-    if inspect.isclass(value):
-        return [f".. autoclass:: barbalat.{name}", "   :members:"]
-    return [f".. autofunction:: barbalat.{name}"] if callable(value) else [f".. autodata:: barbalat.{name}", "   :no-value:"]
+    if inspect.isroutine(value):
+        return [f".. autofunction:: {module}.{name}"]
+    if inspect.isclass(value) and value is not Any:
+        return [f".. autoclass:: {module}.{name}", "   :members:"]
+    said = ModuleAnalyzer.for_module(places_of(module)[name]).find_attr_docs().get(("", name), [repr(value)])
+    as_rst(said)
+    return [f".. py:data:: {module}.{name}", "", *(f"   {line}" for line in said)]
 
 
 def as_rst(*given: object) -> None:
@@ -93,10 +89,10 @@ def _plain(text: str) -> str:
 
 
 def complete(_: Sphinx, env: BuildEnvironment) -> None:
-    """Every room with public names stands on some page."""
-    shown = {room for page in env.metadata.values() for room in page.get("rooms", "").split()}
-    for room in sorted(set(public_names()) - shown):
-        logger.warning("docs/reference: no page documents the public names of %s: add it to a {rooms} directive", room)
+    """Every public module stands on some page."""
+    shown = {place for page in env.metadata.values() for place in page.get("modules", "").split()}
+    for place in sorted({PACKAGE, *(f"{PACKAGE}.{name}" for name in modules())} - shown):
+        logger.warning("docs/reference: no page documents %s: add it to a {public-module} directive", place)
 
 
 def plain_addresses(_: Sphinx, document: nodes.document) -> None:
@@ -108,7 +104,7 @@ def plain_addresses(_: Sphinx, document: nodes.document) -> None:
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register the directive and the docstrings' reader."""
-    app.add_directive("rooms", Rooms)
+    app.add_directive("public-module", PublicModule)
     app.connect("autodoc-process-docstring", as_rst)
     app.connect("autodoc-process-signature", short_types)
     app.connect("env-check-consistency", complete)

@@ -5,7 +5,8 @@ Standard MRAC
 The plant learns to behave like its model: the error goes to zero, and the estimates go where the command excites them.
 """
 
-from barbalat import *
+from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation, simulate
+from barbalat.signals import Sine
 
 problem = Problem(
     plant=Plant(A_m=[[0, 1], [-0.3, -1]], b=[0, 1], theta=[4, -3], x0=[1, 1]),

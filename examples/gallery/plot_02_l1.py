@@ -9,7 +9,7 @@ two recorded instants.
 
 import matplotlib.pyplot as plt
 
-from barbalat import *
+from barbalat import L1Adaptive, Simulation, input_filter, load_case, simulate
 
 problem = load_case("paper").problem
 l1 = L1Adaptive(gamma=1e4, filter=input_filter(kappa=0.02))

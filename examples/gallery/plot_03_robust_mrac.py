@@ -5,7 +5,9 @@ Robust MRAC and its auxiliary input
 The error that is left shrinks in proportion to the time constant tau of the auxiliary input.
 """
 
-from barbalat import *
+from barbalat import RobustMrac, Simulation, load_case, simulate
+from barbalat.laws import LeastSquares
+from barbalat.results import plot
 
 problem = load_case("paper").problem
 law = LeastSquares(covariance0=500)

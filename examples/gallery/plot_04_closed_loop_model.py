@@ -10,7 +10,8 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 
-from barbalat import *
+from barbalat import Mrac, MracClosedLoop, Simulation, load_case, simulate
+from barbalat.signals import Step
 
 problem = replace(load_case("paper").problem, reference=Step(amplitude=5, start=1))
 controllers = [Mrac(gamma=100)]

@@ -8,7 +8,8 @@ Six laws on the same parametric model: how fast the distance to the true paramet
 import matplotlib.pyplot as plt
 import numpy as np
 
-from barbalat import *
+from barbalat import NormalizedMrac, Simulation, load_case, simulate
+from barbalat.laws import Gradient, IntegralCost, LeastSquares, LeastSquaresBounded, LeastSquaresForgetting, LeastSquaresResetting
 
 problem = load_case("paper").problem
 laws = {

@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 
-from barbalat import *
+from barbalat import Mrac, ParameterBox, Simulation, load_case, simulate
+from barbalat.plants import ParameterBall
 
 paper = load_case("paper").problem
 sets = {"box": ParameterBox(lower=[-5, -5], upper=[5, 5]), "ball": ParameterBall(center=[0, 0], radius=5.5)}

@@ -8,7 +8,9 @@ smaller and smaller. Each modification ends that, at its price.
 
 import matplotlib.pyplot as plt
 
-from barbalat import *
+from barbalat import Mrac, Plant, Problem, ReferenceModel, Simulation, simulate
+from barbalat.laws import DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
+from barbalat.signals import Constant
 
 problem = Problem(
     plant=Plant(A_m=[[-1]], b=[1], theta=[2], x0=[1]),

@@ -11,7 +11,9 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
-from barbalat import *
+from barbalat import Mrac, Simulation, load_case, simulate
+from barbalat.laws import CompositeLearning
+from barbalat.signals import Steps
 
 problem = replace(load_case("paper").problem, reference=Steps(times=[1, 3, 5], values=[5, -5, 0]))
 memory = CompositeLearning(gamma_c=5, time_constant=0.2)

@@ -9,7 +9,7 @@ midpoint form does not.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from barbalat import *
+from barbalat import Mrac, Sampled, Simulation, load_case, simulate
 
 problem, simulation = load_case("paper").problem, Simulation(t_end=20, dt=1e-3)
 gains = np.geomspace(0.1, 1e6, 8)

@@ -7,7 +7,9 @@ The delay at which each loop begins to oscillate, and the one at which it loses 
 
 import matplotlib.pyplot as plt
 
-from barbalat import *
+from barbalat import L1Adaptive, Mrac, RobustMrac, Simulation, input_filter, load_case
+from barbalat.laws import LeastSquares
+from barbalat.studies import delay_margins
 
 problem = load_case("third-order").problem
 controllers = [

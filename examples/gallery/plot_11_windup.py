@@ -8,8 +8,11 @@ modified error it does not.
 
 from dataclasses import replace
 
-from barbalat import *
-from barbalat.controllers.windup import ModifiedError
+from barbalat import Mrac, Plant, Problem, ReferenceModel, Simulation, simulate
+from barbalat.laws import ModifiedError
+from barbalat.plants import PlantInput
+from barbalat.results import plot
+from barbalat.signals import Square
 
 problem = Problem(
     plant=Plant(A_m=[[0, 1], [-1, -1.4]], b=[0, 1], theta=[-2, -1], input=PlantInput(saturation=[-2, 2])),

@@ -7,7 +7,9 @@ The same noise, with the same seed, for two schemes: what reaches the control.
 
 from dataclasses import replace
 
-from barbalat import *
+from barbalat import L1Adaptive, Mrac, Simulation, input_filter, load_case, simulate
+from barbalat.plants import Noise, Sensor
+from barbalat.results import plot
 
 problem = replace(load_case("paper").problem, sensor=Sensor(noise=Noise(std=0.5, sample_time=0.01, seed=3)))
 controllers = [Mrac(gamma=1), L1Adaptive(gamma=100, filter=input_filter(kappa=0.02))]

@@ -6,7 +6,8 @@ The roll of a slender delta wing. The uncertainty is nonlinear in the state and 
 phi(x) can be given.
 """
 
-from barbalat import *
+from barbalat import Simulation, load_case, simulate
+from barbalat.results import plot
 
 case = load_case("wing-rock")
 print(case.problem.plant.regressor.terms)

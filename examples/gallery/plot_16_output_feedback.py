@@ -6,7 +6,10 @@ The states are not measured. The designer knows the order, the relative degree a
 learn the rest.
 """
 
-from barbalat import *
+from barbalat import MracOutput, OutputPlant, OutputProblem, OutputReferenceModel, Simulation, TransferFunction, simulate
+from barbalat.laws import LeastSquares
+from barbalat.results import plot
+from barbalat.signals import Square
 
 problem = OutputProblem(
     plant=OutputPlant(transfer_function=TransferFunction([1.0, 3.0], [1.0, 3.0, -1.0, 2.0])),

@@ -6,7 +6,8 @@ A first-order controller on a plant with unmodelled dynamics: the classical law 
 stays bounded.
 """
 
-from barbalat import *
+from barbalat import load_case, simulate
+from barbalat.results import plot
 
 case = load_case("rohrs")
 chosen = [controller for controller in case.controllers if controller.name in ("Classical", "Sigma-modification")]

@@ -8,7 +8,7 @@ Inside its projection bounds it can be replaced by a transfer function. The diff
 import matplotlib.pyplot as plt
 import numpy as np
 
-from barbalat import *
+from barbalat import load_case, simulate
 
 case = load_case("l1-output")
 results = simulate(case.problem, case.controllers, case.simulation)

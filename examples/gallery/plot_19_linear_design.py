@@ -9,7 +9,10 @@ from dataclasses import replace
 
 import matplotlib.pyplot as plt
 
-from barbalat import *
+from barbalat import L1Adaptive, RobustMrac, Simulation, input_filter, load_case, simulate
+from barbalat.designs import hinf_feedback, pi_feedback
+from barbalat.laws import LeastSquares
+from barbalat.plants import PlantInput
 
 paper = load_case("paper").problem
 problem = replace(paper, plant=replace(paper.plant, input=PlantInput(delay=0.01)))

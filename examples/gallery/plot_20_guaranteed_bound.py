@@ -8,7 +8,7 @@ Theorem 1's bound of the error is known before any simulation. No run exceeds it
 import matplotlib.pyplot as plt
 import numpy as np
 
-from barbalat import *
+from barbalat import Mrac, Simulation, certify, load_case, simulate_ensemble
 
 problem, simulation = load_case("paper").problem, Simulation(t_end=60, dt=2e-4)
 gains = np.geomspace(0.01, 100, 13)

@@ -9,7 +9,8 @@ enclosure in ball arithmetic.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from barbalat import *
+from barbalat import load_case
+from barbalat.systems import l1_norm
 
 plant = load_case("paper").problem.plant
 kappas = np.geomspace(0.002, 0.2, 12)

@@ -9,7 +9,8 @@ lies between two points of a grid.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from barbalat import *
+from barbalat import TransferFunction
+from barbalat.systems import margins
 
 delay = 0.05
 loop = TransferFunction([2.0], [1.0, 1.0, 0.0])

@@ -11,7 +11,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
-from barbalat import *
+from barbalat import L1Adaptive, Mrac, Simulation, input_filter, load_case, simulate_ensemble
 
 problem = load_case("paper").problem
 thetas = np.random.default_rng(1).uniform(-5, 5, (1000, 2))

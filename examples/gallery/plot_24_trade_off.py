@@ -6,7 +6,8 @@ Tracking error against the delay borne, for the tunings of three schemes on one 
 tuning of it beats.
 """
 
-from barbalat import *
+from barbalat import Simulation, load_case
+from barbalat.studies import trade_off
 
 case = load_case("third-order")
 found = trade_off(case.problem, Simulation(t_end=30, dt=2e-3), density=3, plants=1)

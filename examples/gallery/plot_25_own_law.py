@@ -11,7 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat import *
+from barbalat import Mrac, Simulation, load_case, simulate
+from barbalat.results import plot
 
 
 class State(NamedTuple):

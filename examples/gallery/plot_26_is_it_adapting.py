@@ -11,7 +11,8 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 
-from barbalat import *
+from barbalat import Mrac, Simulation, load_case, simulate
+from barbalat.signals import Sine, Sines, Step
 
 problem = load_case("paper").problem
 commands = {

@@ -8,7 +8,7 @@ All kinds of signals can be a command or a disturbance. Those that jump say when
 import matplotlib.pyplot as plt
 import numpy as np
 
-from barbalat import *
+from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
 
 signals = {
     "Constant": Constant(amplitude=0.5),

@@ -6,7 +6,9 @@ A run that left its solver's region of stability is repeated at a finer step, an
 oscillation was the solver's or the loop's.
 """
 
-from barbalat import *
+from barbalat import Mrac, Simulation, load_case, simulate
+from barbalat.results import plot
+from barbalat.studies import check_numerics
 
 problem = load_case("paper").problem
 results = check_numerics(simulate(problem, [Mrac(gamma=1e5)], Simulation(t_end=10, dt=1e-3)))

@@ -7,7 +7,10 @@ An uncertainty that nobody has a formula for: nine Gaussian functions over the s
 
 import numpy as np
 
-from barbalat import *
+from barbalat import Mrac, Plant, Problem, ReferenceModel, Simulation, simulate
+from barbalat.regressors import GaussianRBF
+from barbalat.results import plot
+from barbalat.signals import Sine
 
 centers = [[a, b] for a in (-1.0, 0.0, 1.0) for b in (-1.0, 0.0, 1.0)]
 problem = Problem(

@@ -6,7 +6,7 @@ Bode, Nyquist and sensitivity of the linear loop whose margins a certificate pri
 adaptive control in its limit of fast adaptation.
 """
 
-from barbalat import *
+from barbalat import L1Adaptive, certify, input_filter, load_case
 
 case = load_case("third-order")
 l1 = L1Adaptive(gamma=1e3, filter=input_filter(kappa=0.05))

@@ -8,7 +8,7 @@ centre. The estimate is the difference of two measurements; the law is a linear 
 
 import matplotlib.pyplot as plt
 
-from barbalat import *
+from barbalat import L1PiecewiseConstant, certify, load_case, simulate
 
 case = load_case("quadrotor-pitch")
 laws = [law for law in case.controllers if isinstance(law, L1PiecewiseConstant)]

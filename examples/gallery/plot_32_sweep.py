@@ -8,7 +8,7 @@ interval; ``barbalat sweep`` does the same for a case file, keeps the rows, and 
 
 import matplotlib.pyplot as plt
 
-from barbalat import *
+from barbalat.studies import sweep
 
 found = sweep(
     "first-order",

@@ -10,7 +10,8 @@ import tempfile
 
 import matplotlib.pyplot as plt
 
-from barbalat import *
+from barbalat import Sampled, Simulation, load_case, simulate
+from barbalat.exports import export_controller
 
 case = load_case("first-order")
 controller = next(one for one in case.controllers if isinstance(one, Sampled))

@@ -8,7 +8,9 @@ L1's oscillation at two steps, as a lesson of ``barbalat explore paper`` asks fo
 
 from dataclasses import replace
 
-from barbalat import *
+from barbalat import Simulation, load_case, simulate
+from barbalat.results import plot
+from barbalat.studies import explore
 
 case = load_case("paper")
 page = explore(case.problem, case.controllers, Simulation(t_end=20, dt=1e-4))

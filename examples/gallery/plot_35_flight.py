@@ -6,7 +6,7 @@ JSBSim's F-16 follows a pitch-rate command. At 10 s a tenth of its weight moves 
 feedback alone loses it, an integrator or an estimate keeps it. Needs the extra ``flight``.
 """
 
-from barbalat import *
+from barbalat.flights import fly
 
 found = fly("f16-pitch", schemes=["lqr", "linear", "robust-mrac", "l1-piecewise-flown"], failures=["aft-cg"])
 print(found)

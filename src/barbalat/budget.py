@@ -219,6 +219,10 @@ def of_linearisation(states: float) -> Estimate:
     return Estimate(KERNEL_BYTES + LINEARISATION_BYTES * states**2, LINEARISATION_SECONDS * states**3)
 
 
-def of_array(count: float) -> Estimate:
-    """An array of so many floats, filled."""
-    return Estimate(8 * count, 1e-9 * count)
+Progress = Callable[[float], None]
+"""Called with the fraction done, in [0, 1]."""
+
+
+def part_of(progress: Progress | None, start: float, width: float) -> Progress | None:
+    """What tells ``progress`` of a part of the work, from ``start`` to ``start + width``."""
+    return None if progress is None else lambda fraction: progress(start + width * fraction)

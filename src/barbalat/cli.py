@@ -29,13 +29,28 @@ from barbalat.commands import (
     tune,
 )
 from barbalat.commands.interrupt import Terminated, interruptible
-from barbalat.commands.options import add_budget
-from barbalat.commands.parser import BAD_INPUT, UNKNOWN, Parser
+from barbalat.commands.options import BAD_INPUT, UNKNOWN, Parser
 from barbalat.commands.progress import say
 from barbalat.commands.streams import OutputLost, notes, results
 
-WORKING = ("reproduce", "run", "certify", "sweep", "tune", "contest", "tradeoff", "explore", "export", "fly")
-"""Commands whose work has a budget."""
+COMMANDS = (
+    reproduce,
+    run,
+    certify,
+    sweep,
+    tune,
+    contest,
+    tradeoff,
+    explore,
+    export,
+    fly,
+    claims,
+    cases,
+    new,
+    schema,
+    completion,
+)
+"""In the order of the help."""
 FAILED, INTERRUPTED, READER_LEFT, TERMINATED = 1, 130, 141, 143
 """Exit codes; the last three are those of shells for what SIGINT, SIGPIPE and SIGTERM end."""
 COLLECT_EVERY = 50_000
@@ -78,9 +93,8 @@ def _answered(arguments: Sequence[str] | None) -> int:
         return TERMINATED
     except KeyboardInterrupt:
         say("interrupted")
-        exec(
-            ""
-        )  # after an interrupt within an exec, as dataclasses have, Python would end by the signal: this one makes it forget
+        # After an interrupt within an exec, as dataclasses have, Python would end by the signal: this one makes it forget.
+        exec("")
         return INTERRUPTED
     except ValueError as error:
         from barbalat.validate import InputError
@@ -106,26 +120,8 @@ def _parser() -> Parser:
     parser = Parser(prog="barbalat", description=description)
     parser.add_argument("--version", action="version", version=f"barbalat {barbalat.__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (
-        reproduce,
-        run,
-        certify,
-        sweep,
-        tune,
-        contest,
-        tradeoff,
-        explore,
-        export,
-        fly,
-        claims,
-        cases,
-        new,
-        schema,
-        completion,
-    ):
+    for command in COMMANDS:
         command.add(commands)
-    for name in WORKING:
-        add_budget(commands.choices[name])
     for own in commands.choices.values():
         own.set_defaults(parser=own)  # it knows its options, and says which one is meant
     return parser

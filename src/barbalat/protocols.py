@@ -183,7 +183,7 @@ class Freezable(Protocol):
     """Sampled equations that know what goes on while their estimates rest; of others only theta_hat and memory are kept."""
 
     def freezing(self, frozen: Value) -> SampledEquations:
-        """The same equations, whose estimates and what was learnt for them keep their values where ``frozen`` holds."""
+        """These equations, whose estimates and what was learnt for them keep their values where ``frozen`` holds."""
         ...
 
 

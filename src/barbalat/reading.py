@@ -34,7 +34,8 @@ def contents(path: Path, what: str, each: Estimate) -> bytes:
         raise InputError(f"{name} cannot be read: it is a device, not a file")
     if stat.S_ISREG(state.st_mode):
         _require(name, state.st_size, each, f"has {state.st_size} bytes and")
-    most, found = _most(each), bytearray()
+    limits, found = budget.in_force(), bytearray()
+    most = int(min(limits.memory / each.memory, limits.seconds / each.seconds))
     # in parts, as they come: the size of a pipe, or of what the system makes while it is read, is not known
     with _announced(name, found), path.open("rb", 0) as file:
         while len(found) <= most and (part := file.read(min(most + 1 - len(found), PART_BYTES))):
@@ -67,9 +68,3 @@ def _announced(name: str, found: bytearray) -> Iterator[None]:
 
 def _require(name: str, size: int, each: Estimate, given: str) -> None:
     budget.require(name, size, each.times, given=given, fits=lambda n: f"at most {n} bytes", what=f"reading {name}")
-
-
-def _most(each: Estimate) -> int:
-    """Bytes that the budget allows."""
-    limits = budget.in_force()
-    return int(min(limits.memory / each.memory, limits.seconds / each.seconds))

@@ -120,6 +120,8 @@ CONVENTIONAL: Mapping[str, Role] = {
 }
 """The roles of fields that are not declared, by their names; every other one is ``Role.other()``."""
 OTHER = Role.other()
+BY_KIND: Mapping[str, Role] = {kind: Role.estimates() if kind == "estimates" else Role(kind) for kind in MEANINGS}
+"""What the name of a kind stands for where a role is asked for."""
 
 
 @runtime_checkable
@@ -127,16 +129,24 @@ class DeclaringRoles(Protocol):
     """Equations, or a law with a memory of its own, that declare the roles of their state's parts."""
 
     @property
-    def roles(self) -> Mapping[str, Role]:
-        """By the names of the state's fields, or by paths into nested ones."""
+    def roles(self) -> Mapping[str, Role | str]:
+        """By the names of the state's fields, or by paths into nested ones; a role with nothing to say of itself by its kind."""
         ...
 
 
 def declared_roles(equations: Any) -> Mapping[str, Role] | None:
     """The roles that equations declare, sampled ones also by the continuous equations that they stand for; None without any."""
     if isinstance(equations, DeclaringRoles):
-        return equations.roles
+        accepted: Mapping[str, Role] = _accepted(equations.roles)
+        return accepted
     return declared_roles(equations.continuous) if isinstance(equations, DiscretizedEquations) else None
+
+
+def _accepted(declared: Any) -> Any:
+    """Roles, each given itself or by its kind; what is neither is refused where the equations are checked."""
+    if not isinstance(declared, Mapping):
+        return declared
+    return {path: BY_KIND.get(given, given) if isinstance(given, str) else given for path, given in declared.items()}
 
 
 def roles_of(equations: Any) -> Mapping[str, Role]:
@@ -146,7 +156,7 @@ def roles_of(equations: Any) -> Mapping[str, Role]:
 
 def within(field: str, part: Any) -> dict[str, Role]:
     """The roles that a part with a state of its own, as an adaptive law, declares of what it keeps under ``field``."""
-    declared = part.roles if isinstance(part, DeclaringRoles) else {}
+    declared = _accepted(part.roles) if isinstance(part, DeclaringRoles) else {}
     return {f"{field}.{path}": role for path, role in declared.items()}
 
 
@@ -187,7 +197,7 @@ class StatePart(NamedTuple):
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of its entries, (size,), without a hat: the estimates' own names, or the symbol with an index."""
+        """The names of its entries, (size,), without a hat: the estimates' own names, or the symbol with an index."""
         if self.role.names is not None:
             return self.role.names
         if self.role.of == THETA:

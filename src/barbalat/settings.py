@@ -5,15 +5,25 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields, is_dataclass
 from functools import cache
-from inspect import Parameter, getattr_static, signature
+from inspect import Parameter, Signature, getattr_static, signature
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from barbalat.validate import MOST_SHOWN, counted
+from barbalat.validate import MOST_SHOWN, counted, hint
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+
+
+class _SignatureOfInit:
+    """What ``help``, editors and the reference show of a class: the signature of ``__init__``; ``__new__`` takes anything."""
+
+    def __get__(self, instance: object, kind: type) -> Signature:
+        if instance is not None:
+            raise AttributeError("__signature__")
+        whole = signature(getattr_static(kind, "__init__"))
+        return whole.replace(parameters=list(whole.parameters.values())[1:], return_annotation=Signature.empty)
 
 
 class Settings:
@@ -23,6 +33,7 @@ class Settings:
     """
 
     __slots__ = ()
+    __signature__ = _SignatureOfInit()
 
     def __new__(cls, *placed: object, **given: object) -> Self:
         kind: type = cls
@@ -46,11 +57,7 @@ def _require_known(name: str, given: Mapping[str, object], known: Mapping[str, P
     unknown = next((one for one in given if one not in known), None)
     if unknown is None:
         return
-    from difflib import get_close_matches
-
-    near = get_close_matches(unknown, known, n=1) or get_close_matches(unknown.lower(), known, n=1)
-    meant = f"did you mean {near[0]!r}?" if near else f"known here: {', '.join(known)}"
-    raise TypeError(f"{name} has no keyword {unknown!r}; {meant}")
+    raise TypeError(f"{name} has no keyword {unknown!r}" + (hint(unknown, known) or f"; known here: {', '.join(known)}"))
 
 
 def _require_places(name: str, count: int, given: Mapping[str, object], known: Mapping[str, Parameter]) -> None:

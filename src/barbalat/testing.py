@@ -24,19 +24,19 @@ from barbalat.loop.packing import flatten, map_arrays, unflatten
 from barbalat.loop.sampling import Acting
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Sample, SampledEquations, feedback_of
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError, show
+
+__all__ = ["CheckFailed", "Report", "check", "problem_kinds"]
 
 SIMULATION = Simulation(t_end=2.0, dt=2e-3)
 """Of the runs; their solver is RK4."""

@@ -204,14 +204,20 @@ def counted(count: int, one: str) -> str:
     return f"{count} {one if count == 1 else several}"
 
 
-def hint(given: object, known: Iterable[str]) -> str:
-    """The end of a refusal: the one of the known names that is spelt most like what was given; empty where none is."""
+def nearest(given: object, known: Iterable[str]) -> str | None:
+    """The one of the known names that is spelt most like what was given; None where none is."""
     from difflib import get_close_matches
 
     names = list(known)
     small = {name.lower(): name for name in reversed(names)}
     near = get_close_matches(str(given), names, n=1) or [small[one] for one in get_close_matches(str(given).lower(), small, n=1)]
-    return f"; did you mean {near[0]!r}?" if near else ""
+    return near[0] if near else None
+
+
+def hint(given: object, known: Iterable[str]) -> str:
+    """The end of a refusal: the one of the known names that is spelt most like what was given; empty where none is."""
+    near = nearest(given, known)
+    return "" if near is None else f"; did you mean {near!r}?"
 
 
 MOST_LISTED = 12

@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from barbalat import DeadZone, EpsilonModification, FixedSigma, ParameterBall, ParameterBox, SwitchingSigma
-from barbalat.adaptation.laws import LAWS, Estimation, covariance, integral_cost
+from barbalat import ParameterBox
+from barbalat.adaptation.laws import LAWS, Estimation, integral_cost, least_squares
+from barbalat.laws import DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
+from barbalat.plants import ParameterBall
 from barbalat.problem.known_set import Gain
 
 BOUND = 40.0
@@ -75,17 +77,17 @@ def integrals_of_data(random: np.random.Generator, law, theta) -> integral_cost.
     return integral_cost.Memory(data @ data.T, data @ data.T @ theta)
 
 
-def any_covariance(random: np.random.Generator, law, theta) -> covariance.Memory:
+def any_covariance(random: np.random.Generator, law, theta) -> least_squares.Memory:
     """P, which is the gain of V."""
-    return law.limit(covariance.Memory(random_gain(random, len(theta))))
+    return law.limit(least_squares.Memory(random_gain(random, len(theta))))
 
 
-def covariance_within_its_bound(random: np.random.Generator, law, theta) -> covariance.Memory:
+def covariance_within_its_bound(random: np.random.Generator, law, theta) -> least_squares.Memory:
     """P, half of the time at its bound."""
     P = random_gain(random, len(theta))
     if random.uniform() < 0.5:
         P = P * (BOUND / np.linalg.norm(P))
-    return law.limit(covariance.Memory(P))
+    return law.limit(least_squares.Memory(P))
 
 
 def keeps_its_norm(P: np.ndarray) -> bool:

@@ -7,9 +7,10 @@ import pytest
 from scipy.optimize import minimize
 
 from adaptation.examples import G_0, inside, known_sets, laws
-from barbalat import ParameterBall, ParameterBox
+from barbalat import ParameterBox
 from barbalat.adaptation import implicit
 from barbalat.adaptation.law import Estimation, SampleData
+from barbalat.plants import ParameterBall
 from barbalat.problem.known_set import Gain
 from barbalat.validate import InputError
 

@@ -8,23 +8,15 @@ import numpy as np
 import pytest
 
 from adaptation import examples
-from barbalat import (
-    CompositeLearning,
-    DeadZone,
-    EpsilonModification,
-    FixedSigma,
-    L1Adaptive,
-    Mrac,
-    ParameterBall,
-    Step,
-    SwitchingSigma,
-    input_filter,
-)
+from barbalat import L1Adaptive, Mrac, input_filter
 from barbalat.adaptation.lyapunov import Modifications
+from barbalat.laws import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.plants import ParameterBall
 from barbalat.problem.known_set import Gain
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.signals import Step
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 from independent import brute_force, integrate, refusal

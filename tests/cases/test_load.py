@@ -108,7 +108,7 @@ def test_other_keys():
     last = case.controllers[-1]
     assert isinstance(last, NormalizedMrac) and isinstance(last.law, Gradient) and last.law.gamma == 3.0
     equations = last.bind(case.problem.known)
-    assert equations.box is None and equations.theta_hat0.tolist() == [7, 8]
+    assert equations.estimate_set is None and equations.theta_hat0.tolist() == [7, 8]
 
 
 LAW_TABLES = {

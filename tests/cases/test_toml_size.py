@@ -5,10 +5,10 @@ import tomllib
 import numpy as np
 import pytest
 
-from barbalat import Budget, InputError
+from barbalat import InputError
 from barbalat.cases import load
-from barbalat.cases.load import bundled, parse_case
-from barbalat.cases.toml_size import MOST_NESTED, TomlSize
+from barbalat.cases.load import MOST_NESTED, TomlSize, bundled, parse_case
+from barbalat.studies import Budget
 
 TEXTS = {
     "a = 1": (1, 1 + 1 + 1),
@@ -61,7 +61,7 @@ def test_the_count_is_linear():
 
 
 def load_tokens(text: str):
-    from barbalat.cases.toml_size import TOKEN
+    from barbalat.cases.load import TOKEN
 
     return TOKEN.finditer(text)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from barbalat.cases.load import parse_case
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 
 EVERYTHING = """
 name = "everything"

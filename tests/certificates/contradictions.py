@@ -9,15 +9,15 @@ from mixtures import SIMULATION
 
 from adaptation.examples import example_of
 from barbalat import KnownParameters
-from barbalat.certificates.bounds.slopes import steepest_seen
+from barbalat.certificates.bounds.formulas import steepest_seen
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
-from barbalat.controllers.robust_mrac_state import OnParametricModel
+from barbalat.controllers.parametric_model import OnParametricModel
 from barbalat.problem.known_set import Gain
 from barbalat.roles import THETA
-from barbalat.run.result import Result
+from barbalat.run.results.result import Result
 
 OF_THE_LOOP = ("stability", "tracking", "transient")
 """The rows of Table 1 of which nothing may stand beside a delay or a limit."""

@@ -8,40 +8,34 @@ from dataclasses import replace
 import numpy as np
 
 from barbalat import (
-    Constant,
     InputError,
     L1Adaptive,
     LinearFeedback,
     Mrac,
     NormalizedMrac,
-    ParameterBall,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     RobustMrac,
     Sampled,
     Simulation,
-    Sine,
     TransferFunction,
     input_filter,
 )
 from barbalat.adaptation import laws
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.learning import CompositeLearning
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.modifications import DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.controllers import Adrc, DirectMrac, KnownParameters, MitRule, MracClosedLoop, NetworkMrac
 from barbalat.controllers.windup import ModifiedError
 from barbalat.loop.binding import bound
+from barbalat.plants import ParameterBall, PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.regressors import GaussianRBF, Polynomial, Terms
 from barbalat.problem.tracking import Disturbance, TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.signals import Sines, Square, Step
+from barbalat.signals import Constant, Sine, Sines, Square, Step
 
 SIMULATION = Simulation(t_end=24.0, dt=2e-3)
 """Some ten time constants of the models; the gains are drawn so that RK4 resolves the laws at this step."""

@@ -7,17 +7,13 @@ from collections.abc import Callable
 import numpy as np
 from mixtures import TF, command, disturbed, fitting, leakage, normalization, parametric_law, some_features
 
-from barbalat import (
-    Constant,
-    Sine,
-)
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.lyapunov import LyapunovLaw
+from barbalat.adaptation.modifications import DeadZone
 from barbalat.controllers.output import L1Output, L1OutputPiecewiseConstant, LinearOutput, MracOutput
 from barbalat.controllers.output.l1 import linear_equivalent
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.protocols import Controller
+from barbalat.signals import Constant, Sine
 
 
 def output_feedback(random: np.random.Generator) -> OutputProblem:

@@ -2,8 +2,7 @@
 
 from barbalat.controllers.output.l1 import L1Output
 from barbalat.linear.systems import TransferFunction
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 

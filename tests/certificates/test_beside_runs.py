@@ -7,7 +7,6 @@ from barbalat import (
     KnownParameters,
     LinearFeedback,
     LinearOutput,
-    LyapunovLaw,
     MracClosedLoop,
     MracOutput,
     OutputPlant,
@@ -17,13 +16,14 @@ from barbalat import (
     Plant,
     Problem,
     ReferenceModel,
-    Sine,
-    Terms,
     TransferFunction,
     simulate,
 )
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
+from barbalat.laws import LyapunovLaw
+from barbalat.regressors import Terms
+from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 
 COARSE, FINE = Simulation(t_end=2.0, dt=0.02), Simulation(t_end=2.0, dt=1e-7)

@@ -8,14 +8,11 @@ import numpy as np
 import pytest
 
 from barbalat import (
-    CompositeLearning,
-    Constant,
     InputError,
     L1Adaptive,
     Mrac,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     Sampled,
@@ -26,12 +23,14 @@ from barbalat import (
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops import over_known_set
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
-from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
+from barbalat.certificates.linear_loops.ideal import around_equilibrium, fast_adaptation, known_parameters
 from barbalat.cli import main
-from barbalat.linear.interconnections import series
+from barbalat.laws import CompositeLearning
 from barbalat.linear.margins import margins
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.linear.systems import series
+from barbalat.papers.jafari_2013.section_v import variant
+from barbalat.plants import PlantInput
+from barbalat.signals import Constant
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

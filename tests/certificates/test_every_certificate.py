@@ -13,7 +13,6 @@ from barbalat import (
     OutputReferenceModel,
     Problem,
     Sampled,
-    Sine,
     TransferFunction,
     simulate,
 )
@@ -23,6 +22,7 @@ from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.loop.binding import bound
 from barbalat.problem.regressors import Terms
+from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 from independent import example_controllers, example_output_controllers

@@ -10,8 +10,6 @@ from contradictions import OF_THE_LOOP, claims_where_nothing_holds, judged, runs
 from mixtures import SIMULATION, TF
 
 from barbalat import (
-    Constant,
-    Gradient,
     L1Adaptive,
     LinearFeedback,
     Mrac,
@@ -22,23 +20,20 @@ from barbalat import (
     ReferenceModel,
     RobustMrac,
     Sampled,
-    Sine,
     input_filter,
     simulate,
 )
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.law import Normalization
+from barbalat.adaptation.modifications import DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify_where_possible
-from barbalat.certificates.table_1 import table_1
 from barbalat.controllers import MracClosedLoop
 from barbalat.controllers.output import LinearOutput, MracOutput
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.laws import Gradient
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.problem.regressors import Terms
-from barbalat.signals import Clock, Step
+from barbalat.signals import Constant, Sine, Step
+from barbalat.signals.smooth import Clock
 from barbalat.solvers.simulation import Simulation
 
 UNSTABLE = Problem(

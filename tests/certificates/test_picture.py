@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from barbalat import Certificate, TransferFunction, certify, load_case, margins
+from barbalat import TransferFunction, certify, load_case
 from barbalat.certificates.picture import MarginLoop, Marked, figure_of
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
+from barbalat.results import Certificate
+from barbalat.systems import margins
 from independent import refusal
 
 

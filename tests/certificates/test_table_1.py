@@ -10,30 +10,28 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from barbalat import (
-    Constant,
-    Gradient,
     L1Adaptive,
-    LeastSquares,
     LinearFeedback,
     Mrac,
     NormalizedMrac,
-    PlantInput,
     RobustMrac,
     Sampled,
     Simulation,
     TransferFunction,
     input_filter,
 )
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.law import Normalization
+from barbalat.adaptation.modifications import FixedSigma, SwitchingSigma
 from barbalat.cases.bundled import bundled
 from barbalat.cases.load import load_case
+from barbalat.certificates.certificates import PROPERTIES, table_1
 from barbalat.certificates.certify import certify_where_possible
-from barbalat.certificates.rounding import down, up
-from barbalat.certificates.table_1 import PROPERTIES, table_1
+from barbalat.certificates.rows import down, up
 from barbalat.cli import main
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.laws import Gradient, LeastSquares
+from barbalat.papers.jafari_2013.section_v import variant
+from barbalat.plants import PlantInput
+from barbalat.signals import Constant
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-4)
 DYNAMIC = Normalization(alpha_0=1.0)

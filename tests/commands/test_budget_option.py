@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from barbalat import budget, cli
-from barbalat.cli import WORKING, main
+from barbalat.cli import main
 
 
 @pytest.fixture(autouse=True)
@@ -14,9 +14,12 @@ def elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+WORKING = {"reproduce", "run", "certify", "sweep", "tune", "contest", "tradeoff", "explore", "export", "fly"}
+
+
 def test_every_command_that_works_takes_it():
     commands = next(action for action in cli._parser()._actions if action.choices).choices
-    assert {name for name, parser in commands.items() if "--budget" in parser._option_string_actions} == set(WORKING)
+    assert {name for name, parser in commands.items() if "--budget" in parser._option_string_actions} == WORKING
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from barbalat.commands.options import whole
 from barbalat.export.write import export_controller
 from barbalat.papers.jafari_2013.paper import PAPER as JAFARI
 from barbalat.papers.paper import papers
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.validate import InputError
 
 PAPER = bundled()["paper"].read_text()
@@ -92,7 +92,8 @@ def test_run_writes_everything(case_file, tmp_path, capsys):
     assert "://" not in page
     header, first = (out / "2-l1.csv").read_text().splitlines()[:2]
     assert header == "t,x_1,x_2,x_m_1,x_m_2,e_1,e_2,theta_hat_1,theta_hat_2,u,r,x_hat_1,x_hat_2,filter_1"
-    assert [float(x) for x in first.split(",")] == [0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0]
+    predictor, filtered = [1, 1], [0]  # the predictor starts at x0, the filter at rest
+    assert [float(x) for x in first.split(",")] == [0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, *predictor, *filtered]
     assert "written to" in capsys.readouterr().out
     assert all(math.isfinite(x) for x in numbers(json.loads((out / "run.json").read_text())))
 

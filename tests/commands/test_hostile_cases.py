@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from barbalat.cases.load import load_case
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify, certify_where_possible
 from barbalat.certificates.schemes import l1, mrac
-from barbalat.certificates.table_1 import table_1
 from barbalat.cli import main
 
 HOSTILE = sorted((Path(__file__).parents[1] / "cases" / "hostile").glob("*.toml"))
@@ -105,12 +105,11 @@ def test_a_certificate_that_fails_loses_no_run(error, tmp_path, monkeypatch, cap
 
 
 def test_the_simulation_is_written_before_anything_is_certified(tmp_path, monkeypatch):
-    from barbalat.certificates import overview
 
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(overview, "certify_where_possible", interrupted)
+    monkeypatch.setattr("barbalat.certificates.certify.certify_where_possible", interrupted)
     out = tmp_path / "out"
     assert main(["run", str(HOSTILE[0].parent / "name-markup.toml"), "--out", str(out)]) == 130
     assert {path.name for path in out.iterdir()} == {

@@ -11,7 +11,7 @@ import pytest
 
 from barbalat.__main__ import main as start
 from barbalat.commands.interrupt import RETRY_PERIOD, Terminated, interruptible
-from barbalat.run.processes import deaf_children, undisturbed
+from barbalat.processes import deaf_children, undisturbed
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no timers of signals")
 

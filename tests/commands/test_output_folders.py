@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from barbalat.cases.bundled import bundled
-from barbalat.certificates import overview
 from barbalat.cli import main
 
 CASE = bundled()["paper"].read_text().replace("t_end = 60.0", "t_end = 0.5").replace("dt = 1e-4", "dt = 1e-3")
@@ -132,7 +131,7 @@ def test_new_says_why_a_folder_cannot_be_used(file, reason, tmp_path, capsys):
 
 
 def test_what_stayed_empty_goes_again(tmp_path, case_file, monkeypatch):
-    from barbalat.run import simulate
+    from barbalat.run.engine import simulate
 
     def interrupted(*_, **__):
         raise KeyboardInterrupt
@@ -159,7 +158,7 @@ def test_an_interrupt_after_the_runs_says_what_is_kept(tmp_path, case_file, monk
         raise KeyboardInterrupt
 
     folder = tmp_path / "out"
-    monkeypatch.setattr(overview, "certified_case", interrupted)
+    monkeypatch.setattr("barbalat.certificates.certify.certified_case", interrupted)
     assert main(["run", str(case_file), "--out", str(folder)]) == 130
     said = capsys.readouterr().err
     assert f"the figures and trajectories are kept in {folder}, without a page" in said and said.endswith("interrupted\n")

@@ -13,7 +13,7 @@ import pytest
 from barbalat.cases.load import load_case
 from barbalat.cli import main
 from barbalat.controllers import Mrac, Sampled
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from independent import refusal
 
 LAWS = (Path(__file__).parents[1] / "foreign.py").read_text().partition("def wrong(")[0]

@@ -15,7 +15,7 @@ from barbalat.cases import user_controllers
 from barbalat.cases.load import load_case, parse_case
 from barbalat.cli import main
 from barbalat.explorer.explorer import explore
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 
 LAWS = (Path(__file__).parents[1] / "foreign.py").read_text().partition("def wrong(")[0]
 CASE = """

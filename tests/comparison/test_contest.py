@@ -7,29 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from barbalat import (
-    Adrc,
-    Constant,
-    Entrant,
-    InputError,
-    KnownParameters,
-    Mrac,
-    ParameterBox,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    Rule,
-    Simulation,
-    Sine,
-    Square,
-    TuningGrid,
-    compete,
-    simulate,
-)
+from barbalat import Adrc, InputError, KnownParameters, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation, simulate
 from barbalat.comparison.contest.entrant import entrants_of, start_of
 from barbalat.comparison.contest.result import paired
 from barbalat.comparison.contest.validation import Paced, Validation
+from barbalat.interfaces import TuningGrid
+from barbalat.plants import PlantInput
+from barbalat.signals import Constant, Sine, Square
+from barbalat.studies import Entrant, Rule, compete
 from foreign import Plain, PlainEquations, PlainState
 from independent import refusal
 

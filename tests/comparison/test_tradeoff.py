@@ -19,17 +19,16 @@ from barbalat.comparison.tradeoff import forecast
 from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff, pareto_front, plants_of, trade_off
 from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.tuning_grid import TuningGrid
+from barbalat.folders import Folder
 from barbalat.loop.binding import bound
 from barbalat.pictures.labels import LabelPlaces
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import Known, ParameterBox, Problem
 from barbalat.report import documents, tradeoff, write
-from barbalat.report.files import Folder
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
@@ -116,9 +115,13 @@ def test_oscillator_of_two_inputs_is_that_of_each_where_they_are_apart():
     """Two equal plants side by side have the modes of one, twice: the square of its characteristic polynomial."""
     A_m, b = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([0.0, 1.0])
     zero = np.zeros((2, 2))
-    one = Known(A_m=A_m, b=b, k_0=1.0, x0=np.zeros(2), box=None)
+    one = Known(A_m=A_m, b=b, k_0=1.0, x0=np.zeros(2), estimate_set=None)
     two = Known(
-        A_m=np.block([[A_m, zero], [zero, A_m]]), b=np.kron(np.eye(2), b[:, None]), k_0=np.eye(2), x0=np.zeros(4), box=None
+        A_m=np.block([[A_m, zero], [zero, A_m]]),
+        b=np.kron(np.eye(2), b[:, None]),
+        k_0=np.eye(2),
+        x0=np.zeros(4),
+        estimate_set=None,
     )
     single, double = (Oscillator(known, RK4, np.zeros(0)) for known in (one, two))
     assert double.bPb == pytest.approx(single.bPb, rel=1e-12)

@@ -7,29 +7,16 @@ import json
 import numpy as np
 import pytest
 
-from barbalat import (
-    Budget,
-    L1PiecewiseConstant,
-    Mrac,
-    Simulation,
-    certify,
-    delay_margins,
-    input_filter,
-    load_case,
-    simulate,
-    sweep,
-    trade_off,
-    tune,
-)
+from barbalat import L1PiecewiseConstant, Mrac, Simulation, certify, input_filter, load_case, simulate
 from barbalat.cases.load import CaseText, parse_case
 from barbalat.cli import main
-from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.aim import Aim, Trial
 from barbalat.comparison.search.quantity import TunedQuantity
 from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, search
-from barbalat.comparison.search.trial import Trial
 from barbalat.comparison.tune.tune import Tuner
+from barbalat.studies import Budget, delay_margins, sweep, trade_off, tune
+from barbalat.study.criteria import ReferenceMotion
 from barbalat.study.ideal_benchmark import known_width
-from barbalat.study.reference_motion import ReferenceMotion
 from independent import refusal
 
 DRIVE = """

@@ -11,21 +11,22 @@ import numpy as np
 import pytest
 
 import foreign_estimates
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
 from barbalat.cli import main
 from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Sampled
 from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.explorer.explorer import explore
-from barbalat.export.write import files, units
+from barbalat.export.c99.files import files
+from barbalat.export.fmu.archive import units
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.regressors import Polynomial
 from barbalat.roles import Role
-from barbalat.run.check_numerics import check_numerics
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.estimates import estimates_of
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.check_numerics import check_numerics
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.estimates import estimates_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import delay_margins
 from foreign_estimates import CONTROLLERS, HighOrder, Predicting, Sliding, Weighing

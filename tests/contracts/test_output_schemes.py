@@ -13,11 +13,10 @@ from barbalat.controllers import Mrac, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES, L1OutputPiecewiseConstant, LinearOutput
 from barbalat.linear.systems import TransferFunction
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.protocols import Controller, SampledEquations
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine
 from barbalat.solvers import SOLVERS
 from barbalat.solvers.simulation import Simulation

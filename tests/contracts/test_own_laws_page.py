@@ -9,8 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from barbalat import Mrac, Polynomial, Role, Simulation, check_controller, simulate
+from barbalat import Mrac, Simulation, simulate
 from barbalat.cases import user_controllers
+from barbalat.interfaces import Role, check_controller
+from barbalat.regressors import Polynomial
 from barbalat.roles import column_names, main_estimates, state_parts
 from barbalat.testing import check, problem_kinds
 from independent import refusal

@@ -77,9 +77,24 @@ PUBLIC = {kind.__name__: kind for registry in REGISTRIES for kind in registry.va
 PUBLIC |= {name.upper(): tableau for name, tableau in SOLVERS.items()}
 
 
-def test_everything_registered_is_a_public_name():
-    lacking = [name for name, kind in PUBLIC.items() if getattr(barbalat, name, None) is not kind]
-    assert not lacking, "add them to src/barbalat/__init__.pyi"
+HOMES = {
+    "controllers": (barbalat, [*SCHEMES.values(), *OUTPUT_SCHEMES.values()]),
+    "laws": (barbalat.laws, OUTPUT_LAWS.values()),
+    "signals": (barbalat.signals, SIGNALS.values()),
+    "regressors": (barbalat.regressors, REGRESSORS.values()),
+}
+"""The public modules, with what is registered that they offer."""
+
+
+@pytest.mark.parametrize("registry", HOMES)
+def test_everything_registered_is_a_public_name(registry):
+    home, registered = HOMES[registry]
+    lacking = [kind.__name__ for kind in registered if getattr(home, kind.__name__, None) is not kind]
+    assert not lacking, f"add them to the stub of {home.__name__}"
+
+
+def test_every_solver_is_a_public_name():
+    assert not [name for name, tableau in SOLVERS.items() if getattr(barbalat.solvers, name.upper(), None) is not tableau]
 
 
 @pytest.mark.parametrize("name", [name for name, kind in PUBLIC.items() if isinstance(kind, type)])
@@ -94,7 +109,7 @@ def test_a_misspelt_keyword_is_told_with_the_one_that_is_meant(name):
 
 @pytest.mark.parametrize("name", [*(name for name, kind in PUBLIC.items() if isinstance(kind, type)), "Problem", "OutputProblem"])
 def test_a_value_too_many_by_position_is_told_which_are_keywords(name):
-    kind = getattr(barbalat, name)
+    kind = PUBLIC.get(name) or getattr(barbalat, name)
     places = [one.name for one in fields(kind) if one.init and not one.kw_only]
     said = ", ".join(places) or "nothing"
     with pytest.raises(TypeError, match=f"^{name} takes {said} without a keyword, got {len(places) + 1} value"):
@@ -104,12 +119,12 @@ def test_a_value_too_many_by_position_is_told_which_are_keywords(name):
 @pytest.mark.parametrize(
     ("made", "same"),
     [
-        (lambda: barbalat.RobustMrac(0.5, barbalat.LeastSquares(500.0)), {"tau": 0.5}),
+        (lambda: barbalat.RobustMrac(0.5, barbalat.laws.LeastSquares(500.0)), {"tau": 0.5}),
         (lambda: barbalat.KnownParameters([1.0, 2.0]), {"theta": [1.0, 2.0]}),
-        (lambda: barbalat.Noise(0.1, 0.01), {"std": [0.1], "sample_time": 0.01}),
-        (lambda: barbalat.SwitchingSigma(0.2, 5.0), {"sigma": 0.2, "M_0": 5.0}),
-        (lambda: barbalat.LeastSquaresBounded(9.0, forgetting=1.0, covariance_bound=99.0), {"covariance0": 9.0}),
-        (lambda: barbalat.Polynomial(3), {"degree": 3}),
+        (lambda: barbalat.plants.Noise(0.1, 0.01), {"std": [0.1], "sample_time": 0.01}),
+        (lambda: barbalat.laws.SwitchingSigma(0.2, 5.0), {"sigma": 0.2, "M_0": 5.0}),
+        (lambda: barbalat.laws.LeastSquaresBounded(9.0, forgetting=1.0, covariance_bound=99.0), {"covariance0": 9.0}),
+        (lambda: barbalat.regressors.Polynomial(3), {"degree": 3}),
     ],
 )
 def test_what_a_class_is_about_stands_first(made, same):
@@ -118,7 +133,7 @@ def test_what_a_class_is_about_stands_first(made, same):
 
 def test_what_is_lacking_is_named_with_the_whole_call():
     with pytest.raises(TypeError, match=r"^Square needs frequency too: Square\(amplitude, frequency, phase, constant\)$"):
-        barbalat.Square(1)
+        barbalat.signals.Square(1)
     with pytest.raises(TypeError, match=r"^RobustMrac needs law too: RobustMrac\(tau, law, c_0=\.\.\."):
         barbalat.RobustMrac(0.1)
 

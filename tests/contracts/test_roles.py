@@ -5,20 +5,23 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import strangers
-from barbalat import Role, Sampled, simulate
+from barbalat import Sampled, simulate
 from barbalat.certificates.certify import certify
 from barbalat.cli import main
 from barbalat.comparison.contest.entrant import initial_estimates
-from barbalat.export.write import files, units
+from barbalat.export.c99.files import files
+from barbalat.export.fmu.archive import units
+from barbalat.interfaces import Role
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import ParameterBox
-from barbalat.roles import column_names, state_parts
-from barbalat.run.estimates import estimates_of
+from barbalat.roles import column_names, roles_of, state_parts, within
+from barbalat.run.results.estimates import estimates_of
 from barbalat.solvers.simulation import Simulation
 from foreign import wrong
 from independent import refusal
@@ -159,13 +162,24 @@ def test_contests_start_where_the_first_layer_does(linear):
     ("roles", "words"),
     [
         ({"theta": Role.estimates()}, "names 'theta', which PlainState has not; it has theta_hat"),
-        ({"theta_hat": "estimates"}, "a mapping from the names of fields to roles"),
+        ({"theta_hat": "estimate"}, "a mapping from the names of fields to roles"),
         ({"theta_hat": Role.estimates("W", names=("W_1",))}, "a tuple of 2 texts"),
         (["theta_hat"], "a mapping from the names of fields to roles"),
     ],
 )
 def test_roles_that_do_not_fit_are_refused(linear, roles, words):
     assert words in refusal(lambda: simulate(linear, [wrong(roles=roles)], SIMULATION))
+
+
+def test_a_role_is_taken_by_its_kind():
+    """Whatever declares it: equations, or a law with a memory of its own."""
+    kinds = {"theta_hat": "estimates", "memory": "memory", "z": "predictor", "f": "filter", "g": "other"}
+    roles = {path: getattr(Role, kind)() for path, kind in kinds.items()}
+    by_name, by_role = (SimpleNamespace(roles=found) for found in (kinds, roles))
+    for found in (roles_of, lambda one: within("law", one)):
+        assert {path: vars(role) for path, role in found(by_name).items()} == {
+            p: vars(role) for p, role in found(by_role).items()
+        }
 
 
 def test_every_command_takes_them(told):

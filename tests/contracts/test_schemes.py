@@ -13,7 +13,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
 from barbalat.protocols import Controller
 from barbalat.roles import THETA, Estimating, roles_of
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine
 from barbalat.solvers import SOLVERS
 from barbalat.solvers.simulation import Simulation
@@ -169,10 +169,10 @@ def test_the_exact_jacobian_against_differences(example):
 @pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_projection_is_on_where_the_set_is_known_and_can_be_switched_off(adaptive):
     problem, controller = adaptive
-    assert controller.bind(problem.known).box is problem.uncertainty
+    assert controller.bind(problem.known).estimate_set is problem.uncertainty
     without = Problem(plant=problem.plant, reference=problem.reference)
-    assert controller.bind(without.known).box is None
-    assert with_setting(controller, projection=False).bind(problem.known).box is None
+    assert controller.bind(without.known).estimate_set is None
+    assert with_setting(controller, projection=False).bind(problem.known).estimate_set is None
     assert "uncertainty" in refusal(lambda: with_setting(controller, projection=True).bind(without.known))
 
 

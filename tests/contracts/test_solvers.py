@@ -9,7 +9,7 @@ from barbalat.controllers import L1Adaptive
 from barbalat.linear.systems import input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import ParameterBox, Problem
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers import SOLVERS
 from barbalat.solvers.simulation import Simulation
 from independent import brute_force

@@ -10,14 +10,14 @@ import pytest
 from adaptation.examples import LAW_EXAMPLES
 from barbalat.adaptation.laws import LAWS, Gradient
 from barbalat.certificates.bounds.laws import guarantee_of, kept_from_zero
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
 from barbalat.comparison.tradeoff.tradeoff import trade_off
 from barbalat.controllers import Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.tuning_grid import TuningGrid
-from barbalat.run.check_numerics import check_numerics
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.check_numerics import check_numerics
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import delay_margins
 from foreign import Bare, Plain, Proportional

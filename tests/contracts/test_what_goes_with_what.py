@@ -15,29 +15,12 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from barbalat import (
-    CompositeLearning,
-    DeadZone,
-    Disturbance,
-    EpsilonModification,
-    FixedSigma,
-    KnownParameters,
-    Mrac,
-    Noise,
-    Normalization,
-    PlantInput,
-    Sampled,
-    Sensor,
-    Simulation,
-    Sine,
-    SwitchingSigma,
-    TransferFunction,
-)
+from barbalat import KnownParameters, Mrac, Sampled, Simulation, TransferFunction
 from barbalat.cases.build import Case, made
 from barbalat.cases.keys import Context
 from barbalat.cases.schema import json_schema, table_of
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
 from barbalat.comparison.contest.contest import posed
 from barbalat.comparison.contest.entrant import entrants_of
 from barbalat.comparison.tradeoff.tradeoff import trade_off
@@ -49,13 +32,16 @@ from barbalat.controllers.windup import ModifiedError
 from barbalat.explorer.commands import grids_of, is_computed, is_formula, points_of, smooth_module
 from barbalat.explorer.describe import Described
 from barbalat.explorer.source import ObjectSource
+from barbalat.export.c99.files import files
+from barbalat.export.fmu.archive import units
 from barbalat.export.parameters import Opened
 from barbalat.export.plant import PlantContents
-from barbalat.export.write import files, units
+from barbalat.laws import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, Normalization, SwitchingSigma
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.kernel_numbers import Family
-from barbalat.run.simulate import simulate
-from barbalat.signals import SIGNALS
+from barbalat.plants import Disturbance, Noise, PlantInput, Sensor
+from barbalat.run.engine.simulate import simulate
+from barbalat.signals import SIGNALS, Sine
 from barbalat.targets import (
     CONTEST,
     EXPORTED_LOOP,

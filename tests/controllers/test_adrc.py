@@ -7,22 +7,12 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from barbalat import (
-    Adrc,
-    Constant,
-    L1PiecewiseConstant,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    Sampled,
-    Step,
-    input_filter,
-    simulate,
-)
+from barbalat import Adrc, L1PiecewiseConstant, Plant, Problem, ReferenceModel, Sampled, input_filter, simulate
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.schemes.adrc import loop_at
-from barbalat.linear.interconnections import sensitivity
+from barbalat.linear.systems import sensitivity
+from barbalat.plants import PlantInput
+from barbalat.signals import Constant, Step
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

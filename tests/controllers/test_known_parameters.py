@@ -9,12 +9,12 @@ import pytest
 from scipy.signal import lsim, lti
 
 from barbalat import KnownParameters, certify
-from barbalat.certificates.table_1 import table_1
+from barbalat.certificates.certificates import table_1
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.regressors import Terms
 from barbalat.problem.state_feedback import Plant, Problem, ReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine, Step
 from barbalat.solvers.simulation import Simulation
 from independent import refusal, symbols_against_numbers

@@ -8,27 +8,22 @@ from scipy.linalg import expm
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from barbalat import (
-    AsFlown,
-    Constant,
-    Disturbance,
     L1Adaptive,
     L1PiecewiseConstant,
-    Noise,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     Sampled,
-    Sensor,
     Simulation,
-    Sine,
-    Step,
     TransferFunction,
     input_filter,
     simulate,
 )
 from barbalat.controllers.l1_piecewise import input_directions, realisation, started
+from barbalat.laws import AsFlown
+from barbalat.plants import Disturbance, Noise, PlantInput, Sensor
 from barbalat.protocols import Sample
+from barbalat.signals import Constant, Sine, Step
 from independent import EPS, refusal
 
 SECOND = TransferFunction([900.0], [1.0, 42.0, 900.0])

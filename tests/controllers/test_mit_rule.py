@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from barbalat import Constant, MitRule, Plant, PlantInput, Problem, ReferenceModel, Square, certify, load_case, simulate
+from barbalat import MitRule, Plant, Problem, ReferenceModel, certify, load_case, simulate
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.schemes.mit_rule import MARGIN
-from barbalat.certificates.table_1 import table_1
+from barbalat.plants import PlantInput
+from barbalat.signals import Constant, Square
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

@@ -10,7 +10,7 @@ from scipy import signal as scipy_signal
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from independent import integrate

@@ -7,21 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_lyapunov
 
-from barbalat import (
-    DirectMrac,
-    MitRule,
-    Mrac,
-    ParameterBall,
-    ParameterBox,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    Sines,
-    certify,
-    load_case,
-    simulate,
-)
+from barbalat import DirectMrac, MitRule, Mrac, ParameterBox, Plant, Problem, ReferenceModel, certify, load_case, simulate
+from barbalat.plants import ParameterBall, PlantInput
+from barbalat.signals import Sines
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
@@ -91,11 +79,11 @@ def test_the_sets_of_the_ideal_gains(problems, theta):
     rng = np.random.default_rng(1)
     points = np.concatenate([theta.drawn(rng, 500), theta.extreme_points(rng, 100)])
     for point, omega in zip(points, np.concatenate([rng.uniform(0.5, 4.0, 400), [0.5, 4.0] * 100]), strict=False):
-        assert equations.gains.box.contains(point / omega * (1 - 1e-12))
+        assert equations.gains.estimate_set.contains(point / omega * (1 - 1e-12))
         assert equations.gains.interval.contains(np.array([2.0 / omega]))
     given = replace(problem, plant=replace(plant, theta=10 * theta.middle))  # what makes the estimates run to the bounds
     (run,) = simulate(given, [DirectMrac(gamma=500.0)], Simulation(t_end=5.0, dt=1e-3)).values()
-    assert all(equations.gains.box.contains(point) for point in run.theta_hat)
+    assert all(equations.gains.estimate_set.contains(point) for point in run.theta_hat)
     assert (run.reported["k_r_hat"] >= 0.5).all() and (run.reported["k_r_hat"] <= 4.0).all()
 
 
@@ -179,10 +167,10 @@ def test_the_sets_of_several_inputs_hold_the_ideal_gains(ball):
     rng = np.random.default_rng(2)
     for point in np.concatenate([known.drawn(rng, 200), known.extreme_points(rng, 60)]):
         omega = np.array([rng.choice([0.2, 1.0, rng.uniform(0.2, 1.0)]), rng.choice([1.0, 4.0, rng.uniform(1.0, 4.0)])])
-        assert gains.box.contains((point.reshape(3, 2) / omega).reshape(-1) * (1 - 1e-12))
+        assert gains.estimate_set.contains((point.reshape(3, 2) / omega).reshape(-1) * (1 - 1e-12))
         assert gains.interval.contains((K_0_2 / omega[:, None]).reshape(-1))
     (run,) = simulate(problem, [DirectMrac(gamma=200.0)], Simulation(t_end=5.0, dt=1e-3)).values()
-    assert all(gains.box.contains(point) for point in run.theta_hat)
+    assert all(gains.estimate_set.contains(point) for point in run.theta_hat)
     assert all(gains.interval.contains(point) for point in run.reported["k_r_hat"])
 
 

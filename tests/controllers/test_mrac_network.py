@@ -7,12 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
-from barbalat import NetworkMrac, Plant, Problem, ReferenceModel, Sampled, Simulation, Square, Terms, simulate
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
+from barbalat import NetworkMrac, Plant, Problem, ReferenceModel, Sampled, Simulation, simulate
+from barbalat.adaptation.modifications import EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.controllers.mrac_network import initial_inner_weights
-from barbalat.signals import Sine
+from barbalat.regressors import Terms
+from barbalat.signals import Sine, Square
 from independent import refusal
 
 A_M, B, THETA = np.array([[0.0, 1.0], [-1.0, -1.4]]), np.array([0.0, 1.0]), np.array([0.5, 1.0, -0.4])

@@ -9,15 +9,15 @@ import pytest
 from scipy import linalg
 from scipy import signal as scipy_signal
 
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.laws import Gradient, LeastSquares
-from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import NormalizedMrac, RobustMrac
-from barbalat.controllers.robust_mrac_state import State
+from barbalat.controllers.parametric_model import State
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.papers.jafari_2013.printed_sign import PrintedSign
+from barbalat.papers.jafari_2013.section_v import PrintedSign
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine, Sines
 from barbalat.solvers.simulation import Simulation
 from independent import brute_force, integrate

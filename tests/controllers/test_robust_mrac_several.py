@@ -8,7 +8,21 @@ import numpy as np
 import pytest
 
 from barbalat import (
-    Constant,
+    NormalizedMrac,
+    ParameterBox,
+    Plant,
+    Problem,
+    ReferenceModel,
+    RobustMrac,
+    Sampled,
+    certify,
+    load_case,
+    simulate,
+)
+from barbalat.adaptation.law import Normalization
+from barbalat.certificates.certificates import table_1
+from barbalat.controllers import robust_mrac_several as several
+from barbalat.laws import (
     DeadZone,
     EpsilonModification,
     FixedSigma,
@@ -16,25 +30,11 @@ from barbalat import (
     IntegralCost,
     LeastSquares,
     LeastSquaresForgetting,
-    NormalizedMrac,
-    ParameterBall,
-    ParameterBox,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    RobustMrac,
-    Sampled,
-    Sines,
     SwitchingSigma,
-    certify,
-    load_case,
-    simulate,
 )
-from barbalat.adaptation.normalization import Normalization
-from barbalat.certificates.table_1 import table_1
-from barbalat.controllers import robust_mrac_several as several
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.plants import ParameterBall, PlantInput
+from barbalat.signals import Constant, Sines
 from barbalat.solvers.simulation import Simulation
 from independent import integrate, jacobian_against_differences, refusal, symbols_against_numbers
 
@@ -100,9 +100,9 @@ def test_with_one_input_it_is_the_scheme_for_one(problems):
         one = RobustMrac(tau=0.2, law=law, normalization=Normalization(alpha_0=0.5)).bind(problem.known)
         C_0 = one.c_0[None]
         same = several.Equations(
-            A_m=one.A_m, B=one.b[:, None], k_0=np.array([[one.k_0]]), uncertainty=problem.known.uncertainty, C_0=C_0,
+            A_m=one.A_m, B=one.b[:, None], k_0=np.array([[one.k_0]]), matched=problem.known.matched, C_0=C_0,
             Q=several.AuxiliaryFilter.of(C_0, one.A_m, one.b[:, None], 0.2), law=law, normalization=one.normalization,
-            theta_hat0=one.theta_hat0, x0=one.x0, box=None,
+            theta_hat0=one.theta_hat0, x0=one.x0, estimate_set=None,
         )  # fmt: skip
 
         class Matrix:
@@ -111,7 +111,7 @@ def test_with_one_input_it_is_the_scheme_for_one(problems):
             def phi(self, x):
                 return x[:, None]
 
-        same, one = replace(same, uncertainty=Matrix()), replace(one, box=None)
+        same, one = replace(same, matched=Matrix()), replace(one, estimate_set=None)
         state = one.initial()._replace(
             theta_hat=random.normal(size=3), xi=random.normal(size=3), Xi=random.normal(size=(3, 3)), n_d=np.array(0.7)
         )

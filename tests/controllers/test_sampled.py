@@ -9,25 +9,24 @@ import numpy as np
 import pytest
 from scipy.signal import bilinear, lfilter
 
-from barbalat import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.laws import Gradient, IntegralCost, LeastSquares, LeastSquaresBounded, LeastSquaresBoundedGain
-from barbalat.adaptation.normalization import Normalization
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.lyapunov import LyapunovLaw
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac, NormalizedMrac, RobustMrac, Sampled
 from barbalat.controllers.output.l1 import L1Output
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.controllers.windup import ModifiedError
+from barbalat.laws import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.protocols import Sample
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.noise import standard_normal
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.kernel.portable import standard_normal
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

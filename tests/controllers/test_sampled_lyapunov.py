@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import CompositeLearning, EpsilonModification, FixedSigma, ParameterBall, ParameterBox, SwitchingSigma
+from barbalat import ParameterBox
 from barbalat.controllers import L1Adaptive
-from barbalat.controllers.l1_sampled import Predictor
-from barbalat.controllers.output.l1 import L1Output
-from barbalat.controllers.output.l1_sampled import OutputPredictor
+from barbalat.controllers.l1 import Predictor
+from barbalat.controllers.output.l1 import L1Output, OutputPredictor
+from barbalat.laws import CompositeLearning, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.problem.regressors import Linear, Uncertainty
+from barbalat.plants import ParameterBall
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.problem.regressors import Linear, MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample
 from barbalat.signals import Sine
@@ -27,8 +27,8 @@ def random_known(random, n, m=1, *, gain_unknown=False, box=None):
         A_m = random.normal(size=(n, n)) * 10 ** random.uniform(-1, 1)
         A_m -= (max(np.linalg.eigvals(A_m).real.max(), 0) + 10 ** random.uniform(-1, 1)) * np.eye(n)
         b = random.normal(size=n) if m == 1 else random.normal(size=(n, m))
-        known = Known(A_m=A_m, b=b, k_0=1.0 if m == 1 else np.eye(m), x0=np.zeros(n), box=box,
-                      uncertainty=Uncertainty(Linear(), m, gain_unknown))  # fmt: skip
+        known = Known(A_m=A_m, b=b, k_0=1.0 if m == 1 else np.eye(m), x0=np.zeros(n), estimate_set=box,
+                      matched=MatchedTerm(Linear(), m, gain_unknown))  # fmt: skip
         if np.linalg.cond(known.P) < 1e6:
             return known
 
@@ -65,7 +65,7 @@ def test_closed_form_against_a_dense_solve(m):
         before, now = (Sample(random.normal(size=n), None, np.zeros(() if m == 1 else m)) for _ in range(2))
         u = random.normal(size=() if m == 1 else m)
         following = twin.advance(state, before, u, now)
-        phi = known.uncertainty.phi((before.x + now.x) / 2)
+        phi = known.matched.phi((before.x + now.x) / 2)
         x_hat, theta_hat = implicit_by_dense_solve(known, gamma, T, state.x_hat, state.theta_hat, before.x, now.x, phi, u)
         np.testing.assert_allclose(following.x_hat, x_hat, rtol=1e-9, atol=1e-9 * np.abs(x_hat).max())
         np.testing.assert_allclose(following.theta_hat, theta_hat, rtol=1e-9, atol=1e-9 * np.abs(theta_hat).max())
@@ -98,7 +98,7 @@ class Case:
         right = (np.eye(n) + self.T / 2 * A) @ self.x + self.T * (B @ (omega * np.atleast_1d(self.u)) + self.w)
         self.x_next = np.linalg.solve(np.eye(n) - self.T / 2 * A, right)
         self.P, self.stiffness = known.P, (1 + self.T * np.linalg.norm(A, 2)) ** 2
-        self.known = replace(known, box=box)
+        self.known = replace(known, estimate_set=box)
         self.settings = L1Adaptive(gamma=self.gamma, filter=C, theta_hat0=box.lower, **modifications)
         self.r = np.zeros(() if m == 1 else m)
 
@@ -112,7 +112,7 @@ class Case:
 
     def run(self, known_set, **state):
         """State before and after, and V of both."""
-        twin = Predictor.of(replace(self.settings.bind(self.known), box=known_set), self.T)
+        twin = Predictor.of(replace(self.settings.bind(self.known), estimate_set=known_set), self.T)
         before = twin.initial()._replace(theta_hat=self.inside(known_set), x_hat=self.x_hat, **state)
         after = twin.advance(before, Sample(self.x, None, self.r), self.u, Sample(self.x_next, None, self.r))
         return before, after, self.V(before, self.x), self.V(after, self.x_next)
@@ -175,7 +175,7 @@ def test_the_predictor_is_fed_with_the_estimate_inside_the_set(sample):
             case = Case(random, m)
             for known_set in (case.box, case.ball) if m == 1 else (case.box,):
                 before, after, _, _ = case.run(known_set)
-                phi = case.known.uncertainty.phi((case.x + case.x_next) / 2)
+                phi = case.known.matched.phi((case.x + case.x_next) / 2)
                 A_m, B = case.known.A_m, case.known.b.reshape(case.n, -1)
                 entering = B @ (np.atleast_1d(phi.T @ after.theta_hat) + np.atleast_1d(case.u))
                 start = before.x_hat + case.T * (entering - A_m @ (case.x_next - case.x) / 2)

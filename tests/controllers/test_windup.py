@@ -17,7 +17,7 @@ from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.loop.packing import flatten
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine, Square
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

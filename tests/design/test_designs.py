@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from barbalat.cases.load import load_case, parse_case
-from barbalat.certificates.linear_loops.robustness import robustness
+from barbalat.certificates.linear_loops.over_known_set import robustness
 from barbalat.certificates.schemes import linear_feedback
 from barbalat.controllers import LinearFeedback
 from barbalat.design import (
@@ -153,7 +153,7 @@ def test_the_loop_is_the_one_that_was_designed(section_v):
 def test_plants_that_are_no_linear_siso_ones_are_refused(case):
     """Several inputs, a nonlinear regressor, an unknown input gain: one sentence from the design already."""
     known = load_case(case).problem.known
-    plain = known.inputs == 1 and not known.uncertainty.gain_unknown and isinstance(known.uncertainty.regressor, Linear)
+    plain = known.inputs == 1 and not known.matched.gain_unknown and isinstance(known.matched.regressor, Linear)
     if plain:
         assert pi_feedback(known).bind(known).K.order == 1
     else:
@@ -168,7 +168,7 @@ def test_a_nominal_set_off_zero(section_v):
         b=known.b,
         k_0=known.k_0,
         x0=known.x0,
-        box=type(known.box)(lower=[3.0, -4.0], upper=[5.0, -2.0]),
+        estimate_set=type(known.estimate_set)(lower=[3.0, -4.0], upper=[5.0, -2.0]),
     )
     equations = pi_feedback(shifted, unmodelled_delay=0.02).bind(shifted)
     assert equations.theta_0.tolist() == [4.0, -3.0]
@@ -188,7 +188,7 @@ def test_hinf_bears_more_than_pi_for_the_same_delay(section_v):
     for make in (hinf_feedback, pi_feedback):
         given = make(known, unmodelled_delay=delay)
         loop = linear_feedback.loop_at(np.zeros(2), given.bind(known), known)
-        values = robustness(loop, known.box, given.unmodelled, findings)
+        values = robustness(loop, known.estimate_set, given.unmodelled, findings)
         assert values["mu_dynamics"] < 1
         scale[make] = values["parameter_scale"]
     assert not findings

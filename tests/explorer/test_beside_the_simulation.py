@@ -7,13 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from barbalat import Mrac, Simulation, explore, load_case, simulate
+from barbalat import Mrac, Simulation, load_case, simulate
 from barbalat.cases.load import CaseText
 from barbalat.explorer.commands import MOST_POINTS, is_computed, points_of
 from barbalat.explorer.describe import Described
 from barbalat.explorer.source import ObjectSource, TextSource
 from barbalat.open_numbers.path import FieldPath
 from barbalat.signals import Recorded, Sine, Square
+from barbalat.studies import explore
 from explorer.in_node import figures, needs_node
 from independent import refusal
 

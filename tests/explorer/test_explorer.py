@@ -10,19 +10,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import Mrac, Simulation, explore, load_case
+from barbalat import Mrac, Simulation, load_case
 from barbalat.cases.load import CaseText, bundled
 from barbalat.explorer.commands import Grid, smooth_module
-from barbalat.explorer.describe import Described
+from barbalat.explorer.describe import Described, outputs
 from barbalat.explorer.explorer import Explorer
-from barbalat.explorer.outputs import outputs
 from barbalat.explorer.source import TextSource, toml
 from barbalat.lowering.shape import ENTRY
 from barbalat.open_numbers.numbers import in_tables
 from barbalat.open_numbers.path import FieldPath
-from barbalat.run.grid import signal_table
-from barbalat.run.portable import run_times
+from barbalat.run.kernel.grid import signal_table
+from barbalat.run.kernel.portable import run_times
 from barbalat.signals import Constant, Sine, Sines, Square
+from barbalat.studies import explore
 from barbalat.validate import InputError, signal_values
 from lowering.test_c99 import same_bits
 

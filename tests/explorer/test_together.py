@@ -9,8 +9,8 @@ import pytest
 
 from barbalat.cases.load import CaseText
 from barbalat.explorer.describe import Described
+from barbalat.explorer.sliders import Outcome, Together
 from barbalat.explorer.source import TextSource
-from barbalat.explorer.together import Outcome, Together
 
 MOVED = {0: 2.0, 1: -3.0}
 """The values that are tried; none of the functions' numbers is moved where it is 0."""

@@ -8,9 +8,10 @@ import re
 import numpy as np
 import pytest
 
-from barbalat import simulate, sweep
+from barbalat import simulate
 from barbalat.cases.load import CaseText, parse_case
 from barbalat.explorer.worst_members import explored
+from barbalat.studies import sweep
 
 CASE = """
 name = "Two tanks"

@@ -10,30 +10,15 @@ import numpy as np
 
 from adaptation.examples import laws
 from barbalat import (
-    CompositeLearning,
-    DeadZone,
-    EpsilonModification,
-    FixedSigma,
-    Gradient,
-    LeastSquares,
-    LyapunovLaw,
-    Noise,
     OutputPlant,
     OutputProblem,
     OutputReferenceModel,
-    ParameterBall,
     ParameterBox,
     Plant,
-    PlantInput,
-    Polynomial,
     Problem,
     ReferenceModel,
     Sampled,
-    Sensor,
     Simulation,
-    Sine,
-    SwitchingSigma,
-    Terms,
     TransferFunction,
     input_filter,
 )
@@ -41,6 +26,19 @@ from barbalat.controllers import L1Adaptive, L1PiecewiseConstant, Mrac, Normaliz
 from barbalat.controllers.output import L1OutputPiecewiseConstant, LinearOutput, MracOutput
 from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.windup import ModifiedError
+from barbalat.laws import (
+    CompositeLearning,
+    DeadZone,
+    EpsilonModification,
+    FixedSigma,
+    Gradient,
+    LeastSquares,
+    LyapunovLaw,
+    SwitchingSigma,
+)
+from barbalat.plants import Noise, ParameterBall, PlantInput, Sensor
+from barbalat.regressors import Polynomial, Terms
+from barbalat.signals import Sine
 from barbalat.validate import InputError
 from independent import example_controllers, example_output_controllers
 

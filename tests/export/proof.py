@@ -9,8 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.lowering.operations import Program
 from export.targets import write

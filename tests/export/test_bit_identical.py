@@ -14,13 +14,12 @@ import pytest
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.export.contents import Contents
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.lowering.c99 import DOUBLE
-from barbalat.run.recording import recorded
-from barbalat.run.sampled_part import initial_acting
+from barbalat.run.engine.simulate import recorded
+from barbalat.run.kernel.sampled_controller import initial_acting
 from export.examples import LONG, OUTPUT, SIMULATION, STATE, sampled_examples, schemes_covered
 from export.targets import ISO, drive, needs, needs_gcc, same_bits, write
 

@@ -12,21 +12,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from barbalat import (
-    AsFlown,
-    Constant,
-    L1PiecewiseConstant,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    Simulation,
-    input_filter,
-    simulate,
-)
+from barbalat import L1PiecewiseConstant, Plant, Problem, ReferenceModel, Simulation, input_filter, simulate
 from barbalat.export.in_the_loop import simulate_export
+from barbalat.laws import AsFlown
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.sampled_part import initial_acting
+from barbalat.plants import PlantInput
+from barbalat.run.kernel.sampled_controller import initial_acting
+from barbalat.signals import Constant
 from export.engaged import Engaged
 from export.targets import needs_gcc
 

@@ -10,28 +10,27 @@ import numpy as np
 import pytest
 
 from barbalat import (
-    AsFlown,
-    Constant,
     L1Adaptive,
     L1PiecewiseConstant,
     Mrac,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     Sampled,
     Simulation,
-    Sine,
     input_filter,
 )
 from barbalat.cli import main
 from barbalat.export import exported_step
+from barbalat.export.c99.files import files
 from barbalat.export.compiler import require_compiler, shared_library
 from barbalat.export.exported_step import exported_c
-from barbalat.export.write import files
-from barbalat.run.recording import recorded
-from barbalat.run.stepwise import Agreement
+from barbalat.laws import AsFlown
+from barbalat.plants import PlantInput
+from barbalat.run.engine.simulate import recorded
+from barbalat.run.kernel.sampled_controller import Agreement
+from barbalat.signals import Constant, Sine
 from export.examples import SEVERAL
 from export.targets import needs_gcc
 from independent import refusal

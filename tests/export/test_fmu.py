@@ -14,10 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from barbalat import Labels, Mrac, PlantInput, Sampled, Simulation, Sine, Square, export_controller
+from barbalat import Mrac, Sampled, Simulation
 from barbalat.cli import main
+from barbalat.export.c99.files import files
+from barbalat.export.fmu.archive import units
 from barbalat.export.parameters import Opened
-from barbalat.export.write import files, units
+from barbalat.exports import export_controller
+from barbalat.plants import Labels, PlantInput
+from barbalat.signals import Sine, Square
 from export.examples import FREE, STATE, T, sampled_examples
 from export.slave import Slave
 from export.targets import ISO, STRICT, needs_gcc, write

@@ -10,30 +10,21 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from barbalat import (
-    L1PiecewiseConstant,
-    LinearOutput,
-    OutputProblem,
-    PlantInput,
-    Sampled,
-    TransferFunction,
-    input_filter,
-)
+from barbalat import L1PiecewiseConstant, LinearOutput, OutputProblem, Sampled, TransferFunction, input_filter
 from barbalat.cases.load import load_case
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.export.compiler import loaded
 from barbalat.export.contents import Contents
 from barbalat.export.exported_step import exported_c
-from barbalat.export.header import header
 from barbalat.export.selftest import selftest
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.lowering.c99 import DOUBLE
-from barbalat.run.recording import recorded
-from barbalat.run.sampled_part import initial_acting
-from barbalat.run.sampled_step import SampledList, SampledStep
+from barbalat.plants import PlantInput
+from barbalat.run.engine.simulate import recorded
+from barbalat.run.kernel.sampled_controller import SampledList, SampledStep, initial_acting
 from export.examples import OUTPUT, SEVERAL, SIMULATION, T
 from export.targets import ISO, drive, needs_gcc, run_selftest, same_bits, write
 from export.test_bit_identical import EXAMPLES, FEW, REPLAYED, SHORT

@@ -8,11 +8,10 @@ import subprocess
 
 import pytest
 
-from barbalat import Gradient, LeastSquares
 from barbalat.export.contents import Contents
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
+from barbalat.laws import Gradient, LeastSquares
 from barbalat.lowering.c99 import DOUBLE, FLOAT, Real
 from barbalat.lowering.operations import Operation, Program
 from export.examples import SIMULATION, sampled_examples

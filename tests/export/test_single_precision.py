@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import KnownParameters, Mrac, Sampled, Simulation, simulate, simulate_export
+from barbalat import KnownParameters, Mrac, Sampled, Simulation, simulate
 from barbalat.cli import main
 from barbalat.export.single_precision import VISIBLE_SHARE, precision_limit
+from barbalat.exports import simulate_export
 from export.examples import STATE, T
 from export.targets import needs_gcc
 from independent import refusal

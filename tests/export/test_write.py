@@ -8,10 +8,12 @@ from dataclasses import replace
 
 import pytest
 
-from barbalat import L1Adaptive, L1PiecewiseConstant, Mrac, PlantInput, Sampled, Simulation, export_controller, input_filter
+from barbalat import L1Adaptive, L1PiecewiseConstant, Mrac, Sampled, Simulation, input_filter
 from barbalat.cli import main
-from barbalat.export.names import distinct, identifier, prefix_of
-from barbalat.export.write import files
+from barbalat.export.c99.files import files
+from barbalat.export.layout import distinct, identifier, prefix_of
+from barbalat.exports import export_controller
+from barbalat.plants import PlantInput
 from export.examples import SIMULATION, STATE, T
 from export.targets import ISO, needs_gcc, run_selftest
 from independent import refusal

@@ -6,12 +6,11 @@ import re
 import subprocess
 from pathlib import Path
 
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.lowering.functions import FUNCTIONS
 from barbalat.lowering.operations import Operation
-from barbalat.run.sampled_part import COMMAND, FREEZE, MEASURED, STATE
+from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, STATE
 from export.llvm_terms import SIZES, Run
 from export.targets import ISO, write
 from export.terms import Terms

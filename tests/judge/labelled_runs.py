@@ -5,19 +5,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat import (
-    Chirp,
-    Constant,
-    Noise,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    Sensor,
-    Simulation,
-    Sine,
-    Square,
-)
+from barbalat import Plant, Problem, ReferenceModel, Simulation
+from barbalat.plants import Noise, PlantInput, Sensor
+from barbalat.signals import Chirp, Constant, Sine, Square
 
 
 class Nothing(NamedTuple):

@@ -22,7 +22,8 @@ from barbalat.judge.held import Held
 from barbalat.judge.settings import Judge
 from barbalat.judge.verdict import Class
 from barbalat.open_numbers.varied import VariedCase
-from barbalat.signals import Clock, Constant, Sine, Square, Step
+from barbalat.signals import Constant, Sine, Square, Step
+from barbalat.signals.smooth import Clock
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Design, Plan
 

@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 
-from barbalat import Mrac, Noise, ParameterBox, Plant, PlantInput, Problem, ReferenceModel, Sensor, Simulation, Square
+from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation
 from barbalat.judge.along import along
 from barbalat.judge.beside import Watched
 from barbalat.judge.memory import Memory, Sample
 from barbalat.judge.settings import Judge
-from barbalat.run.batch import Batch
-from barbalat.run.engine import run
-from barbalat.run.judging import kept_of, watched_in_runs
-from barbalat.run.simulate import simulate
+from barbalat.plants import Noise, PlantInput, Sensor
+from barbalat.run.engine.engine import Batch, run
+from barbalat.run.engine.judging import kept_of, watched_in_runs
+from barbalat.run.engine.simulate import simulate
+from barbalat.signals import Square
 
 
 def problem(**given) -> Problem:

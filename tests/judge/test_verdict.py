@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from labelled_runs import Gain, oscillator, relay_problem
 
-from barbalat import InputError, Judge, Labels, Simulation, simulate
+from barbalat import InputError, Judge, Simulation, simulate
 from barbalat.cases.load import CaseText, load_case, parse_case
 from barbalat.judge.settings import scale_of
 from barbalat.judge.verdict import Class, Cycle, Verdict
-from barbalat.run.settle import settle
+from barbalat.plants import Labels
+from barbalat.run.engine.settle import settle
 from barbalat.sweeps.sweep import sweep
 
 SECTION_V = """

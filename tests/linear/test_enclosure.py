@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from barbalat.linear.enclosure import Enclosure, float_above, float_below
 from barbalat.linear.l1_norms.decay import decay_certificate, eigenvalues, require_hurwitz, scaled
-from barbalat.linear.l1_norms.modal import _oscillation_integral, slow_oscillation
+from barbalat.linear.l1_norms.model import _oscillation_integral, slow_oscillation
 
 
 @given(top=st.integers(-(10**40), 10**40), bottom=st.integers(1, 10**40), exponent=st.integers(-900, 880))

@@ -6,8 +6,7 @@ import control
 import numpy as np
 import pytest
 
-from barbalat import (
-    Constant,
+from barbalat import (  # fmt: skip
     InputError,
     L1Adaptive,
     Mrac,
@@ -18,15 +17,14 @@ from barbalat import (
     Simulation,
     certify,
     input_filter,
-)  # fmt: skip
+)
 from barbalat.cases.load import load_case
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium, equilibrium
-from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.linear.delayed_peaks import delayed_peaks
-from barbalat.linear.interconnections import series
+from barbalat.certificates.linear_loops.ideal import around_equilibrium, equilibrium, fast_adaptation, known_parameters
 from barbalat.linear.margins import margins
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.peaks import delayed_peaks
+from barbalat.linear.systems import StateSpace, TransferFunction, series
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.signals import Constant  # fmt: skip
 
 
 def random_loops(count: int) -> list[StateSpace]:

@@ -8,10 +8,8 @@ from scipy.optimize import minimize_scalar
 
 from barbalat import InputError
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.linear.interconnections import sensitivity
-from barbalat.linear.mu import destabilising, mu_of_family
-from barbalat.linear.robust_stability import MatchedFamily, robust_stability
-from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
+from barbalat.linear.robust_stability import MatchedFamily, destabilising, mu_of_family, robust_stability
+from barbalat.linear.systems import StateSpace, TransferFunction, input_filter, sensitivity
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.state_feedback import Plant
 from independent import refusal

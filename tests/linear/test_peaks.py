@@ -4,9 +4,8 @@ import control
 import numpy as np
 import pytest
 
-from barbalat.linear.interconnections import complementary_sensitivity, sensitivity
 from barbalat.linear.peaks import PEAK_PRECISION, peak_gain
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.systems import StateSpace, TransferFunction, complementary_sensitivity, sensitivity
 from independent import refusal
 
 

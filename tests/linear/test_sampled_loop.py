@@ -7,8 +7,7 @@ import pytest
 from scipy.linalg import expm
 
 from barbalat.linear.margins import margins
-from barbalat.linear.sampled_loop import SampledLoop
-from barbalat.linear.sampled_margins import delay_margin, gain_margins
+from barbalat.linear.sampled_loop import SampledLoop, delay_margin, gain_margins
 from barbalat.linear.sampled_norms import SampledNorms
 from independent import refusal
 

@@ -9,26 +9,20 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 import pytest
 
-from barbalat import (
-    LinearFeedback,
-    Mrac,
-    Plant,
-    Problem,
-    Terms,
-    TransferFunction,
-    check_controller,
-    delay_margins,
-)
+from barbalat import LinearFeedback, Mrac, Plant, Problem, TransferFunction
 from barbalat.cases.bundled import bundled
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.controllers import RobustMrac, Sampled
+from barbalat.interfaces import check_controller
 from barbalat.loop import binding
 from barbalat.loop.binding import bound, is_sampled
 from barbalat.loop.structure import comes_from_outside
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.regressors import Terms
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
+from barbalat.studies import delay_margins
 from barbalat.validate import InputError
 from foreign import WRONG, Bare, Plain, PlainEquations, Proportional, wrong
 from independent import example_controllers, refusal

@@ -8,8 +8,10 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from barbalat import Constant, L1Adaptive, Plant, PlantInput, Problem, ReferenceModel, Sampled, TransferFunction
+from barbalat import L1Adaptive, Plant, Problem, ReferenceModel, Sampled, TransferFunction
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.plants import PlantInput
+from barbalat.signals import Constant
 
 COMMAND = 3.0
 

@@ -13,14 +13,16 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from barbalat import RK4, L1Adaptive, LeastSquares, ParameterBox, Plant, Problem, ReferenceModel, RobustMrac, input_filter
+from barbalat import L1Adaptive, ParameterBox, Plant, Problem, ReferenceModel, RobustMrac, input_filter
+from barbalat.laws import LeastSquares
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering import c99
 from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import Operation, Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import ENTRY, LoopShape
-from barbalat.run.step import step_program
+from barbalat.run.kernel.step import step_program
+from barbalat.solvers import RK4
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed")
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import pytest
 
-from barbalat import RK4, L1Adaptive, input_filter
+from barbalat import L1Adaptive, input_filter
 from barbalat.cases.load import load_case
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.operations import Operation, Program
 from barbalat.lowering.registers import few_waiting
-from barbalat.run.step import step_program
+from barbalat.run.kernel.step import step_program
+from barbalat.solvers import RK4
 
 CHAINS = 8
 

@@ -9,9 +9,8 @@ import pytest
 
 from barbalat import Sampled, Simulation, load_case, simulate
 from barbalat.lowering import c99
-from barbalat.run.batch import Batch
-from barbalat.run.engine import run
-from barbalat.run.grid import signal_table
+from barbalat.run.engine.engine import Batch, run
+from barbalat.run.kernel.grid import signal_table
 from independent import refusal
 from lowering.test_c99 import compile_c, needs_gcc, same_bits
 

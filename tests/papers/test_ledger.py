@@ -11,17 +11,15 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from barbalat.certificates.overview import Certified
-from barbalat.certificates.table_1 import Table1
+from barbalat.certificates.certificates import Table1
+from barbalat.certificates.certify import Certified
 from barbalat.cli import main
 from barbalat.papers import ledger
-from barbalat.papers.claim import Claim, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Measurement, Reading, of_readings, table, verdict
 from barbalat.papers.jafari_2013.figures import paper_figures
 from barbalat.papers.jafari_2013.linear import linear_design
 from barbalat.papers.jafari_2013.paper import PAPER
-from barbalat.papers.measurement import Measurement
 from barbalat.papers.paper import papers
-from barbalat.papers.wording import table
 from barbalat.report import page
 from barbalat.report.terminal.layout import Screen
 from barbalat.report.terminal.ledger import overview

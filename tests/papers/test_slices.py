@@ -1,24 +1,19 @@
 """A claim is one file in a subject's folder, a paper one folder that an entry point names: nothing else is edited."""
 
 import json
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
 import barbalat
 from barbalat.papers import paper as found
 from barbalat.papers.jafari_2013.paper import PAPER
+from copies import barbalat_says, package_in, with_entry_point
 
-ROOT = Path(barbalat.__file__).parent
 CLAIM = '''
 """A claim that is nothing but a file."""
 
 from barbalat.papers.claim import Claim
-from barbalat.papers.measurement import Measurement
+from barbalat.papers.claim import Measurement
 
 
 def measured() -> Claim:
@@ -39,27 +34,9 @@ PAPER = Paper(package=__package__, title="On Parity", introduction="The claims o
 '''
 
 
-def barbalat_says(*arguments: str, path: Path) -> str:
-    """What the program prints in a process of its own whose imports begin at this folder."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(path), *(part for part in sys.path if part)])}
-    command = [sys.executable, "-m", "barbalat", *arguments]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, cwd=path)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
-def with_entry_point(folder: Path, group: str, package: str) -> None:
-    """What an installer leaves of a distribution that declares it."""
-    made = folder / "others-1.0.dist-info"
-    made.mkdir()
-    (made / "METADATA").write_text("Metadata-Version: 2.1\nName: others\nVersion: 1.0\n")
-    (made / "entry_points.txt").write_text(f"[{group}]\nanything = {package}\n")
-
-
 def test_a_claim_is_one_file(tmp_path):
     """In a copy of the package, in its place: after the claims that are before it, before the others."""
-    shutil.copytree(ROOT, tmp_path / "barbalat", ignore=shutil.ignore_patterns("__pycache__"))
-    (tmp_path / "barbalat" / "papers" / "jafari_2013" / "tracking" / "parity.py").write_text(CLAIM)
+    (package_in(tmp_path) / "papers" / "jafari_2013" / "tracking" / "parity.py").write_text(CLAIM)
     names = [row["id"] for row in json.loads(barbalat_says("claims", "--json", path=tmp_path))["claims"]]
     expected = [name for part in PAPER.ledger for name in part.names]
     expected.insert(3, "two-is-even")

@@ -4,7 +4,7 @@ import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from barbalat.pictures.log_ticks import plain, power_of_ten, with_plain_powers
+from barbalat.pictures.render import plain, power_of_ten, with_plain_powers
 
 PLAIN = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 

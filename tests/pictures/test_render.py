@@ -10,8 +10,7 @@ from matplotlib import rc_context
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from barbalat.pictures.panel_drawing import draw
-from barbalat.pictures.panel_sizes import PAGE, PHONE, heading
+from barbalat.pictures.panel_drawing import PAGE, PHONE, draw, heading
 from barbalat.pictures.panels import Panel, Series, text_of
 from barbalat.pictures.render import on_dark, render
 from barbalat.pictures.symbols import in_symbols

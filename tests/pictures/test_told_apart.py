@@ -15,7 +15,7 @@ from barbalat.pictures.render import render
 from barbalat.pictures.shares import Shares
 from barbalat.pictures.shares import draw as draw_shares
 from barbalat.pictures.theme import COLOURS, ON_DARK, dash_of, mark_of
-from barbalat.vehicles.path_picture import figure_of
+from barbalat.vehicles.picture import paths_figure
 from barbalat.vehicles.scene import Mover, Scene
 
 SIGHTS = {
@@ -86,7 +86,7 @@ def test_paths_in_space_are_told_apart():
     attitude = np.broadcast_to(np.eye(3), (101, 3, 3))
     movers = tuple(Mover(label=f"scheme {k}", colour=k, path=path + 0.1 * k, attitude=attitude) for k in range(NINE))
     scene = Scene(title="Nine", unit="m", t=t, target=None, movers=movers, wire=(np.eye(3),), fails=0.0)
-    assert len(set(styles(figure_of(scene).legends[0].legend_handles))) == NINE
+    assert len(set(styles(paths_figure(scene).legends[0].legend_handles))) == NINE
 
 
 def test_distributions_of_many_schemes_are_drawn():

@@ -12,8 +12,8 @@ from barbalat.controllers import LinearFeedback, Mrac
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.tracking import Disturbance
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

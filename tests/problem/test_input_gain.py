@@ -14,7 +14,7 @@ from barbalat.controllers import Mrac, Sampled
 from barbalat.design import pi_feedback
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import Gain, ParameterBall, ParameterBox, limit, project, with_gains
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
@@ -74,7 +74,7 @@ def test_an_interval_for_each_input():
     run = simulate(apart, [Mrac(gamma=5.0)], Simulation(t_end=5.0, dt=1e-3))["MRAC"]
     assert run.theta_hat[0, -2:].tolist() == [0.8, 2.0]
     assert (run.envelope.theta_hat_min[:, -2:] >= [0.3, 2.0]).all() and (run.envelope.theta_hat_max[:, -2:] <= [0.8, 4.0]).all()
-    once, twice = (replace(problem, input_gain=given).known.box for given in ((0.5, 3.0), ((0.5, 3.0), (0.5, 3.0))))
+    once, twice = (replace(problem, input_gain=given).known.estimate_set for given in ((0.5, 3.0), ((0.5, 3.0), (0.5, 3.0))))
     np.testing.assert_array_equal(once.extent, twice.extent)
 
 

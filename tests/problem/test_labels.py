@@ -5,11 +5,13 @@ import re
 import numpy as np
 import pytest
 
-from barbalat import Labels, Mrac, Plant, Problem, ReferenceModel, Simulation, Step, load_case, simulate
+from barbalat import Mrac, Plant, Problem, ReferenceModel, Simulation, load_case, simulate
+from barbalat.plants import Labels
 from barbalat.report.page import figure_columns
 from barbalat.report.terminal import runs as terminal
 from barbalat.report.terminal.layout import Screen
-from barbalat.run.picture import panels
+from barbalat.run.results.picture import panels
+from barbalat.signals import Step
 from independent import refusal
 
 PLANT = Plant([[0, 1], [-4, -2]], [0, 1], [1, -1])

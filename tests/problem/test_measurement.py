@@ -11,9 +11,9 @@ from scipy.stats import kstest
 
 from barbalat.controllers import Mrac
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.noise import standard_normal
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.kernel.portable import standard_normal
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 

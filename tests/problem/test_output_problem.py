@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.lyapunov import LyapunovLaw
 from barbalat.cases.load import parse_case
 from barbalat.controllers import Sampled
 from barbalat.controllers.output.linear import LinearOutput
@@ -12,9 +12,8 @@ from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.measurement import Sensor
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

@@ -7,11 +7,11 @@ from functools import cache
 import numpy as np
 import pytest
 
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.laws import LeastSquares
-from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import L1Adaptive, Mrac, RobustMrac
 from barbalat.linear.systems import input_filter
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from barbalat.certificates.overview import Certified
-from barbalat.certificates.table_1 import Table1
+from barbalat.certificates.certificates import Table1
+from barbalat.certificates.certify import Certified
+from barbalat.folders import Folder
 from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Listing
 from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.pictures.render import render
-from barbalat.report import charts, page, write
-from barbalat.report.files import Folder
+from barbalat.report import maps, page, write
 from barbalat.validate import InputError
 
 
@@ -33,21 +33,21 @@ def crosses(figure) -> list[tuple[float, float]]:
 
 
 def test_only_what_ends_early_is_marked():
-    assert crosses(charts.draw(example())) == [(2.0, 5.0)]
-    assert crosses(charts.draw(example(curves=example().curves[:1]))) == []
-    (legend,) = charts.draw(example()).legends
+    assert crosses(maps.draw_chart(example())) == [(2.0, 5.0)]
+    assert crosses(maps.draw_chart(example(curves=example().curves[:1]))) == []
+    (legend,) = maps.draw_chart(example()).legends
     assert [text.get_text() for text in legend.get_texts()] == ["whole", "ends early", "level", "diverged beyond"]
 
 
 def test_many_curves_have_colours_of_their_own():
     curves = tuple(Curve(str(k), [1.0, 4.0], [1.0 + k, 2.0 + k]) for k in range(7))
-    lines = charts.draw(example(curves=curves, levels=())).axes[0].lines
+    lines = maps.draw_chart(example(curves=curves, levels=())).axes[0].lines
     assert len({line.get_color() for line in lines}) == 7
 
 
 def test_a_curve_that_is_lost_from_the_start_can_be_drawn():
     nothing = Curve("nothing", np.array([1.0]), np.array([1.0]))
-    assert render(charts.draw(example(curves=(nothing,))), "svg")
+    assert render(maps.draw_chart(example(curves=(nothing,))), "svg")
 
 
 def test_nonsense_is_refused():

@@ -8,7 +8,7 @@ from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
 from barbalat.linear.systems import TransferFunction
-from barbalat.problem.output_plant import OutputPlant
+from barbalat.problem.output_feedback import OutputPlant
 from barbalat.report import diagrams
 
 PLANT = OutputPlant(transfer_function=TransferFunction([458.0], [1.0, 31.0, 259.0, 229.0]), nonlinear="sin(y)")

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from barbalat.report.flights import facts
-from barbalat.run.stepwise import Agreement
+from barbalat.run.kernel.sampled_controller import Agreement
 
 EQUAL = Agreement(flights=2, samples=6000)
 WRONG = Agreement(flights=2, samples=6000, difference="x_hat[1] differs from sample 3 of a flight on")

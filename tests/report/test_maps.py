@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from barbalat.certificates.overview import Certified
-from barbalat.certificates.table_1 import Table1
+from barbalat.certificates.certificates import Table1
+from barbalat.certificates.certify import Certified
+from barbalat.folders import Folder
 from barbalat.papers.claim import ChartAxis, Claim, Curve, Map
 from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.pictures.render import render
 from barbalat.report import maps, page, write
-from barbalat.report.files import Folder
 from barbalat.validate import InputError
 
 

@@ -9,14 +9,14 @@ import pytest
 
 from barbalat import Mrac, Simulation, certify, simulate
 from barbalat.cases.load import load_case
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certificates import Table1
+from barbalat.certificates.certify import Certified
 from barbalat.certificates.picture import distinct
-from barbalat.certificates.table_1 import Table1
+from barbalat.folders import Folder
 from barbalat.report import page, write
 from barbalat.report.drawings import DrawnFile, ReportFigure
-from barbalat.report.files import Folder
-from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
+from barbalat.report.page import fits_a_phone
 from barbalat.report.sweep import in_symbols
 
 

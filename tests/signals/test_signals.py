@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import signal as scipy_signal
 
-from barbalat.run.grid import signal_table
+from barbalat.run.kernel.grid import signal_table
 from barbalat.signals import Chirp, Constant, Recorded, Sine, Sines, Square, Step, Steps
 from barbalat.solvers import EULER, HEUN, RK4
 from barbalat.solvers.simulation import Simulation

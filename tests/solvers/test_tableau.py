@@ -10,7 +10,7 @@ from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.systems import input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Plant, Problem
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Step, Steps
 from barbalat.solvers import EULER, HEUN, RK4, SOLVERS, Tableau
 from barbalat.solvers.simulation import Simulation

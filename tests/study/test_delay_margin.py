@@ -18,17 +18,14 @@ from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.modelling_error import DelayError, GainError
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import ParameterBox, Problem
-from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import NOISE_SENTENCE, Lost, Onset
-from barbalat.study.delay_margin import delay_margins_ensemble, margins_ensemble
-from barbalat.study.delay_search import gains_scanned
+from barbalat.study.criteria import NOISE_SENTENCE, Lost, Onset, ReferenceMotion
+from barbalat.study.delay_margin import delay_margins_ensemble, gains_scanned, margins_ensemble
 from barbalat.study.ideal_benchmark import Ideals, with_error
-from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.study.simulated_margins import with_simulated_margins
 from independent import refusal
 
@@ -178,7 +175,7 @@ def test_brackets_against_brute_force(section_v):
 
 
 def _motion(problem, simulation):
-    from barbalat.run.simulate import simulate
+    from barbalat.run.engine.simulate import simulate
 
     return float(np.abs(simulate(problem, [Mrac(gamma=1e-12)], replace(simulation, record_points=10**5))["MRAC"].x_m).max())
 

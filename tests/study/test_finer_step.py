@@ -11,10 +11,9 @@ from barbalat.certificates.certify import certify
 from barbalat.controllers import Adrc, L1Adaptive, Mrac
 from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import ParameterBox, Problem
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine, Square
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, EXAMINED_WITHOUT_ESTIMATES

@@ -13,8 +13,8 @@ from barbalat.controllers import KnownParameters, Mrac, RobustMrac
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.modelling_error import DelayError, ScaledError
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.tau_limit import Grown, TauStudy

@@ -5,18 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from barbalat import InputError, sweep
+from barbalat import InputError
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import VariedCase
+from barbalat.studies import sweep
 from barbalat.sweeps.audit import FINER_BY, MOST_AUDITED
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Design, Plan
-from barbalat.sweeps.replay import replay
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.spread import Axis
 from barbalat.sweeps.study import OSCILLATED, Study
-from barbalat.sweeps.sweep import run_study
+from barbalat.sweeps.sweep import replay, run_study
 
 STIFF = """
 name = "Section V's plant, whose estimates ring at this step and not at a finer one"

@@ -23,11 +23,10 @@ from barbalat.cases.load import CaseText
 from barbalat.cli import main
 from barbalat.open_numbers.varied import VariedCase
 from barbalat.sweeps import cluster
-from barbalat.sweeps.cluster import Scheduler
+from barbalat.sweeps.cluster import SOURCES, Scheduler, Tabulated, WorkerTask, digest_of, figures, versions
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
 from barbalat.sweeps.study import Study
-from barbalat.sweeps.worker_task import SOURCES, Tabulated, WorkerTask, digest_of, figures, versions
 from independent import refusal
 
 ANOTHER_PROCESSOR = {"OPENBLAS_CORETYPE": "Prescott", "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F,-AVX2_Usable"}
@@ -49,7 +48,7 @@ def same(one, other):
 
 WORKER = """
 import pickle, sys
-from barbalat.sweeps.worker_task import figures
+from barbalat.sweeps.cluster import figures
 sent, tables = pickle.load(sys.stdin.buffer)
 sys.stdout.buffer.write(pickle.dumps(figures(sent, tables)))
 """
@@ -90,7 +89,7 @@ def test_a_worker_whose_sources_differ_refuses(tmp_path):
     command = [sys.executable, "-c", WORKER]
     done = subprocess.run(command, input=given, capture_output=True, env=environment, check=True)
     assert len(pickle.loads(done.stdout)) == 3  # what is the same may lie elsewhere
-    metrics = copy / "run" / "metrics.py"
+    metrics = copy / "run" / "kernel" / "metrics.py"
     changed = metrics.read_text().replace("max_abs_e=finite_only(", "max_abs_e=2 * finite_only(")
     assert changed != metrics.read_text()
     metrics.write_text(changed)

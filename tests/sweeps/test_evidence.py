@@ -6,12 +6,11 @@ import pytest
 from barbalat import InputError
 from barbalat.open_numbers.path import FieldPath
 from barbalat.sweeps import sensitivity
-from barbalat.sweeps.chunks import Chunk
+from barbalat.sweeps.chunks import Chunk, UnstoredChunks
 from barbalat.sweeps.evidence import Extremes, evidence
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.spread import Axis, Uniform
-from barbalat.sweeps.unstored_chunks import UnstoredChunks
 
 PATHS = [FieldPath.parse(name) for name in ("a", "b", "c")]
 

@@ -13,9 +13,9 @@ from barbalat.open_numbers.probe import Kind
 from barbalat.open_numbers.varied import VariedCase, VariedObjects
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import BLOCK_DRAWS, Design, Plan
-from barbalat.sweeps.replay import replay
 from barbalat.sweeps.spread import Axis, InBall, LogUniform, Normal, Uniform
 from barbalat.sweeps.study import Study
+from barbalat.sweeps.sweep import replay
 from independent import refusal
 
 SHORT = CaseText.read("paper").text.replace("t_end = 60.0", "t_end = 1.0").replace("dt = 1e-4", "dt = 1e-3")

@@ -9,10 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from barbalat import InputError, sweep
+from barbalat import InputError
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import VariedCase
+from barbalat.studies import sweep
 from barbalat.sweeps import chunks, store
 from barbalat.sweeps.chunks import FEWEST_MEMBERS, Chunk
 from barbalat.sweeps.plan import Design, Plan

@@ -1,9 +1,8 @@
 """What tests fly in their own process: schemes and controllers on the nominal vehicles."""
 
-from barbalat.run.sampled_step import SampledList
+from barbalat.run.kernel.sampled_controller import SampledList
 from barbalat.vehicles import flying
-from barbalat.vehicles.registry import vehicle_of
-from barbalat.vehicles.vehicle import Aboard
+from barbalat.vehicles.vehicle import Aboard, vehicle_of
 
 QUADROTOR = vehicle_of("quadrotor")
 

@@ -4,7 +4,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from barbalat import Budget, InputError
+from barbalat import InputError
+from barbalat.studies import Budget
 from barbalat.vehicles.dispersed import Campaign
 from barbalat.vehicles.vehicle import Aboard
 

@@ -10,10 +10,10 @@ pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev f
 from benchmarks import flight_tuning
 from benchmarks.flight_tuning import PAGES
 
-from barbalat import FlightCondition
 from barbalat.cli import main
-from barbalat.papers.jafari_2013.flight.stored_flights import Flights
-from barbalat.run.sampled_step import SampledList, SampledStep
+from barbalat.flights import FlightCondition
+from barbalat.papers.jafari_2013.flight.flown import Flights
+from barbalat.run.kernel.sampled_controller import SampledList, SampledStep
 from barbalat.vehicles import dispersed
 from barbalat.vehicles.dispersed import fly_dispersed
 from barbalat.vehicles.f16.airframe import Airframe
@@ -23,8 +23,7 @@ from barbalat.vehicles.f16.failures import NONE
 from barbalat.vehicles.f16.flying import fly_once
 from barbalat.vehicles.f16.schemes import TUNED
 from barbalat.vehicles.f16.trim import trimmed
-from barbalat.vehicles.registry import vehicles
-from barbalat.vehicles.vehicle import draws_of
+from barbalat.vehicles.vehicle import draws_of, vehicles
 from vehicles.nominal import of_axis
 
 pytestmark = pytest.mark.full  # ./dev flight runs them; each starts a simulator

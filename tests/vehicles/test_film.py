@@ -12,7 +12,7 @@ from barbalat.pictures.render import render
 from barbalat.pictures.theme import COLOURS
 from barbalat.vehicles import film as films
 from barbalat.vehicles.film import film
-from barbalat.vehicles.path_picture import figure_of, frame, inside
+from barbalat.vehicles.picture import frame, inside, paths_figure
 from barbalat.vehicles.scene import Mover, Scene, attitudes
 
 WIRE = (np.array([(1.0, 0, 0), (-1, 0, 0)]), np.array([(0, 1.0, 0), (0, -1, 0)]))
@@ -99,7 +99,7 @@ def test_a_vehicle_is_drawn_undistorted(equal):
     """On the screen, which is the box with its sides' lengths, arms at right angles stay so, and of one length."""
     one = scene(equal=equal)
     low, high = one.box
-    from barbalat.vehicles.path_picture import sides
+    from barbalat.vehicles.picture import sides
 
     drawn = [np.diff(line, axis=0)[0] / (high - low) * sides(one) for line in frame(one, one.movers[1].path[5], np.eye(3))]
     assert drawn[0] @ drawn[1] == pytest.approx(0)
@@ -114,7 +114,7 @@ def test_angles_turn_yaw_first():
 
 
 def test_a_path_s_picture_is_drawn_for_a_page_and_for_a_phone():
-    wide, narrow = (figure_of(scene(), narrow=narrow) for narrow in (False, True))
+    wide, narrow = (paths_figure(scene(), narrow=narrow) for narrow in (False, True))
     assert narrow.get_size_inches()[0] < 4.2 < wide.get_size_inches()[0]
     texts = [text.get_text() for text in wide.legends[0].get_texts()]
     assert texts == ["commanded path", "first, lost", "second"]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from barbalat.vehicles.evidence import evidence_of
+from barbalat.vehicles.dispersed import evidence_of
 
 NAN = float("nan")
 

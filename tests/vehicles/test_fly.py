@@ -10,9 +10,11 @@ from scipy.linalg import expm
 
 pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev flight installs it")
 
-from barbalat import FlightCondition, InputError, Mrac, Sampled, SimulatorFailed, fly, pi_feedback
+from barbalat import InputError, Mrac, Sampled
 from barbalat.cli import main
-from barbalat.run.sampled_step import SampledList, SampledStep
+from barbalat.designs import pi_feedback
+from barbalat.flights import FlightCondition, SimulatorFailed, fly
+from barbalat.run.kernel.sampled_controller import SampledList, SampledStep
 from barbalat.vehicles import flying
 from barbalat.vehicles.f16 import vehicle as f16
 from barbalat.vehicles.f16.airframe import STEP
@@ -21,7 +23,7 @@ from barbalat.vehicles.f16.equipment import Actuator, Equipment, Sensors
 from barbalat.vehicles.f16.failures import OF_PITCH, OF_ROLL
 from barbalat.vehicles.f16.flying import fly_once
 from barbalat.vehicles.f16.trim import trimmed
-from barbalat.vehicles.registry import vehicle_of
+from barbalat.vehicles.vehicle import vehicle_of
 from vehicles.nominal import alone, of_axis, through_failures
 
 FAILURES = {one.name: one for one in OF_PITCH}

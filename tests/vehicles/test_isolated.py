@@ -8,7 +8,8 @@ import time
 
 import pytest
 
-from barbalat import InputError, SimulatorFailed
+from barbalat import InputError
+from barbalat.flights import SimulatorFailed
 from barbalat.validate import positive
 from barbalat.vehicles.isolated import isolated
 

@@ -8,9 +8,11 @@ from scipy.linalg import expm
 
 pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev flight installs it")
 
-from barbalat import AsFlown, FlightCondition, L1PiecewiseConstant, exported_c, input_filter
-from barbalat.run.sampled_step import SampledList
-from barbalat.run.stepwise import Agreement
+from barbalat import L1PiecewiseConstant, input_filter
+from barbalat.exports import exported_c
+from barbalat.flights import FlightCondition
+from barbalat.laws import AsFlown
+from barbalat.run.kernel.sampled_controller import Agreement, SampledList
 from barbalat.vehicles.f16.airframe import DEGREES
 from barbalat.vehicles.f16.axis import PITCH, SAMPLE_TIME, Axis
 from barbalat.vehicles.f16.failures import OF_PITCH

@@ -11,12 +11,13 @@ import pytest
 pytest.importorskip("jsbsim", reason="the extra flight is not installed: ./dev flight installs it")
 pytest.importorskip("mujoco", reason="the extra flight is not installed: ./dev flight installs it")
 
-from barbalat import FlightCondition, Mrac, Sampled, Simulation, exported_c, fly
+from barbalat import Mrac, Sampled, Simulation
 from barbalat.cli import main
 from barbalat.export import exported_step
-from barbalat.run.recording import recorded
-from barbalat.run.sampled_step import SampledList
-from barbalat.run.stepwise import Agreement
+from barbalat.exports import exported_c
+from barbalat.flights import FlightCondition, fly
+from barbalat.run.engine.simulate import recorded
+from barbalat.run.kernel.sampled_controller import Agreement, SampledList
 from barbalat.vehicles import flying
 from barbalat.vehicles.f16.axis import SAMPLE_TIME, Axis
 from barbalat.vehicles.f16.failures import OF_PITCH

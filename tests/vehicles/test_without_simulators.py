@@ -5,7 +5,7 @@ import pytest
 from barbalat import validate
 from barbalat.cli import main
 from barbalat.vehicles import schemes
-from barbalat.vehicles.registry import vehicle_of
+from barbalat.vehicles.vehicle import vehicle_of
 
 
 @pytest.mark.parametrize(

@@ -7,11 +7,10 @@ import numpy as np
 from barbalat.controllers import KnownParameters, Sampled
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.sampled_step import SampledList
+from barbalat.run.kernel.sampled_controller import SampledList
 from barbalat.signals import Constant
 from barbalat.sweeps.spread import Uniform
 from barbalat.validate import InputError

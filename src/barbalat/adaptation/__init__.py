@@ -1,1 +1,1 @@
-"""What the schemes share: laws, their modifications, projection, normalisation. One file each; ``laws`` has the registry."""
+"""What the schemes share: laws, their modifications, normalisation; ``laws`` has the registry."""

@@ -6,8 +6,7 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from enum import Enum
 
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications import DeadZone, Leakage
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.known_set.cone import EXACT_FACES
 
@@ -22,7 +21,7 @@ class Estimates(Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class Guarantee:
-    """What holds on the plant without modelling error.
+    """Guarantees of a scheme with a law on the plant without modelling error.
 
     bounded        all signals, theta_hat and epsilon m_s among them
     error_to_zero  the tracking error converges to zero
@@ -67,7 +66,7 @@ class ModifiedLaw(ABC):
 def with_modifications(
     metric: Gain, known_set: EstimateSet | None, leakage: Leakage | None, dead_zone: DeadZone | None
 ) -> Guarantee:
-    """Of a normalised scheme whose law has a V' that is not positive without them.
+    """The guarantee of a normalised scheme whose law has a V' that is not positive without leakage and dead zone.
 
     What a leakage or a dead zone leaves of epsilon m_s is not square integrable, only small in the mean; the proof that x stays
     bounded then asks that it be small enough, and no number is known: with a dead zone wider than epsilon m_s can get, nothing

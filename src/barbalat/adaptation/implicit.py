@@ -11,8 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from barbalat.adaptation.law import AdaptiveLaw, SampleData, SampledLaw
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications import DeadZone, Leakage
 from barbalat.problem.known_set import EstimateSet, Gain, KnownSet
 from barbalat.problem.known_set.gain import quadratic
 from barbalat.protocols import Value

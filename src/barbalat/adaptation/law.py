@@ -1,4 +1,4 @@
-"""What an adaptive law for the linear parametric model z = theta'phi is. One law per file; the registry is ``laws``.
+"""What an adaptive law for the linear parametric model z = theta'phi is. The registry is ``laws``.
 
 ``AdaptiveLaw`` is what every law has. What else may be known of it are protocols of their own, which a law from outside may
 leave out: ``SampledLaw``, ``RatedLaw``, ``GainLimitedLaw``, ``GuaranteedLaw``.
@@ -6,15 +6,17 @@ leave out: ``SampledLaw``, ``RatedLaw``, ``GainLimitedLaw``, ``GuaranteedLaw``.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from barbalat import budget, validate
 from barbalat.adaptation.guarantee import Guarantee
-from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications import Leakage
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.protocols import Value
+from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
 
 
@@ -90,14 +92,14 @@ class OutputErrorLaw(Protocol):
         """InputError where the settings don't fit n parameters."""
         ...
 
-    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, box: EstimateSet | None) -> Value:
+    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, estimate_set: EstimateSet | None) -> Value:
         """theta_hat'; ``sign`` is that of k_p/k_m."""
         ...
 
 
 @runtime_checkable
 class FreezableLaw(OutputErrorLaw, Protocol):
-    """One whose modifications are known, so that its loop can be looked at with the regressor frozen."""
+    """A law of output feedback whose modifications are known, so that its loop can be looked at with the regressor frozen."""
 
     @property
     def gamma(self) -> float | Array:
@@ -109,7 +111,7 @@ class FreezableLaw(OutputErrorLaw, Protocol):
 
     @property
     def plain(self) -> OutputErrorLaw:
-        """The same without modifications."""
+        """The law without its modifications."""
         ...
 
     @property
@@ -156,7 +158,7 @@ class GuaranteedLaw(Protocol):
     """A law of which is known what a normalised scheme with it guarantees."""
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
-        """With projection onto ``known_set``, on the plant without modelling error."""
+        """The guarantee with projection onto ``known_set``, on the plant without modelling error."""
         ...
 
 
@@ -175,3 +177,30 @@ def require_law(law: object) -> None:
             f"law must be a law on the parametric model (Gradient, LeastSquares, ... of adaptation.laws, or a class with "
             f"initial, rates and limit), got {validate.show(law)}"
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Normalization(Settings):
+    """m_s^2 = 1 + phi'phi + alpha_0 n_d, n_d' = -delta_0 n_d + u^2, n_d(0) = 0.
+
+    alpha_0  weight of the dynamic part; 0 is enough without modelling error
+    delta_0  its forgetting rate [1/s], > 0: Delta(s) must be analytic in Re s >= -delta_0/2
+    """
+
+    alpha_0: float = 0.0
+    delta_0: float = 0.1
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, alpha_0=validate.not_negative("normalization.alpha_0", self.alpha_0))
+        validate.freeze(self, delta_0=validate.positive("normalization.delta_0", self.delta_0))
+
+    def m_s_squared(self, phi: Value, n_d: Value) -> Value:
+        """At least 1, also where n_d comes from a memory that was hit: what is divided by it in flight stays finite."""
+        return np.maximum(1 + phi @ phi + self.alpha_0 * n_d, 1)  # (16)
+
+    def n_d_dot(self, n_d: Value, u: Value) -> Value:
+        return self.driven(n_d, u * u)
+
+    def driven(self, n_d: Value, squared: Value) -> Value:
+        """n_d' for u^2, or |u|^2 of several inputs."""
+        return -self.delta_0 * n_d + squared  # (16)

@@ -1,18 +1,19 @@
-"""The Lyapunov laws of MRAC (4) and L1-AC (7), with their modifications."""
+"""The Lyapunov laws of MRAC (4), L1-AC (7) and output feedback, with their modifications."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, Protocol
 
 from barbalat import validate
+from barbalat.adaptation.guarantee import CORNERS, Estimates, Guarantee, nothing
 from barbalat.adaptation.learning import CompositeLearning
-from barbalat.adaptation.modifications import dead_zone as zone
-from barbalat.adaptation.modifications import leakage as leak
-from barbalat.problem.known_set import EstimateSet, Gain, project
+from barbalat.adaptation.modifications import Borne, DeadZone, Leakage, accept_dead_zone, accept_leakage
+from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.roles import Role
+from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
 
 
@@ -20,10 +21,10 @@ class ModifiedSettings(Protocol):
     """Settings of a scheme whose law may be modified."""
 
     @property
-    def leakage(self) -> leak.Leakage | None: ...
+    def leakage(self) -> Leakage | None: ...
 
     @property
-    def dead_zone(self) -> zone.DeadZone | None: ...
+    def dead_zone(self) -> DeadZone | None: ...
 
     @property
     def learning(self) -> CompositeLearning | None: ...
@@ -38,17 +39,17 @@ class Modifications:
     learning   the memory Q, R of composite learning
     """
 
-    leakage: leak.Leakage | None = None
-    dead_zone: zone.DeadZone | None = None
+    leakage: Leakage | None = None
+    dead_zone: DeadZone | None = None
     learning: CompositeLearning | None = None
 
     def __post_init__(self) -> None:
-        zone.accept(self.dead_zone)
+        accept_dead_zone(self.dead_zone)
         if self.learning is None:
-            leak.accept(self.leakage, "the Lyapunov law")
+            accept_leakage(self.leakage, "the Lyapunov law")
             return
         validate.instance("learning", self.learning, CompositeLearning)
-        leak.accept(self.leakage, "composite learning", leak.Borne.BOUNDED, "its V' is not proportional to the present error")
+        accept_leakage(self.leakage, "composite learning", Borne.BOUNDED, "its V' is not proportional to the present error")
         if self.dead_zone is not None:
             raise InputError(
                 "a dead zone can't go with composite learning: the memory keeps adapting inside the zone, on data that hold "
@@ -62,7 +63,7 @@ class Modifications:
 
     @property
     def roles(self) -> Mapping[str, Role]:
-        """Of the memory of composite learning."""
+        """Roles of the memory of composite learning."""
         return {} if self.learning is None else self.learning.roles
 
     def initial(self, b: Array, x0: Array, parameters: int) -> Any:
@@ -93,3 +94,63 @@ class Modifications:
         if self.leakage is not None:
             rate = rate - gamma.times(self.leakage.coefficient(theta_hat, error) * theta_hat)
         return project(rate, theta_hat, known_set, gamma)
+
+
+ON_THE_OUTPUT = "a dead zone on the output's error guarantees nothing: V is of the whole state's, and may grow inside"
+
+
+@dataclass(frozen=True, eq=False)
+class LyapunovLaw(Settings):
+    """theta_hat' = proj(-Gamma (e omega sgn(k_p/k_m) + w theta_hat)), e = y - y_m.
+
+    gamma      Gamma > 0: a number, a diagonal (2 n,) or an s.p.d. matrix (2 n, 2 n)
+    leakage    w; none by default
+    dead_zone  on |e|; none by default
+
+    Without modelling error e converges to zero for a strictly positive real W_m; with it, and without a modification, the
+    estimates may drift until the loop bursts (Rohrs et al.). Source: Ioannou and Sun, section 6.4.1; Narendra and Annaswamy,
+    section 5.3; with sigma: Ioannou and Kokotovic (1983).
+    """
+
+    gamma: float | Array
+    _: KW_ONLY
+    leakage: Leakage | None = None
+    dead_zone: DeadZone | None = None
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, gamma=gain.accept("law.gamma", self.gamma))
+        accept_leakage(self.leakage, "the Lyapunov law")
+        accept_dead_zone(self.dead_zone)
+
+    def require_size(self, n: int) -> None:
+        Gain(self.gamma).require_size("law.gamma", n)
+
+    def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, estimate_set: EstimateSet | None) -> Value:
+        """theta_hat'; ``sign`` is that of k_p/k_m."""
+        if self.dead_zone is not None:
+            e = self.dead_zone.weight(e * e) * e
+        gamma = Gain(self.gamma)
+        rate = -gamma.scaled(sign * e, omega)
+        if self.leakage is not None:
+            rate = rate - gamma.times(self.leakage.coefficient(theta_hat, e) * theta_hat)
+        return project(rate, theta_hat, estimate_set, gamma)
+
+    @property
+    def plain(self) -> LyapunovLaw:
+        return LyapunovLaw(gamma=self.gamma)
+
+    @property
+    def drifts(self) -> bool:
+        return self.leakage is None and self.dead_zone is None
+
+    def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
+        """The guarantee on a plant of the assumed class."""
+        leaks = self.leakage is not None
+        if Gain(self.gamma).is_matrix and known_set is not None and known_set.cuts_corners:
+            return nothing(CORNERS, leaks=leaks)
+        if self.dead_zone is not None:
+            return nothing(ON_THE_OUTPUT, leaks=leaks)
+        if self.leakage is None or self.leakage.harmless_within is not None:
+            return Guarantee(leaks=leaks, M_0=None if self.leakage is None else self.leakage.harmless_within)
+        kind = type(self.leakage).__name__
+        return Guarantee(error_to_zero=False, estimates=Estimates.PULLED, leaks=True, why=kind)

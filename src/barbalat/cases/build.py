@@ -22,8 +22,8 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import identical
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import delay
-from barbalat.run.step import Rhythm, whole_steps
+from barbalat.run.kernel import delay
+from barbalat.run.kernel.step import Rhythm, whole_steps
 from barbalat.settings import given_of, one_line
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError, printable, show
@@ -57,10 +57,12 @@ class Case:
 
     def _repr_html_(self) -> str:
         """For notebooks: the problem, the controllers with their settings, the simulation."""
-        from barbalat.problem.notebook import html_of, table_of
+        from barbalat.problem.tracking import table_of
 
         rows = {one.name: one_line(one) if is_dataclass(one) else show(one) for one in self.controllers}  # type: ignore[redundant-expr]
-        return "".join([html_of(self.problem), table_of("Controllers", rows), table_of("Simulation", given_of(self.simulation))])
+        return "".join(
+            [self.problem._repr_html_(), table_of("Controllers", rows), table_of("Simulation", given_of(self.simulation))]
+        )
 
 
 @contextmanager

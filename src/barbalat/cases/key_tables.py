@@ -12,10 +12,9 @@ from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw
+from barbalat.adaptation.law import AdaptiveLaw, Normalization, OutputErrorLaw
 from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
 from barbalat.adaptation.learning import CompositeLearning
-from barbalat.adaptation.normalization import Normalization
 from barbalat.cases.keys import REQUIRED, Key, summary
 from barbalat.cases.schema import NAMES_OF_TYPE, case_table, members_of, table_of
 from barbalat.cases.scheme_keys import SAMPLING, LowPass, sampling_of

@@ -8,10 +8,8 @@ from pathlib import Path
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys_of
 from barbalat.judge.settings import Judge
 from barbalat.problem.known_set import ParameterBall, ParameterBox
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import Disturbance
 from barbalat.protocols import Signal

@@ -13,8 +13,8 @@ from pydantic.json_schema import models_json_schema
 
 from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw
 from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
+from barbalat.adaptation.modifications import LEAKAGES, DeadZone, Leakage
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make, keys_of, summary
-from barbalat.cases.modifications import Modification, choices_of, joined, modification_keys, modified, named_or_modified
 from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
 from barbalat.cases.scheme_keys import DIFFERENCES as SCHEME_DIFFERENCES
 from barbalat.cases.scheme_keys import sampling_of
@@ -28,7 +28,7 @@ from barbalat.protocols import Signal
 from barbalat.signals import SIGNALS
 from barbalat.solvers import SOLVERS, Tableau
 from barbalat.targets import IN_PAGES, in_pages, left_out
-from barbalat.validate import Array, Matrix, Vector
+from barbalat.validate import Array, InputError, Matrix, Vector
 
 REGISTRY_OF_TYPE: dict[Any, Mapping[str, type]] = {
     Signal: SIGNALS,
@@ -189,3 +189,76 @@ def _one_of(registry: Mapping[str, type], key: str) -> Any:
     for table in tables:
         table.recipe.elsewhere.update(name for other in tables for name in other.recipe.keys)
     return Annotated[Union[tuple(tables)], Field(discriminator=key)]  # noqa: UP007  # made at run time
+
+
+MODIFICATIONS: dict[Any, tuple[type, ...]] = {Leakage: LEAKAGES, DeadZone: (DeadZone,)}
+"""What a field may hold, by its type: one of these, chosen by the keys that are given."""
+
+Choices = dict[str, tuple[type, ...]]
+"""The fields of a law or a scheme that hold a modification, each with what it may be."""
+
+
+class Modification:
+    """modification = { ... }: the same keys stand in a law's own table."""
+
+
+@cache
+def _keys_of(kind: type) -> dict[str, Key]:
+    """Return the keys of a modification's own settings."""
+    return keys_of(kind, Differences())
+
+
+def choices_of(keys: dict[str, Key]) -> Choices:
+    """Which of these fields hold a modification."""
+    types = {name: {key.type, *get_args(key.type)} for name, key in keys.items()}
+    return {name: kinds for name, found in types.items() for asked, kinds in MODIFICATIONS.items() if asked in found}
+
+
+def modification_keys(choices: Choices) -> dict[str, Key]:
+    """The keys that choose and set the modifications; none is required."""
+    found: dict[str, Key] = {}
+    for kind in (kind for kinds in choices.values() for kind in kinds):
+        keys = _keys_of(kind)
+        for name, key in keys.items():
+            others = " and ".join(other for other in keys if other != name)
+            meaning = f"{found[name].meaning}; with {others} {key.meaning}" if name in found else key.meaning
+            found[name] = key._replace(default=None, meaning=meaning)
+    return found
+
+
+def modified(given: Given, choices: Choices) -> Given:
+    """What was given, with the modifications built from their keys."""
+    own = {name for kinds in choices.values() for kind in kinds for name in _keys_of(kind)}
+    rest = {key: value for key, value in given.items() if key not in own}
+    return rest | {field: _chosen(given, kinds) for field, kinds in choices.items()}
+
+
+def named_or_modified(given: Given, choices: Choices) -> Given:
+    """Return the modification, which may also have been made already, under the name of its field."""
+    named = {name: given.pop(name) for name in choices if name in given}
+    return joined(
+        named, {key: value for key, value in modified(given, choices).items() if key not in choices or value is not None}
+    )
+
+
+def joined(given: Given, more: Given) -> Given:
+    """Both together; InputError for a modification that is given twice."""
+    for name in given.keys() & more.keys():
+        raise InputError(f"{name} is given twice, by its own name and by the keys of a modification")
+    return given | more
+
+
+def _chosen(given: Given, kinds: tuple[type, ...]) -> Any:
+    """The one whose keys are given; ``None`` where none are."""
+    keys = {kind: set(_keys_of(kind)) for kind in kinds}
+    found = {key for kind in kinds for key in keys[kind] if key in given}
+    if not found:
+        return None
+    for kind in kinds:
+        if keys[kind] == found:
+            return kind(**{key: given[key] for key in found})
+    wider = [keys[kind] - found for kind in kinds if found < keys[kind]]
+    if wider:
+        raise InputError(f"{' and '.join(sorted(found))} goes with {' and '.join(sorted(wider[0]))}, which is missing")
+    ways = ", or ".join(" with ".join(_keys_of(kind)) for kind in kinds)
+    raise InputError(f"give either {ways}, got {', '.join(sorted(found))}")

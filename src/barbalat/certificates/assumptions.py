@@ -45,7 +45,7 @@ def nominal(problem: TrackingProblem, *, gain_adapted: bool = False) -> tuple[As
 
 def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assumption:
     """No dynamics, limits or delay before the plant; with ``gain_adapted`` the scheme takes any gain of its input."""
-    known = not gain_adapted and _gain_known(problem)
+    known = not gain_adapted and (not isinstance(problem, Problem) or problem.input_gain is None)
     return Assumption(
         "the plant is (1): matched uncertainty, no unmodelled dynamics, no delay or limits",
         ", ".join(dict.fromkeys(word for path in problem.plant.paths for word in _on_the_way(path, known))),
@@ -68,13 +68,13 @@ def measured(problem: TrackingProblem) -> Assumption:
 
 
 def bounded_command(problem: TrackingProblem) -> Assumption:
-    """Boundedness is of every bounded r."""
+    """The command is bounded, as every statement of boundedness asks."""
     known = all(isinstance(command, BoundedSignal) for command in problem.commands)
     return Assumption("r is bounded", "" if known else "r has no known bound")
 
 
 def constant_in_the_end(problem: TrackingProblem) -> Assumption:
-    """What converges for constant signals only does so where the case's own command and disturbance come to rest."""
+    """The case's own command and disturbance come to rest, which convergence for constant signals alone asks for."""
     acting = {"r": problem.commands, "d": () if problem.disturbance is None else (problem.disturbance,)}
     said = {
         name: [one.settles if isinstance(one, SettlingSignal) else None for one in signals] for name, signals in acting.items()
@@ -87,7 +87,7 @@ def constant_in_the_end(problem: TrackingProblem) -> Assumption:
 
 
 def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:
-    """Where the estimates are projected onto a set, theta lies in it; theta_hat(0) does by construction."""
+    """Theta lies in the set that the estimates are projected onto; theta_hat(0) does by construction."""
     return Assumption(
         "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it",
         "" if known_set.contains(problem.parameters) else OUTSIDE_THE_SET,
@@ -95,19 +95,28 @@ def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:
 
 
 def theta_in_the_set(problem: Problem) -> Assumption:
-    """What is said of every theta in the known set is said of the case's."""
+    """The case's theta lies in the known set, so that what holds for every theta there holds for it."""
     known_set = problem.uncertainty
     outside = known_set is not None and not known_set.contains(problem.plant.theta)
     return Assumption("theta lies in the known set", OUTSIDE_THE_SET if outside else "")
 
 
+MEAN_SQUARE = (
+    "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed"
+)
+
+
+def small_enough(present: str) -> Assumption:
+    """The case's own modelling error, where there is one, is small enough: how small it must be is not known."""
+    return Assumption(
+        "the case's own modelling error is small enough",
+        f"{present}: whether that is small enough is not known" if present else "",
+    )
+
+
 def departures(problem: TrackingProblem) -> tuple[str, ...]:
-    """In a few words each, where the case's plant differs from (1)."""
+    """List, in a few words each, where the case's plant differs from (1)."""
     return tuple(found.broken for found in (exact_plant(problem), undisturbed(problem), measured(problem)) if found.broken)
-
-
-def _gain_known(problem: TrackingProblem) -> bool:
-    return not isinstance(problem, Problem) or problem.input_gain is None
 
 
 def _on_the_way(path: PlantInput, gain_known: bool) -> list[str]:

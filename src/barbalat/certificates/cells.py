@@ -25,7 +25,7 @@ NONLINEAR = "known for phi(x) = x; where phi grows faster, a normalised law may 
 
 @dataclass(frozen=True)
 class Column:
-    """One controller: its cells by the keys of PROPERTIES.
+    """One controller's column of Table 1: its cells by the keys of PROPERTIES.
 
     limited  whether the plant's input has limits, which linear loops leave aside
     """
@@ -42,18 +42,18 @@ class Column:
 
 
 def statement(key: str, text: str, *assumptions: Assumption) -> Entry:
-    """What holds on this case; where the case breaks an assumption, that it does not apply, and why, without what would hold."""
+    """A statement that holds on this case; where the case breaks an assumption, an entry that says why it does not apply."""
     found = checked(key, text, assumptions, Quantity(PROPERTIES[key]))
     return found if found.applies else replace(found, value=None)
 
 
 def nothing(key: str, why: str) -> Entry:
-    """What is not claimed for this scheme, and why."""
+    """A cell that claims nothing for this scheme, and says why."""
     return Entry(key=key, value=None, kind="does not apply", quantity=Quantity(PROPERTIES[key]), why=why)
 
 
 def denied(key: str, why: str, *assumptions: Assumption) -> Entry:
-    """What is not claimed for a reason of the scheme's own; what else of the case contradicts it is named too."""
+    """A cell that claims nothing for a reason of the scheme's own; what else of the case contradicts it is named too."""
     broken = (assumption.broken for assumption in assumptions if assumption.broken)
     return nothing(key, ", ".join(dict.fromkeys((why, *broken))))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from html import escape
@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, PlaceOfRest, checked, of_finite_numbers
 from barbalat.certificates.picture import TITLE, MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES, Quantity
-from barbalat.certificates.rounding import down, up
-from barbalat.certificates.rows import CertificateRow, rows_of
+from barbalat.certificates.rows import CertificateRow, down, rows_of, up
 from barbalat.validate import InputError, Named
 
 if TYPE_CHECKING:
@@ -61,7 +60,7 @@ class Certificate:
 
     def _repr_html_(self) -> str:
         """For notebooks: every value with its kind and its meaning, and the picture."""
-        from barbalat.pictures.notebook import image_of
+        from barbalat.pictures.plotted import image_of
 
         rows = "".join(
             f'<tr><th scope="row">{escape(name)}</th>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>'
@@ -160,7 +159,7 @@ class Draft:
         return self.entries[key].value
 
     def get(self, key: str) -> Any:
-        """The same, or None where nothing stands there."""
+        """The value that stands under a key, or None where nothing stands there."""
         return self[key] if key in self.entries else None
 
     def note(self, sentence: str) -> None:
@@ -189,6 +188,11 @@ class Draft:
     def missing(self, key: str, why: str) -> None:
         """A value that the scheme would have, and that this case has not."""
         self.entries[key] = Entry(key=key, value=None, kind="does not apply", quantity=self._quantity(key), why=why)
+
+    def all_missing(self, keys: Iterable[str], why: str) -> None:
+        """Several values that are missing for one reason."""
+        for key in keys:
+            self.missing(key, why)
 
     @contextmanager
     def part(self, key: str) -> Iterator[None]:

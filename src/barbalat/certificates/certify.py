@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import Any, NamedTuple
 
-from barbalat.certificates.beside_runs import beside_its_runs
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
-from barbalat.certificates.certificates import Certificates
+from barbalat.certificates.certificates import Certificates, Table1, column_of, table_1
+from barbalat.certificates.entry import NUMBERS_ALONE, Entry
 from barbalat.certificates.requested_keys import needing
 from barbalat.certificates.schemes import scheme_file, unregistered
 from barbalat.loop.binding import bound, is_sampled, numbered
@@ -16,6 +17,37 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
+
+
+def beside_its_runs(
+    problem: TrackingProblem, controller: Controller, certificate: Certificate, simulation: Simulation
+) -> Certificate:
+    """The certificate of a controller in continuous time, with a note where a run may leave what is guaranteed of the solution.
+
+    That is where the least limit of the step is exceeded, or where none is known, whatever the scheme; the cells of Table 1 are
+    guarantees as the entries are.
+    """
+    keys = ("step_max", "step_max_at_model")  # between the two a run may or may not follow
+    limits = [limit for limit in (certificate.values.get(key) for key in keys) if limit is not None]
+    if limits and simulation.dt <= limits[0]:
+        return certificate
+    cells = column_of(problem, controller, certificate).cells
+    if not any(map(_speaks_of_the_motion, (*certificate.entries, *cells.values()))):
+        return certificate
+    if not limits:
+        note = "no limit of the step is known: what is guaranteed is so of the equations' solution, and a run may leave it"
+    else:
+        about = " to ".join(f"{limit:.3g}" for limit in limits)
+        note = (
+            f"at dt = {simulation.dt:g} s {simulation.solver.name} need not follow the equations: its limit is about {about} s. "
+            "What is guaranteed is so of their solution, and a run at this step may leave it"
+        )
+    return certificate.with_entries(certificate.entries, note)
+
+
+def _speaks_of_the_motion(entry: Entry) -> bool:
+    """A norm or a condition follows from the case's numbers alone, and no run can contradict it."""
+    return entry.kind == "guaranteed" and entry.value is not None and entry.rests_on != (NUMBERS_ALONE,)
 
 
 def certify(
@@ -72,3 +104,29 @@ def _computed(problem: TrackingProblem, controller: Controller, simulation: Simu
         raise
     except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError
         return Certificate.failed(reason(error))
+
+
+class Certified(NamedTuple):
+    """Certificates by the names under which they are shown, and Table 1 of the schemes."""
+
+    certificates: dict[str, Certificate]
+    table: Table1
+
+    def as_document(self, case: str) -> dict[str, Any]:
+        """The contract's document of ``certify --json``."""
+        controllers = {name: certificate.as_json() for name, certificate in self.certificates.items()}
+        return {"case": case, "controllers": controllers, "table_1": self.table.as_json()}
+
+    def as_json(self) -> dict[str, Any]:
+        return {"certificates": {n: c.as_json() for n, c in self.certificates.items()}, "table_1": self.table.as_json()}
+
+
+def certified_case(
+    problem: TrackingProblem,
+    controllers: Sequence[Controller],
+    simulation: Simulation,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Certified:
+    """Certificates of all controllers; what can't be certified has the reason as its finding."""
+    certificates = certify_where_possible(problem, controllers, simulation, progress)
+    return Certified(certificates, table_1(problem, controllers, certificates))

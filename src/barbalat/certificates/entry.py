@@ -56,7 +56,7 @@ class RestingEstimates(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Where they are, as an equation."""
+        """The place of the estimates as an equation."""
         if self.true:
             return f"{self.of}_hat = {self.of}"
         if len(self.values) > MOST_SHOWN:

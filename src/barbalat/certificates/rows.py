@@ -3,12 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from typing import Any, NamedTuple
 
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.quantities import QUANTITIES, Form
-from barbalat.certificates.rounding import down, up
-from barbalat.pictures.numbers import number_text
+from barbalat.pictures.symbols import number_text
+
+
+def up(value: float, digits: int = 4) -> str:
+    """The smallest decimal of so many significant digits that is not below the value."""
+    return _rounded(value, digits, ROUND_CEILING)
+
+
+def down(value: float, digits: int = 4) -> str:
+    """The largest decimal of so many significant digits that is not above the value."""
+    return _rounded(value, digits, ROUND_FLOOR)
+
+
+def _rounded(value: float, digits: int, rounding: str) -> str:
+    exact = Decimal(value)  # a float is a decimal
+    kept = Context(prec=digits, rounding=rounding).create_decimal(exact)
+    return f"{kept:.{digits}g}"  # nothing left to round
+
 
 KINDS = {"exact": "linear loop", "advice": "", "does not apply": "does not apply"}
 """How a kind is printed, where not by its own name."""
@@ -51,14 +68,6 @@ def _plain(entry: Entry, kind: str) -> list[CertificateRow]:
     return [CertificateRow(entry.key, value if isinstance(value, str) else _text(entry, value), meaning, kind)]
 
 
-def _matrix(entry: Entry, kind: str) -> list[CertificateRow]:
-    return [CertificateRow(entry.key, number_text(entry.value, "; "), entry.meaning, kind)]
-
-
-def _names(entry: Entry, _: str) -> list[CertificateRow]:
-    return [CertificateRow(entry.key, ", ".join(entry.value), entry.meaning, "")]
-
-
 def _norms(entry: Entry, kind: str) -> list[CertificateRow]:
     ends = {name: f"{down(found['lower'], 10)} ... {up(found['upper'], 10)}" for name, found in entry.value.items()}
     return [CertificateRow(f"||{name}||_1", text, "L1 norm", kind) for name, text in ends.items()]
@@ -70,12 +79,13 @@ def _bounds(entry: Entry, kind: str) -> list[CertificateRow]:
     ]
 
 
-def _over_the_set(entry: Entry, _: str) -> list[CertificateRow]:
-    return [row for loop in entry.value for row in _worst_case(loop)]
-
-
 def _transfer_functions(entry: Entry, _: str) -> list[CertificateRow]:
-    return [_coefficients(f"{entry.key}, {name}", system, entry.meaning) for name, system in entry.value.items()]
+    """Coefficients, highest power first."""
+    rows = []
+    for name, system in entry.value.items():
+        text = ", ".join(f"{side} = [{number_text(values)}]" for side, values in system.items())
+        rows.append(CertificateRow(f"{entry.key}, {name}", text, entry.meaning, "linear loop"))
+    return rows
 
 
 def _per_unit(entry: Entry, kind: str) -> list[CertificateRow]:
@@ -90,12 +100,6 @@ def _condition(entry: Entry, kind: str) -> list[CertificateRow]:
         return [CertificateRow(quantity, "infinite", "condition < 1 fails", kind)]
     verdict = "< 1: holds" if value["holds"] else "not shown to be below 1"
     return [CertificateRow(quantity, f"<= {up(value['value_upper'], 6)}", f"condition {verdict}", kind)]
-
-
-def _coefficients(quantity: str, system: dict[str, list[float]], meaning: str) -> CertificateRow:
-    """A transfer function, highest power first."""
-    text = ", ".join(f"{side} = [{number_text(values)}]" for side, values in system.items())
-    return CertificateRow(quantity, text, meaning, "linear loop")
 
 
 def _worst_case(loop: dict[str, Any]) -> list[CertificateRow]:
@@ -114,12 +118,12 @@ def _worst_case(loop: dict[str, Any]) -> list[CertificateRow]:
 
 ROWS_BY_FORM: dict[Form, Callable[[Entry, str], list[CertificateRow]]] = {
     Form.PLAIN: _plain,
-    Form.MATRIX: _matrix,
-    Form.NAMES: _names,
+    Form.MATRIX: lambda entry, kind: [CertificateRow(entry.key, number_text(entry.value, "; "), entry.meaning, kind)],
+    Form.NAMES: lambda entry, _: [CertificateRow(entry.key, ", ".join(entry.value), entry.meaning, "")],
     Form.NORMS: _norms,
     Form.BOUNDS: _bounds,
     Form.CONDITION: _condition,
-    Form.OVER_THE_SET: _over_the_set,
+    Form.OVER_THE_SET: lambda entry, _: [row for loop in entry.value for row in _worst_case(loop)],
     Form.TRANSFER_FUNCTIONS: _transfer_functions,
     Form.PER_UNIT: _per_unit,
 }

@@ -7,12 +7,12 @@ from typing import NamedTuple
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from barbalat.pictures.symbols import held
 
 
 class Line(NamedTuple):
-    """One of the five: what it is about, what is said, and how sure that is."""
+    """One of a certificate's five lines: what it is about, what is said, and how sure that is."""
 
     label: str
     text: str
@@ -35,7 +35,7 @@ def measured(certificate: Certificate) -> Line | None:
 
 
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
-    """Does the condition hold; the bound; the margin; the largest gain and step; what is assumed, and what of it fails."""
+    """The five lines: condition, bound, margin, the largest gain and step, and the assumptions with what of them fails."""
     if certificate.failure:
         why = f"not known: {certificate.failure}"
         rest = [Line(label, "not known", "does not apply") for label in ("bound of e", "margin", "gain, step", "assumed")]

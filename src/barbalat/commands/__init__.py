@@ -5,6 +5,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import argparse
 
-    from barbalat.commands.parser import Parser
+    from barbalat.commands.options import Parser
 
     Commands = argparse._SubParsersAction[Parser]

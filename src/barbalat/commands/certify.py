@@ -6,14 +6,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers
+from barbalat.commands.options import add_budget, add_controllers
 from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.progress import Work, work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
     from barbalat.certificates.certificates import Certificates
-    from barbalat.certificates.overview import Certified
+    from barbalat.certificates.certify import Certified
     from barbalat.commands import Commands
 
 
@@ -34,13 +34,14 @@ def add(commands: Commands) -> None:
     parser.add_argument("--out", metavar="DIR", help="Bode, Nyquist and sensitivity pictures of the loops, page and JSON")
     parser.add_argument("--full", action="store_true", help="every value with its kind, all assumptions, and Table 1")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
-    from barbalat.certificates.overview import Certified
+    from barbalat.certificates.certify import Certified
     from barbalat.report.documents import as_json
     from barbalat.validate import InputError
 

@@ -65,7 +65,7 @@ def _names(command: str, action: argparse.Action, options: argparse.Namespace) -
 
             return list(papers())
         case "fly", "NAME", "name":
-            from barbalat.vehicles.registry import vehicles
+            from barbalat.vehicles.vehicle import vehicles
 
             return list(vehicles())
         case "export", "NAME", "controller":

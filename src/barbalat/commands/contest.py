@@ -5,14 +5,12 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list, whole
-from barbalat.commands.output import folder_of, tell
-from barbalat.commands.progress import SECONDS_EACH_STEP, Work, work
+from barbalat.commands.options import add_budget, add_controllers, add_list, whole
+from barbalat.commands.output import folder_of, tell, write_drawn
+from barbalat.commands.progress import SECONDS_EACH_STEP, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
-    from barbalat.comparison.contest.result import Contest
-    from barbalat.report.files import Folder
 
 
 def add(commands: Commands) -> None:
@@ -49,6 +47,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of plants, searches, commands and noise; default 0")
     parser.add_argument("--out", metavar="DIR", help="for page and JSON; default: barbalat-contest, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
@@ -66,7 +65,8 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.comparison.contest.contest import RUNS_EACH_TRIAL, contest
 
     case = load_case(options.case, options.controllers)
-    sizes = {name: default if (given := vars(options)[name]) is None else given for name, default in _defaults(options).items()}
+    defaults = QUICK_SIZES if options.quick else FULL_SIZES
+    sizes = {name: default if (given := vars(options)[name]) is None else given for name, default in defaults.items()}
     steps = case.simulation.steps * sizes["trials"] * RUNS_EACH_TRIAL * (len(options.schemes) or MOST_SCHEMES)
     expected = {"contest": max(steps * SECONDS_EACH_STEP, 1.0), "drawing": DRAWING_SECONDS}
     with folder_of(options.out, None if options.json else "barbalat-contest") as folder, work(expected) as running:
@@ -83,26 +83,12 @@ def execute(options: argparse.Namespace) -> int:
                 progress=progress,
                 **sizes,
             )
-        from barbalat.report import documents
+        from barbalat.report import documents, write
 
         document = documents.as_json(found.as_json())
-        if folder is not None:
-            _write(folder, found, document, running)
+        write_drawn(folder, running, "contest.json", document, lambda into: write.write_contest(into, found))
+    from barbalat.report import contest as screens
     from barbalat.report.file_names import PAGE
-    from barbalat.report.terminal import contest as screens
 
     tell(document, lambda screen: screens.show(screen, found), folder, as_json=options.json, page=PAGE)
     return 0
-
-
-def _defaults(options: argparse.Namespace) -> dict[str, int]:
-    return QUICK_SIZES if options.quick else FULL_SIZES
-
-
-def _write(folder: Folder, found: Contest, document: str, running: Work) -> None:
-    from barbalat.report import write
-
-    with running.part("drawing"):
-        folder.write("contest.json", document)
-        write.write_contest(folder, found)
-        folder.commit()

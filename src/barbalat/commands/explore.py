@@ -7,7 +7,7 @@ import webbrowser
 from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers
+from barbalat.commands.options import add_budget, add_controllers
 from barbalat.commands.output import STANDARD_OUTPUT, print_json, print_text
 from barbalat.commands.progress import say, work
 
@@ -30,6 +30,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--no-open", action="store_true", help="don't open it in a browser")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
@@ -43,7 +44,7 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.explorer.explorer import Explorer
     from barbalat.explorer.section_v import ON_THE_PAPER_S_EXAMPLE, PAPER_CASE
     from barbalat.explorer.source import TextSource
-    from barbalat.report.files import output_folder
+    from barbalat.folders import output_folder
     from barbalat.validate import InputError, local_path
 
     file, to_output = local_path("--out", options.out), options.out == STANDARD_OUTPUT

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list, whole
+from barbalat.commands.options import add_budget, add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, require_folder_name, tell
 from barbalat.commands.progress import Work, say, work
 
@@ -51,6 +51,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT_FOLDER}, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_controllers(parser)
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
@@ -94,9 +95,8 @@ def execute(options: argparse.Namespace) -> int:
         say(f"barbalat: {error}")
         return 1
     from barbalat.report.file_names import PAGE
-    from barbalat.report.terminal import flights as terminal
 
-    tell(document, lambda screen: terminal.show(screen, found), folder, as_json=options.json, page=PAGE)
+    tell(document, lambda screen: flights.show(screen, found), folder, as_json=options.json, page=PAGE)
     return int(any(one.equal is False for one in (found.agreements or {}).values()))
 
 
@@ -141,9 +141,8 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
         stays = "" if options.store is None else f"; what is stored in {options.store} stays, and the same command goes on"
         say(f"barbalat: {error}{stays}")
         return 1
-    from barbalat.report.terminal import dispersed as terminal
 
-    tell(document, lambda screen: terminal.show(screen, found), folder, as_json=options.json, page=PAGE)
+    tell(document, lambda screen: dispersed.show(screen, found), folder, as_json=options.json, page=PAGE)
     return 0
 
 
@@ -151,7 +150,7 @@ def _flown(options: argparse.Namespace, running: Work) -> FlightComparison:
     from barbalat.cases import user_controllers
     from barbalat.export.exported_step import exported_c
     from barbalat.vehicles.flying import fly
-    from barbalat.vehicles.registry import vehicle_of
+    from barbalat.vehicles.vehicle import vehicle_of
 
     own = () if options.controllers is None else user_controllers.run(options.controllers).controllers(named={})
     given = {name: value for name, value in (("altitude", options.altitude), ("mach", options.mach)) if value is not None}

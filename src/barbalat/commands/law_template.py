@@ -12,10 +12,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from barbalat import InputError, Known, Role, TuningGrid
-from barbalat.controllers.tuning_grid import TuningScale
-from barbalat.problem.known_set import EstimateSet
-from barbalat.protocols import Value
+from barbalat import InputError
+from barbalat.interfaces import EstimateSet, Known, Role, TuningGrid, TuningScale, Value
 
 
 class State(NamedTuple):
@@ -40,36 +38,38 @@ class Equations:
     roles: ClassVar[Mapping[str, Role]] = {"e_d": Role.other("error that the input's limits cause")}
 
     @property
-    def box(self) -> EstimateSet | None:
+    def estimate_set(self) -> EstimateSet | None:
         """The set that the estimates are projected onto; None where the problem has none."""
-        return self.known.box
+        return self.known.estimate_set
 
     def initial(self) -> State:
         """The state at t = 0."""
         start = np.zeros(self.known.parameters)
-        return State(start if self.known.box is None else self.known.box.limit(start), np.zeros(self.known.n))
+        return State(start if self.known.estimate_set is None else self.known.estimate_set.limit(start), np.zeros(self.known.n))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
         """u = k_0 r - theta_hat'phi(x)."""
-        return np.dot(self.known.k_0, r) - self.known.uncertainty.phi(x).T @ state.theta_hat
+        return np.dot(self.known.k_0, r) - self.known.matched.phi(x).T @ state.theta_hat
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         """The rates of the state; u is what ``control`` gives, before the actuator's limits."""
-        known, phi = self.known, self.known.uncertainty.phi(x)
+        known, phi = self.known, self.known.matched.phi(x)
         reaches = u if known.saturation is None else np.clip(u, *known.saturation)
         e = x - x_m - state.e_d  # without what the limits cause, from which there is nothing to learn
         theta_hat_dot = self.gamma * np.dot(phi, e @ known.P @ known.b)
-        if known.box is not None:
-            theta_hat_dot = known.box.project(theta_hat_dot, state.theta_hat)
+        if known.estimate_set is not None:
+            theta_hat_dot = known.estimate_set.project(theta_hat_dot, state.theta_hat)
         return State(theta_hat_dot, known.A_m @ state.e_d + np.dot(known.b, reaches - u))
 
     def limit(self, state: State) -> State:
         """The state with its estimates inside the set, which a stage of the solver may overstep."""
-        return state if self.known.box is None else state._replace(theta_hat=self.known.box.limit(state.theta_hat))
+        return (
+            state if self.known.estimate_set is None else state._replace(theta_hat=self.known.estimate_set.limit(state.theta_hat))
+        )
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
         """What multiplies theta: its excitation is measured along runs."""
-        return self.known.uncertainty.phi(x)
+        return self.known.matched.phi(x)
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class MyLaw:
 
     def bind(self, known: Known) -> Equations:
         """The equations for what is known of a plant; InputError for a plant that the law does not take."""
-        if known.uncertainty.gain_unknown:
+        if known.matched.gain_unknown:
             raise InputError(f"{self.name} takes plants with a known input gain")
         return Equations(self.gamma, known)
 

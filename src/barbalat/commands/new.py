@@ -40,8 +40,8 @@ def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import text_to_start_from
     from barbalat.cases.schema import json_schema
+    from barbalat.folders import output_folder
     from barbalat.report.documents import as_json
-    from barbalat.report.files import output_folder
     from barbalat.validate import InputError, local_path
 
     if options.file == STANDARD_OUTPUT:
@@ -73,8 +73,8 @@ def execute(options: argparse.Namespace) -> int:
 
 def _law(file: Path, options: argparse.Namespace) -> int:
     """A law of one's own instead of a case."""
+    from barbalat.folders import output_folder
     from barbalat.report.documents import as_json
-    from barbalat.report.files import output_folder
     from barbalat.validate import InputError
 
     if options.source is not None:

@@ -8,7 +8,8 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from barbalat.report.files import Folder
+    from barbalat.commands.progress import Work
+    from barbalat.folders import Folder
     from barbalat.report.terminal.layout import Screen
 
 
@@ -19,7 +20,7 @@ STANDARD_OUTPUT = "-"
 @contextlib.contextmanager
 def folder_of(given: str | None, default: str | None) -> Iterator[Folder | None]:
     """The folder that ``--out`` names, ``default`` where it is not given; None for neither."""
-    from barbalat.report.files import output_folder
+    from barbalat.folders import output_folder
     from barbalat.validate import local_path
 
     require_folder_name("--out", given)
@@ -55,6 +56,15 @@ def print_json(text: str) -> None:
     except UnicodeEncodeError:
         text = json.dumps(json.loads(text), indent=2)
     print(text)  # noqa: T201
+
+
+def write_drawn(folder: Folder | None, running: Work, file: str, document: str, draw: Callable[[Folder], None]) -> None:
+    """Write a command's document and what ``draw`` writes beside it, all at once; nothing where there is no folder."""
+    if folder is not None:
+        with running.part("drawing"):
+            folder.write(file, document)
+            draw(folder)
+            folder.commit()
 
 
 def tell(document: str, show: Callable[[Screen], None], folder: Folder | None, *, as_json: bool, **files: str) -> None:

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Task
 
-    from barbalat.run.progress import Progress
+    from barbalat.budget import Progress
 
 
 SECONDS_EACH_STEP = 10e-9

@@ -8,19 +8,19 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
+from barbalat.commands.options import add_budget
 from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.progress import work
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from barbalat.budget import Progress
     from barbalat.commands import Commands
+    from barbalat.folders import Folder
     from barbalat.papers.claim import Claim
     from barbalat.papers.ledger import Measured
-    from barbalat.papers.paper import Paper
-    from barbalat.papers.paper_figure import PaperFigure
-    from barbalat.report.files import Folder
-    from barbalat.run.progress import Progress
+    from barbalat.papers.paper import Paper, PaperFigure
 
 
 def add(commands: Commands) -> None:
@@ -35,6 +35,7 @@ def add(commands: Commands) -> None:
     extent.add_argument("--quick", action="store_true", help="the figures and the claims that take seconds")
     extent.add_argument("--full", action="store_true", help="sharpen claims by what takes minutes: more gains, longer runs")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
@@ -88,8 +89,8 @@ def _reproduced(
     """Figures, claims, the JSON document, and how long it took [s] from ``started`` on; the page is written."""
     from barbalat.explorer import section_v as explorers
     from barbalat.papers import ledger
+    from barbalat.processes import answer_of
     from barbalat.report import documents, page, write
-    from barbalat.run.processes import answer_of
 
     processes = 1 if quick else os.cpu_count() or 1
     rows = sum(part.duration(full=full) for part in paper.ledger if part.quick or not quick)

@@ -9,16 +9,15 @@ from concurrent.futures import Executor
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Any
 
-from barbalat.commands import in_the_loop
-from barbalat.commands.options import add_controllers
+from barbalat.commands.options import add_budget, add_controllers
 from barbalat.commands.output import folder_of, print_json
 from barbalat.commands.progress import Work, say, work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
     from barbalat.commands import Commands
-    from barbalat.report.files import Folder
-    from barbalat.run.result import Result
+    from barbalat.folders import Folder
+    from barbalat.run.results.result import Result
 
 
 def add(commands: Commands) -> None:
@@ -37,6 +36,7 @@ def add(commands: Commands) -> None:
         action="store_true",
         help="software in the loop: sampled controllers once more as exported C, compiled here; exit code 1 where a bit differs",
     )
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
@@ -49,12 +49,12 @@ def execute(options: argparse.Namespace) -> int:
     with folder_of(options.out, None if options.json or options.no_plots else "barbalat-run") as folder:
         plots = folder is not None and not options.no_plots
         if options.sil:
-            in_the_loop.require(case)
+            require_sampled(case)
         with work(_expected(case, plots=plots)) as running, drawing_beside() if plots else nullcontext() as beside:
             results = _simulated(case, running)
             from barbalat.report import documents
 
-            checked = in_the_loop.checked(results, running) if options.sil else None
+            checked = compared_exports(results, running) if options.sil else None
             document = documents.as_json(documents.run_document(case.name, results, None, checked))
             if folder is not None:
                 write_runs(folder, case.name, results, document, whole=options.full_record)
@@ -64,8 +64,8 @@ def execute(options: argparse.Namespace) -> int:
             print_json(document)
         else:
             show(case.name, results, folder, plots=plots)
-            in_the_loop.show(checked or {})
-    return in_the_loop.exit_code(checked or {})
+            show_exported(checked or {})
+    return exit_code(checked or {})
 
 
 CERTIFYING_SECONDS, DRAWING_SECONDS = 0.2, 0.55
@@ -84,9 +84,9 @@ def _expected(case: Case, *, plots: bool) -> dict[str, float]:
 
 def _simulated(case: Case, running: Work) -> list[Result]:
     """All controllers, those that were numerically unstable also at a finer step."""
-    from barbalat.run.check_numerics import check_numerics
-    from barbalat.run.settle import settle
-    from barbalat.run.simulate import simulate
+    from barbalat.run.engine.check_numerics import check_numerics
+    from barbalat.run.engine.settle import settle
+    from barbalat.run.engine.simulate import simulate
 
     with running.part("simulating") as progress:
         found = simulate(case.problem, case.controllers, case.simulation, judge=case.judge, progress=progress)
@@ -100,10 +100,9 @@ def _simulated(case: Case, running: Work) -> list[Result]:
 
 def write_runs(folder: Folder, case: str, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
     """JSON, trajectories and what their columns are: whatever becomes of the certificates, the runs are safe."""
-    from barbalat.report.data_package import data_package
     from barbalat.report.documents import as_json
     from barbalat.report.file_names import COLUMNS, RUN, files_of_run
-    from barbalat.report.trajectories import write_trajectories
+    from barbalat.report.trajectories import data_package, write_trajectories
 
     folder.write(RUN, document)
     folder.write(COLUMNS, as_json(data_package(case, results)))
@@ -130,7 +129,7 @@ def with_page(
     beside: Executor | None = None,
 ) -> str:
     """Certify and write the page, of which a part is drawn ``beside``; the JSON document with what was found."""
-    from barbalat.certificates.overview import certified_case
+    from barbalat.certificates.certify import certified_case
     from barbalat.report import documents, write
     from barbalat.report.file_names import RUN
 
@@ -157,3 +156,51 @@ def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: 
         screen.title(f"written to {folder.path}", "")
         if plots:
             screen.whole(f"page: {folder.path / PAGE}")
+
+
+def require_sampled(case: Case) -> None:
+    """InputError before anything is simulated, where no C can run, or nothing could be exported."""
+    from barbalat.export.compiler import require_compiler
+    from barbalat.loop.closed_loop import ClosedLoop
+    from barbalat.validate import InputError
+
+    require_compiler()
+    if not any(ClosedLoop.of(case.problem, controller).sampled for controller in case.controllers):
+        raise InputError("--sil takes sampled controllers, and this case has none: give one a sample_time")
+
+
+def compared_exports(results: Sequence[Result], running: Work) -> dict[str, dict[str, Any]]:
+    """What was found of each sampled controller: whether every bit is equal, and if not, what is not or why it can't be said."""
+    from barbalat.export.in_the_loop import simulate_export
+    from barbalat.validate import InputError
+
+    found: dict[str, dict[str, Any]] = {}
+    for result in (result for result in results if result.loop.sampled):
+        try:
+            with running.part(f"compiled C of {result.name}") as progress:
+                made = simulate_export(result.problem, result.controller, result.simulation, progress=progress)
+        except InputError as error:
+            found[result.name] = {"equal": None, "refused": 0, "difference": str(error)}
+            continue
+        difference = made.differs_from(result)
+        found[result.name] = {"equal": not difference, "refused": made.refused, "difference": difference}
+    return found
+
+
+def show_exported(found: Mapping[str, Mapping[str, Any]]) -> None:
+    """Print what was found, a line for each controller."""
+    from barbalat.report.terminal.layout import Screen
+    from barbalat.validate import counted
+
+    screen = Screen()
+    if found:
+        screen.title("software in the loop", "")
+    for name, one in found.items():
+        samples = f"; the export refused {counted(one['refused'], 'sample')}" if one["refused"] else ""
+        equal = "as compiled C it has the same figures and the same states in every bit"
+        screen.whole(f"{name}: {equal if one['equal'] else one['difference']}{samples}")
+
+
+def exit_code(found: Mapping[str, Mapping[str, Any]]) -> int:
+    """1 where a bit differs; what can't be exported is no fault."""
+    return int(any(one["equal"] is False for one in found.values()))

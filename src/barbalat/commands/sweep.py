@@ -6,17 +6,17 @@ import argparse
 import time
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list, whole
+from barbalat.commands.options import add_budget, add_controllers, add_list, whole
 from barbalat.commands.output import folder_of, print_json, require_folder_name, tell
 from barbalat.commands.progress import SECONDS_EACH_STEP, Work, say, work
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from barbalat.budget import Progress
     from barbalat.cases.load import CaseText
     from barbalat.commands import Commands
-    from barbalat.report.files import Folder
-    from barbalat.run.progress import Progress
+    from barbalat.folders import Folder
     from barbalat.sweeps.cluster import Scheduler
     from barbalat.sweeps.requirement import Requirement
     from barbalat.sweeps.result import SweepResult
@@ -61,6 +61,7 @@ def add(commands: Commands) -> None:
         "--out", metavar="DIR", help="where the page goes, or a single member's; default: barbalat-sweep, none with --json"
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
@@ -92,8 +93,8 @@ def execute(options: argparse.Namespace) -> int:
         if folder is not None:
             folder.write("sweep.json", document)
             _write(folder, text, result)
+    from barbalat.report import sweep
     from barbalat.report.file_names import PAGE
-    from barbalat.report.terminal import sweep
 
     tell(document, lambda screen: sweep.show(screen, result), folder, as_json=options.json, page=PAGE)
     return 0
@@ -103,8 +104,8 @@ def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> 
     """One member alone; the exit code says 1 where its figures are not those that the store has."""
     from barbalat.commands import run
     from barbalat.report import documents
-    from barbalat.sweeps.replay import replay
     from barbalat.sweeps.stored import require_parquet, row_of
+    from barbalat.sweeps.sweep import replay
 
     if store is not None:
         require_parquet()

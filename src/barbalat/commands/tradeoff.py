@@ -7,15 +7,15 @@ import time
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, whole
-from barbalat.commands.output import folder_of, print_json
+from barbalat.commands.options import add_budget, add_controllers, whole
+from barbalat.commands.output import folder_of, tell, write_drawn
 from barbalat.commands.progress import Work, work
 
 if TYPE_CHECKING:
     from barbalat.cases.build import Case
     from barbalat.commands import Commands
     from barbalat.comparison.tradeoff.tradeoff import TradeOff
-    from barbalat.report.files import Folder
+    from barbalat.report.terminal.layout import Screen
 
 
 def add(commands: Commands) -> None:
@@ -38,6 +38,7 @@ def add(commands: Commands) -> None:
         "--share", type=float, default=1.0, metavar="S", help="added error, in motions, that counts as loss; default 1"
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
@@ -57,18 +58,16 @@ def execute(options: argparse.Namespace) -> int:
 
         found = replace(found, seconds=time.perf_counter() - started)
         document = documents.as_json(tradeoff.as_document(found))
-        if folder is not None:
-            with running.part("drawing"):
-                folder.write("tradeoff.json", document)
-                write.write_tradeoff(folder, found)
-                folder.commit()
-    if options.json:
-        print_json(document)
-    else:
-        seconds = time.perf_counter() - started
-        _show(
-            found, folder, f"{found.runs} simulations of {case.simulation.t_end:g} s; {seconds:.0f} s in all, pictures included"
-        )
+        write_drawn(folder, running, "tradeoff.json", document, lambda into: write.write_tradeoff(into, found))
+    seconds = time.perf_counter() - started
+
+    def show(screen: Screen) -> None:
+        tradeoff.show(screen, found)
+        screen.line(f"{found.runs} simulations of {case.simulation.t_end:g} s; {seconds:.0f} s in all, pictures included")
+
+    from barbalat.report.file_names import PAGE
+
+    tell(document, show, folder, as_json=options.json, page=PAGE)
     return 0
 
 
@@ -95,15 +94,3 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
             lost=Lost(share=options.share),
             progress=progress,
         )
-
-
-def _show(found: TradeOff, folder: Folder | None, effort: str) -> None:
-    from barbalat.report.file_names import PAGE
-    from barbalat.report.terminal import tradeoff
-    from barbalat.report.terminal.layout import Screen
-
-    screen = Screen()
-    tradeoff.show(screen, found)
-    screen.line(effort)
-    if folder is not None:
-        screen.whole(f"page: {folder.path / PAGE}")

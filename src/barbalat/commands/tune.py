@@ -5,15 +5,13 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_controllers, add_list, whole
-from barbalat.commands.output import folder_of, tell
-from barbalat.commands.progress import SECONDS_EACH_STEP, Work, work
+from barbalat.commands.options import add_budget, add_controllers, add_list, whole
+from barbalat.commands.output import folder_of, tell, write_drawn
+from barbalat.commands.progress import SECONDS_EACH_STEP, work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
     from barbalat.comparison.ranges import Space
-    from barbalat.comparison.tune.result import Tuning
-    from barbalat.report.files import Folder
 
 
 def add(commands: Commands) -> None:
@@ -52,6 +50,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of the plants and of the search; default 0")
     parser.add_argument("--out", metavar="DIR", help="for case file, page and JSON; default: barbalat-tune, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
@@ -83,25 +82,15 @@ def execute(options: argparse.Namespace) -> int:
     with folder_of(options.out, None if options.json else "barbalat-tune") as folder, work(expected) as running:
         with running.part("tuning") as progress:
             found = tune_case(tuner, space, controller=options.controller, progress=progress)
-        from barbalat.report import documents
+        from barbalat.report import documents, write
 
         document = documents.as_json(found.as_json())
-        if folder is not None:
-            _write(folder, found, document, running)
+        write_drawn(folder, running, "tune.json", document, lambda into: write.write_tuning(into, found))
+    from barbalat.report import tuning
     from barbalat.report.file_names import PAGE, TUNED_CASE
-    from barbalat.report.terminal import tuning
 
     tell(document, lambda screen: tuning.show(screen, found), folder, as_json=options.json, case=TUNED_CASE, page=PAGE)
     return 0
-
-
-def _write(folder: Folder, found: Tuning, document: str, running: Work) -> None:
-    from barbalat.report import write
-
-    with running.part("drawing"):
-        folder.write("tune.json", document)
-        write.write_tuning(folder, found)
-        folder.commit()
 
 
 def _space(given: list[str]) -> Space | None:

@@ -15,7 +15,7 @@ from barbalat.controllers.tuning_grid import OutputTuningScale, Tunable, TuningG
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import ideal
 from barbalat.validate import Array, InputError
@@ -57,14 +57,14 @@ def default_knobs(
 
 
 def knobs_of(controller: Controller, reach: TuningScale) -> TuningGrid:
-    """Those that it says it has; none, which is one tuning, where it says nothing."""
+    """The knobs that a controller says it has; none, which is one tuning, where it says nothing."""
     if isinstance(controller, Tunable):
         return controller.knobs(reach)
     return TuningGrid(scheme=controller.name, values={}, make=lambda: controller)
 
 
 def all_knobs(reach: TuningScale) -> list[TuningGrid]:
-    """Of every registered scheme that has some."""
+    """The knobs of every registered scheme that has some."""
     return [scheme.knobs(reach) for scheme in SCHEMES.values() if isinstance(scheme, Tunable)]
 
 
@@ -90,7 +90,7 @@ def start_of(problem: Problem) -> Array | None:
 
 
 def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: int = 12) -> OutputTuningScale:
-    """The same where the output is fed back; no gain is among what is turned."""
+    """How far knobs are turned where the output is fed back; no gain is among them."""
     return OutputTuningScale(
         times=_times(problem.known.W_m.poles, simulation, density),
         known=problem.known,

@@ -8,9 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.settings import Adaptive, check_common, initial_estimate, projection_box
+from barbalat.controllers.settings import Adaptive, check_common, initial_estimate, projection_set
 from barbalat.problem.known_set import Gain, KnownSet, ParameterBox, gain, limit, project
-from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.roles import Role
@@ -59,64 +59,64 @@ class ControlGains:
     With m inputs and q commands k_x (p m,) and k_r (m q,) stand row by row, and each input has an omega of its own.
     """
 
-    uncertainty: Uncertainty
+    matched: MatchedTerm
     gamma: Gain
     gamma_r: float
     theta_hat0: Array
     k_r0: Array
     k_0: Array
-    box: KnownSet | None  # of k_x
+    estimate_set: KnownSet | None  # of k_x
     interval: ParameterBox | None  # of k_r
 
     @classmethod
     def of(cls, settings: GainSettings, known: Known) -> ControlGains:
         """InputError where the settings don't fit the plant."""
-        projection_box(settings.projection, known)  # refuses what is no switch, and a projection onto nothing
-        regressor, gamma = known.uncertainty.regressor, Gain(settings.gamma)
+        projection_set(settings.projection, known)  # refuses what is no switch, and a projection onto nothing
+        regressor, gamma = known.matched.regressor, Gain(settings.gamma)
         gamma.require_size("gamma", regressor.size(known.n) * known.inputs)
         if known.inputs > 1 and gamma.is_matrix:
             raise InputError("gamma must be a number or a list with several inputs: V has an unknown factor for each of them")
         onto = settings.projection is None or settings.projection
-        box, interval = sets_of_ideal_gains(known) if onto else (None, None)
-        without = replace(known, box=box, uncertainty=Uncertainty(regressor, inputs=known.inputs))
+        estimate_set, interval = sets_of_ideal_gains(known) if onto else (None, None)
+        without = replace(known, estimate_set=estimate_set, matched=MatchedTerm(regressor, inputs=known.inputs))
         return cls(
-            uncertainty=without.uncertainty,
+            matched=without.matched,
             gamma=gamma,
             gamma_r=feedforward_gain(settings),
-            theta_hat0=initial_estimate(settings.theta_hat0, box, without),
+            theta_hat0=initial_estimate(settings.theta_hat0, estimate_set, without),
             k_r0=_initial_feedforward(settings.k_r0, known, interval),
             k_0=_feedforward(known),
-            box=box,
+            estimate_set=estimate_set,
             interval=interval,
         )
 
     @property
     def inputs(self) -> int:
-        return self.uncertainty.inputs
+        return self.matched.inputs
 
     def control(self, k_x_hat: Value, k_r_hat: Value, x: Value, r: Value) -> Value:
         if self.inputs == 1:
-            return -self.uncertainty.phi(x).T @ k_x_hat + k_r_hat[0] * r
-        return -self.uncertainty.phi(x).T @ k_x_hat + k_r_hat.reshape(self.inputs, -1) @ r.reshape(-1)
+            return -self.matched.phi(x).T @ k_x_hat + k_r_hat[0] * r
+        return -self.matched.phi(x).T @ k_x_hat + k_r_hat.reshape(self.inputs, -1) @ r.reshape(-1)
 
     def exciting(self, k_x_hat: Value, k_r_hat: Value, x: Value, u: Value) -> Value:
-        """What excites the gains: phi(x) and, with several inputs, K_r'K_r r, which is r but for its directions' lengths."""
+        """The exciting signals: phi(x) and, with several inputs, K_r'K_r r, which is r but for its directions' lengths."""
         if self.inputs == 1:
             return self.with_input(x, u)
-        Phi, m = self.uncertainty.phi(x), self.inputs
+        Phi, m = self.matched.phi(x), self.inputs
         of_r = k_r_hat.reshape(m, -1).T @ (u + Phi.T @ k_x_hat)
         return np.concatenate([Phi, np.outer(of_r, np.eye(m).reshape(-1)).reshape(of_r.shape[0] * m, m)])
 
     def with_input(self, x: Value, u: Value) -> Value:
         """phi(x) and u: as long as k_r_hat is not zero they span what phi(x) and r do, which excites the gains."""
-        return np.concatenate([self.uncertainty.phi(x), u.reshape(1)])
+        return np.concatenate([self.matched.phi(x), u.reshape(1)])
 
     def ideal(self, theta: Array, omega: Array) -> Array:
         """k_x, by the matching condition omega k_x = theta."""
         return np.asarray(theta / np.tile(omega, len(theta) // self.inputs))
 
     def ideal_feedforward(self, omega: Array) -> Array:
-        """k_r, by the other one, omega k_r = k_0."""
+        """k_r, by the matching condition omega k_r = k_0."""
         return np.asarray(self.k_0 / np.repeat(omega, len(self.k_0) // self.inputs))
 
     def rates(self, error: Value, of_x: Value, of_r: Value, k_x_hat: Value, k_r_hat: Value) -> tuple[Value, Value]:
@@ -125,10 +125,10 @@ class ControlGains:
             k_x_dot, k_r_dot = self.gamma.scaled(error, of_x), (-self.gamma_r * error * of_r).reshape(1)
         else:
             k_x_dot, k_r_dot = self.gamma.times(of_x @ error), (-self.gamma_r * np.outer(error, of_r)).reshape(-1)
-        return project(k_x_dot, k_x_hat, self.box, self.gamma), project(k_r_dot, k_r_hat, self.interval)
+        return project(k_x_dot, k_x_hat, self.estimate_set, self.gamma), project(k_r_dot, k_r_hat, self.interval)
 
     def limited(self, k_x_hat: Value, k_r_hat: Value) -> tuple[Value, Value]:
-        return limit(k_x_hat, self.box), limit(k_r_hat, self.interval)
+        return limit(k_x_hat, self.estimate_set), limit(k_r_hat, self.interval)
 
 
 class GainEquations:
@@ -143,14 +143,14 @@ class GainEquations:
         return self.gains.exciting(state.theta_hat, state.k_r_hat, x, u)
 
     @property
-    def box(self) -> KnownSet | None:
-        return self.gains.box
+    def estimate_set(self) -> KnownSet | None:
+        return self.gains.estimate_set
 
     @property
     def roles(self) -> dict[str, Role]:
         return {
             "theta_hat": Role.estimates(
-                "k_x", true=self.gains.ideal, within=self.box, meaning="estimates of the feedback's gains k_x"
+                "k_x", true=self.gains.ideal, within=self.estimate_set, meaning="estimates of the feedback's gains k_x"
             ),
             "k_r_hat": Role.estimates(
                 "k_r",

@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.settings import Scheme
-from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
@@ -26,15 +26,15 @@ class Equations:
     """Eq. (3) with the estimate at rest."""
 
     k_0: Array | float
-    uncertainty: Uncertainty
+    matched: MatchedTerm
     theta: Array
 
     def initial(self) -> State:
         return State(self.theta)
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        theta, omega = self.uncertainty.split(state.theta_hat)
-        return (-self.uncertainty.phi(x).T @ theta + np.dot(self.k_0, r)) / omega  # (3)
+        theta, omega = self.matched.split(state.theta_hat)
+        return (-self.matched.phi(x).T @ theta + np.dot(self.k_0, r)) / omega  # (3)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         return State(0 * state.theta_hat)
@@ -65,7 +65,7 @@ class KnownParameters(Scheme):
 
     def bind(self, known: Known) -> Equations:
         theta = validate.vector("theta", self.theta, known.parameters)
-        gains = theta[len(theta) - known.inputs :] if known.uncertainty.gain_unknown else np.ones(1)
+        gains = theta[len(theta) - known.inputs :] if known.matched.gain_unknown else np.ones(1)
         if not (gains > 0).all():
             raise InputError(f"theta must end with the input gains, all above zero, got {validate.show(theta)}")
-        return Equations(k_0=known.k_0, uncertainty=known.uncertainty, theta=theta)
+        return Equations(k_0=known.k_0, matched=known.matched, theta=theta)

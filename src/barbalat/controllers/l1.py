@@ -2,27 +2,123 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import KW_ONLY, dataclass, field, replace
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
+from barbalat.adaptation import implicit
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.leakage import Leakage
-from barbalat.controllers.l1_sampled import Predictor
-from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box
+from barbalat.adaptation.modifications import DeadZone, Leakage
+from barbalat.controllers.settings import Scheme, bound_with_lyapunov_law, check_common
+from barbalat.controllers.steps import Filter, Unmoved, half_step
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
-from barbalat.controllers.windup import applied, limits_of_predictor
+from barbalat.controllers.windup import ModifiedError, applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
-from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
-from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.known_set import EstimateSet, Gain, KnownSet, gain, limit
+from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
-from barbalat.protocols import Value
-from barbalat.roles import Role, within
+from barbalat.protocols import Sample, Value, kept
+from barbalat.roles import Role, resting, within
 from barbalat.validate import Array, InputError, Vector
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """Predictor (8) and law (7) in one implicit step; with C = 1 the MRAC.
+
+    V = x_tilde'P x_tilde + theta_tilde'Gamma^-1 theta_tilde falls by at least T |x_tilde|^2 a sample, for every Gamma, T.
+    The predictor is fed with the estimate as the known set leaves it: with C = 1 it then stays with the reference model.
+    """
+
+    continuous: Equations
+    sample_time: float
+    known_set: KnownSet | None  # what the step keeps to; with a leakage it holds the origin as well
+    end: Array  # (I - T A_m)^-1
+    filter: Filter
+    coupling: Array | float  # T b'P (I - T A_m)^-1 b > 0; (m, m) with m inputs
+    windup: ModifiedError | None = None
+    frozen: Value = None  # where it holds, the estimates rest and nothing is remembered; None: it never does
+
+    explicit: ClassVar[bool] = False
+
+    @classmethod
+    def of(cls, equations: Equations, T: float, windup: ModifiedError | None = None) -> Predictor:
+        modifications, estimate_set = equations.modifications, equations.estimate_set
+        if modifications.dead_zone is not None:
+            raise InputError(
+                "discretization = 'midpoint' takes no dead zone on sqrt(e'P e): its implicit step has no closed form; take "
+                "'euler', or a dead zone in a law on the parametric model"
+            )
+        implicit.require_projectable(equations.gamma, estimate_set)
+        size, leaking = len(equations.theta_hat0), modifications.leakage is not None
+        end = half_step(equations.A_m, 2 * T)
+        coupling = T * (equations.b.T @ equations.P @ end @ equations.b)
+        return cls(
+            equations,
+            T,
+            None if estimate_set is None else estimate_set.kept_by_steps(size, leaking=leaking),
+            end,
+            Filter.of(equations.C, T),
+            float(coupling) if np.ndim(coupling) == 0 else coupling,
+            windup,
+        )
+
+    def initial(self) -> State:
+        return self.continuous.initial()
+
+    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+        u = self.continuous.control(state, x, x_m, r)
+        return u if self.windup is None else self.windup.control(u, self.continuous.limits)
+
+    def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
+        c, T, u = self.continuous, self.sample_time, self.continuous.applied(u)
+        unmoved = self._unmoved(state, before, u, now)
+        memory = self._memory(state, before, u, now)
+        moved = implicit.with_leakage(
+            c.modifications.leakage, state.theta_hat, unmoved.error, lambda w: self._moved(state, memory, unmoved, w)
+        )
+        theta_hat, memory = kept(self.frozen, state.theta_hat, moved), self._remembered(state.memory, memory)
+        x_hat = unmoved.x_hat + T * (self.end @ np.dot(c.b, unmoved.phi.T @ theta_hat))
+        inside = kept(self.frozen, theta_hat, implicit.into(theta_hat, c.estimate_set, c.gamma))
+        following = state._replace(theta_hat=inside, x_hat=x_hat, memory=memory)
+        wanted = c.filter_input(state, before.x, before.r), c.filter_input(following, now.x, now.r)
+        return following._replace(filter=self.filter.end(state.filter, *wanted))
+
+    def freezing(self, frozen: Value) -> Predictor:
+        return replace(self, frozen=frozen)
+
+    def _remembered(self, before: Any, memory: Any) -> Any:
+        """The memory with what was learnt; the filters of what is measured go on while it rests."""
+        learning = self.continuous.modifications.learning
+        return memory if self.frozen is None or learning is None else resting(self.frozen, learning.roles, before, memory)
+
+    def _unmoved(self, state: State, before: Sample, u: Value, now: Sample) -> Unmoved:
+        c, T = self.continuous, self.sample_time
+        phi = (c.matched.with_input(before.x, u) + c.matched.with_input(now.x, u)) / 2
+        # A_m acts on x_mid - x_tilde: what is measured enters as in the midpoint rule, what is estimated at the sample's end
+        measured = np.dot(c.b, c.matched.known_input(u)) - c.A_m @ ((now.x - before.x) / 2)
+        x_hat = self.end @ (state.x_hat + T * measured)
+        error = (now.x - x_hat) @ (c.P @ c.b) - np.dot(self.coupling, phi.T @ state.theta_hat)
+        return Unmoved(x_hat, error, phi)
+
+    def _moved(self, state: State, memory: Any, unmoved: Unmoved, w: Value) -> Value:
+        """The estimate at the sample's end, with the leakage w."""
+        c, T, learning = self.continuous, self.sample_time, self.continuous.modifications.learning
+        pull = () if learning is None else (learning.gamma_c * memory.R, learning.gamma_c * memory.Q)
+        gain, rest = implicit.at_rest(c.gamma, state.theta_hat, T, w, *pull)
+        error = unmoved.error - np.dot(self.coupling, unmoved.phi.T @ (rest - state.theta_hat))
+        return implicit.step_within(rest, gain.over(T), unmoved.phi, self.coupling, error, self.known_set)
+
+    def _memory(self, state: State, before: Sample, u: Value, now: Sample) -> Any:
+        c, learning = self.continuous, self.continuous.modifications.learning
+        if learning is None:
+            return state.memory
+        phi = (c.matched.with_input(before.x, u) + c.matched.with_input(now.x, u)) / 2
+        known = c.matched.known_input(u)
+        return learning.advance(state.memory, self.sample_time, c.A_m, c.b, (before.x + now.x) / 2, phi, known)
 
 
 class State(NamedTuple):
@@ -42,12 +138,12 @@ class Equations:
     b: Array
     k_0: Array | float
     P: Array
-    uncertainty: Uncertainty
+    matched: MatchedTerm
     gamma: Gain
     C: StateSpace
     theta_hat0: Array
     x0: Array
-    box: EstimateSet | None
+    estimate_set: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
     limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
 
@@ -56,7 +152,7 @@ class Equations:
         return within("memory", self.modifications)
 
     def initial(self) -> State:
-        inputs = self.uncertainty.inputs
+        inputs = self.matched.inputs
         at_rest = np.zeros(self.C.order if inputs == 1 else (self.C.order, inputs))
         return State(self.theta_hat0, self.x0, at_rest, self.modifications.initial(self.b, self.x0, len(self.theta_hat0)))
 
@@ -65,9 +161,9 @@ class Equations:
 
     def filter_input(self, state: State, x: Value, r: Value) -> Value:
         """What C(s) filters. With an unknown gain u = C/(1 - C)[-theta_hat'phi - omega_hat u + k_0 r] stands for (5)."""
-        theta_hat, omega_hat = self.uncertainty.split(state.theta_hat)
-        wanted = -self.uncertainty.phi(x).T @ theta_hat + np.dot(self.k_0, r)
-        if not self.uncertainty.gain_unknown:
+        theta_hat, omega_hat = self.matched.split(state.theta_hat)
+        wanted = -self.matched.phi(x).T @ theta_hat + np.dot(self.k_0, r)
+        if not self.matched.gain_unknown:
             return wanted
         if self.C.order == 0:
             return wanted / omega_hat  # C = 1
@@ -78,19 +174,21 @@ class Equations:
         return applied(u, self.limits)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        return self.uncertainty.with_input(x, self.applied(u))
+        return self.matched.with_input(x, self.applied(u))
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         x_tilde = x - state.x_hat
         law, u = self.modifications, self.applied(u)
-        phi, known = self.uncertainty.with_input(x, u), self.uncertainty.known_input(u)
-        theta_hat_dot = law.rate(self.gamma, x_tilde, self.P, self.b, phi, state.theta_hat, state.memory, self.box)  # (7)
+        phi, known = self.matched.with_input(x, u), self.matched.known_input(u)
+        theta_hat_dot = law.rate(
+            self.gamma, x_tilde, self.P, self.b, phi, state.theta_hat, state.memory, self.estimate_set
+        )  # (7)
         x_hat_dot = self.A_m @ state.x_hat + np.dot(self.b, phi.T @ state.theta_hat + known)  # (8)
         filter_dot = self.C.derivative(state.filter, self.filter_input(state, x, r))
         return State(theta_hat_dot, x_hat_dot, filter_dot, law.memory_rates(state.memory, self.A_m, self.b, x, phi, known))
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set))
 
     def sampled(self, T: float) -> Predictor:
         return Predictor.of(self, T)
@@ -146,23 +244,9 @@ class L1Adaptive(Scheme):
         )
 
     def bind(self, known: Known) -> Equations:
-        gamma = Gain(self.gamma)
-        gamma.require_size("gamma", known.parameters)
-        modifications = Modifications.of(self)
-        modifications.require_fit(known.inputs)
-        box = projection_box(self.projection, known)
         return Equations(
-            A_m=known.A_m,
-            b=known.b,
-            k_0=known.k_0,
-            P=known.P,
-            uncertainty=known.uncertainty,
-            gamma=gamma,
-            C=self._filter(unknown_gain=known.uncertainty.gain_unknown),
-            theta_hat0=initial_estimate(self.theta_hat0, box, known),
-            x0=known.x0,
-            box=box,
-            modifications=modifications,
+            **bound_with_lyapunov_law(self, known),
+            C=self._filter(unknown_gain=known.matched.gain_unknown),
             limits=limits_of_predictor(self.saturated_predictor, known),
         )
 

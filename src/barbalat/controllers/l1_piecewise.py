@@ -20,7 +20,7 @@ from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample, Value, kept
 from barbalat.roles import Role
@@ -44,12 +44,12 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """From sample to sample."""
+    """The equations from sample to sample."""
 
     sample_time: float
     predictor: PredictorStep
     filter: FilterStep
-    uncertainty: Uncertainty
+    matched: MatchedTerm
     k_0: Array  # (m, q)
     direct: Array | None  # theta_0 (p m,), whose baseline acts unfiltered; None: the command passes the filter
     x0: Array
@@ -68,7 +68,7 @@ class Equations:
         u = self.filter.output(state.filter, self._filtered(state.sigma_hat, r))
         if self.direct is not None:
             u = u + self._commanded(r) - self._nominal(x)
-        return u[0] if self.uncertainty.inputs == 1 else u
+        return u[0] if self.matched.inputs == 1 else u
 
     def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
         reaches = applied(u, self.limits).reshape(-1)
@@ -86,8 +86,8 @@ class Equations:
         return replace(self, frozen=frozen)
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
-        """What passes C(s): k_0 r - sigma_hat of the inputs, and sigma_hat beside them."""
-        m = self.uncertainty.inputs
+        """The signals that pass C(s): k_0 r - sigma_hat of the inputs, and sigma_hat beside them."""
+        m = self.matched.inputs
         wanted = -sigma_hat[:m] if self.direct is not None else self._commanded(r) - sigma_hat[:m]
         return np.concatenate([wanted, sigma_hat[m:]])
 
@@ -95,7 +95,7 @@ class Equations:
         return self.k_0 @ r.reshape(-1)
 
     def _nominal(self, x: Value) -> Value:
-        return (self.uncertainty.phi(x).T @ self.direct).reshape(-1)
+        return (self.matched.phi(x).T @ self.direct).reshape(-1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,23 +160,19 @@ class L1PiecewiseConstant(Scheme):
 
     def bind(self, known: Known) -> Equations:
         require_taken(L1PiecewiseConstant, known)
-        B, T, flown = input_directions(known.b), self.assumed_sample_time, self.as_flown
+        B, T, flown, output = input_directions(known.b), self.assumed_sample_time, self.as_flown, self.output
+        if output is not None:  # c', (m, n)
+            output = validate.array("output", np.atleast_2d(output), (known.inputs, known.n))
         return Equations(
             sample_time=self.sample_time,
             predictor=PredictorStep.exact(known.A_m, B, T) if flown is None else flown.step(known.A_m, B, T),
-            filter=filter_step(known.A_m, B, known.inputs, self.filter, self._output(known), T),
-            uncertainty=known.uncertainty,
+            filter=filter_step(known.A_m, B, known.inputs, self.filter, output, T),
+            matched=known.matched,
             k_0=np.reshape(known.k_0, (known.inputs, -1)),
             direct=None if flown is None else flown.baseline(known.parameters),
             x0=known.x0,
             limits=limits_of_predictor(self.saturated_predictor, known),
         )
-
-    def _output(self, known: Known) -> Array | None:
-        """c', (m, n)."""
-        if self.output is None:
-            return None
-        return validate.array("output", np.atleast_2d(self.output), (known.inputs, known.n))
 
 
 def input_directions(b: Array) -> Array:

@@ -10,9 +10,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.settings import Scheme, require_taken
-from barbalat.controllers.steps import LinearStep
+from barbalat.controllers.steps import LinearStep, Tustin
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
-from barbalat.controllers.tustin import Tustin
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.state_feedback import Known
@@ -29,7 +28,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """With theta = theta_0 the loop around K(s) is that of c'(sI - A_m)^-1 b."""
+    """The equations of the linear controller; with theta = theta_0 its loop is K(s) around c'(sI - A_m)^-1 b."""
 
     k_0: float
     c: Array

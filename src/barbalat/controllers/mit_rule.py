@@ -47,7 +47,7 @@ class Equations(GainEquations):
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
         if self.feedforward_only:  # k_r_hat r
-            return (u + self.gains.uncertainty.phi(x).T @ state.theta_hat).reshape(1)
+            return (u + self.gains.matched.phi(x).T @ state.theta_hat).reshape(1)
         return self.gains.with_input(x, u)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
@@ -55,7 +55,7 @@ class Equations(GainEquations):
         if self.normalization is not None:
             error = error / (self.normalization + of_x @ of_x + of_r * of_r)
         k_x_dot, k_r_dot = self.gains.rates(error, of_x, of_r, state.theta_hat, state.k_r_hat)
-        phi = np.zeros(len(self.gains.theta_hat0)) if self.feedforward_only else self.gains.uncertainty.phi(x)
+        phi = np.zeros(len(self.gains.theta_hat0)) if self.feedforward_only else self.gains.matched.phi(x)
         Psi_dot = self.A_m @ state.Psi + np.outer(self.b, phi)
         return State(k_x_dot, k_r_dot, Psi_dot, self.A_m @ state.psi_r + self.b * r)
 

@@ -10,16 +10,15 @@ import numpy as np
 from barbalat import validate
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.adaptation.lyapunov import Modifications
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications import DeadZone, Leakage
 from barbalat.controllers import l1
-from barbalat.controllers.l1_sampled import Predictor
-from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box
+from barbalat.controllers.l1 import Predictor
+from barbalat.controllers.settings import Scheme, bound_with_lyapunov_law, check_common
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import ModifiedError, applied, known_limits
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit
-from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.roles import Role, within
@@ -42,11 +41,11 @@ class Equations:
     b: Array
     k_0: Array | float
     P: Array
-    uncertainty: Uncertainty
+    matched: MatchedTerm
     gamma: Gain
     theta_hat0: Array
     x0: Array
-    box: EstimateSet | None
+    estimate_set: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
     windup: ModifiedError | None = None
     limits: Array | None = None  # of the input, where windup is cared for
@@ -64,27 +63,27 @@ class Equations:
         return u_c if self.windup is None else self.windup.control(u_c, self.limits)
 
     def unlimited_control(self, state: State, x: Value, r: Value) -> Value:
-        theta_hat, omega_hat = self.uncertainty.split(state.theta_hat)
-        return (-self.uncertainty.phi(x).T @ theta_hat + np.dot(self.k_0, r)) / omega_hat  # (3)
+        theta_hat, omega_hat = self.matched.split(state.theta_hat)
+        return (-self.matched.phi(x).T @ theta_hat + np.dot(self.k_0, r)) / omega_hat  # (3)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        return self.uncertainty.with_input(x, applied(u, self.limits))
+        return self.matched.with_input(x, applied(u, self.limits))
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         e, e_d = x - x_m, state.e_d
         if self.windup is not None:
             e, u_c, u = e - e_d, self.unlimited_control(state, x, r), applied(u, self.limits)
-            _, omega_hat = self.uncertainty.split(state.theta_hat)
+            _, omega_hat = self.matched.split(state.theta_hat)
             e_d = self.A_m @ e_d + np.dot(self.b, omega_hat * (u - u_c))
-        phi, known = self.uncertainty.with_input(x, u), self.uncertainty.known_input(u)
+        phi, known = self.matched.with_input(x, u), self.matched.known_input(u)
         return State(
-            self.modifications.rate(self.gamma, e, self.P, self.b, phi, state.theta_hat, state.memory, self.box),  # (4)
+            self.modifications.rate(self.gamma, e, self.P, self.b, phi, state.theta_hat, state.memory, self.estimate_set),  # (4)
             self.modifications.memory_rates(state.memory, self.A_m, self.b, x, phi, known),
             e_d,
         )
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set))
 
     def sampled(self, T: float) -> Predictor:
         """Return the sampled form, L1-AC's with C = 1: its predictor is then the model, adapted to ``limits`` where there are
@@ -94,12 +93,12 @@ class Equations:
             b=self.b,
             k_0=self.k_0,
             P=self.P,
-            uncertainty=self.uncertainty,
+            matched=self.matched,
             gamma=self.gamma,
             C=StateSpace.gain(1.0),
             theta_hat0=self.theta_hat0,
             x0=self.x0,
-            box=self.box,
+            estimate_set=self.estimate_set,
             modifications=self.modifications,
             limits=self.limits,
         )
@@ -155,22 +154,8 @@ class Mrac(Scheme):
         )
 
     def bind(self, known: Known) -> Equations:
-        gamma = Gain(self.gamma)
-        gamma.require_size("gamma", known.parameters)
-        modifications = Modifications.of(self)
-        modifications.require_fit(known.inputs)
-        box = projection_box(self.projection, known)
         return Equations(
-            A_m=known.A_m,
-            b=known.b,
-            k_0=known.k_0,
-            P=known.P,
-            uncertainty=known.uncertainty,
-            gamma=gamma,
-            theta_hat0=initial_estimate(self.theta_hat0, box, known),
-            x0=known.x0,
-            box=box,
-            modifications=modifications,
+            **bound_with_lyapunov_law(self, known),
             windup=self.modified_error,
             limits=None if self.modified_error is None else known_limits("modified_error", known),
         )

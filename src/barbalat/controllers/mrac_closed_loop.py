@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_box, require_taken
+from barbalat.controllers.settings import Scheme, check_common, initial_estimate, projection_set, require_taken
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.linear.conditions import require_hurwitz
 from barbalat.problem.known_set import EstimateSet, Gain, gain, limit, project
@@ -35,7 +35,7 @@ class Equations:
     P: Array  # (n, n)
     gamma: Gain
     theta_hat0: Array
-    box: EstimateSet | None
+    estimate_set: EstimateSet | None
 
     roles: ClassVar[Mapping[str, Role]] = {"x_c": Role.predictor("state of the closed-loop reference model")}
 
@@ -43,19 +43,19 @@ class Equations:
         return State(self.theta_hat0, self.known.x0)
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        return -self.known.uncertainty.phi(x).T @ state.theta_hat + self.known.k_0 * r  # (3)
+        return -self.known.matched.phi(x).T @ state.theta_hat + self.known.k_0 * r  # (3)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        return self.known.uncertainty.phi(x)
+        return self.known.matched.phi(x)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         A_m, b, k_0, e_c = self.known.A_m, self.known.b, self.known.k_0, x - state.x_c
         rate = self.gamma.scaled(e_c @ (self.P @ b), self.regressor_at(state, x, u))  # (4) with e_c
         x_c_dot = A_m @ state.x_c + b * (k_0 * r) - self.L @ e_c
-        return State(project(rate, state.theta_hat, self.box, self.gamma), x_c_dot)
+        return State(project(rate, state.theta_hat, self.estimate_set, self.gamma), x_c_dot)
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set))
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +100,7 @@ class MracClosedLoop(Scheme):
         require_taken(MracClosedLoop, known)
         gamma, L = Gain(self.gamma), validate.array("model_feedback", self.model_feedback, known.A_m.shape)
         gamma.require_size("gamma", known.parameters)
-        closed, box = replace(known, A_m=known.A_m + L), projection_box(self.projection, known)
+        closed, estimate_set = replace(known, A_m=known.A_m + L), projection_set(self.projection, known)
         require_hurwitz("A_m + model_feedback", closed.A_m)
-        theta_hat0 = initial_estimate(self.theta_hat0, box, known)
-        return Equations(known=known, L=L, P=closed.P, gamma=gamma, theta_hat0=theta_hat0, box=box)
+        theta_hat0 = initial_estimate(self.theta_hat0, estimate_set, known)
+        return Equations(known=known, L=L, P=closed.P, gamma=gamma, theta_hat0=theta_hat0, estimate_set=estimate_set)

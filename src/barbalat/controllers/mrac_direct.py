@@ -33,7 +33,7 @@ class Equations(GainEquations):
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         e_P_b = (x - x_m) @ (self.P @ self.b)
-        return State(*self.gains.rates(e_P_b, self.gains.uncertainty.phi(x), r, *state))
+        return State(*self.gains.rates(e_P_b, self.gains.matched.phi(x), r, *state))
 
     def limit(self, state: State) -> State:
         return State(*self.gains.limited(*state))

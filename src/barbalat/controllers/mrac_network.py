@@ -8,9 +8,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.adaptation.modifications.epsilon_modification import EpsilonModification
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.modifications.leakage import Leakage
+from barbalat.adaptation.modifications import EpsilonModification, FixedSigma, Leakage
 from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.problem.state_feedback import Known
@@ -85,7 +83,7 @@ class Equations:
         return -self.regressor_at(state, x, r).T @ state.theta_hat + np.dot(self.k_0, r)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        """What multiplies the outer weights: h, and with m inputs the matrix ((1 + N) m, m) that it makes."""
+        """The factor of the outer weights: h, and with m inputs the matrix ((1 + N) m, m) that it makes."""
         h = np.concatenate([np.ones(1), np.tanh(state.V_hat.T @ self.layer_input(x))])
         if self.inputs == 1:
             return h

@@ -1,15 +1,22 @@
-"""W_m(s) of the parametric model (13), the filter Q(s) of the auxiliary input that inverts it, and the filters around them."""
+"""The schemes on the parametric model (13): W_m(s), the filter Q(s) that inverts it, their equations and sampled form."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 
 from barbalat import validate
+from barbalat.adaptation.law import AdaptiveLaw, Estimation, Normalization, SampleData, SampledLaw
+from barbalat.controllers.steps import Filter, LinearStep, SampledForm
 from barbalat.linear.systems import StateSpace, TransferFunction, transfer_function
+from barbalat.problem.known_set import EstimateSet, limit
 from barbalat.problem.state_feedback import Known
-from barbalat.roles import Role
+from barbalat.protocols import Equations, Sample, Value, kept
+from barbalat.roles import Role, within
 from barbalat.validate import Array, InputError
 
 PARAMETRIC_MODEL = {
@@ -47,3 +54,129 @@ def auxiliary_filter(W_m: TransferFunction, tau: float) -> StateSpace:
     for _ in range(W_m.relative_degree):
         lag = np.polymul(lag, [tau, 1.0])
     return TransferFunction(W_m.den, np.polymul(W_m.num, lag)).realise()
+
+
+class State(NamedTuple):
+    """What the controller integrates."""
+
+    theta_hat: Value  # (p,) estimate of theta, (p m,) with m inputs
+    memory: Any  # of the law
+    xi: Value  # (n,) the known part of x: xi' = A_m xi + b u, xi(0) = x(0); sat(u) with ``saturated_predictor``
+    Xi: Value  # (n, p) W_b(s)[phi(x)'], where phi(x) = x in the paper
+    n_d: Value  # scalar, dynamic normalising signal
+    swapping: Value  # (n,) (sI - A_m)^-1 [Xi theta_hat']; (0,) without auxiliary input
+    filter: Value  # (n,) state of Q(s); (0,) without auxiliary input
+
+
+class RealisedFilter(Protocol):
+    """Q(s) of (14), with n states."""
+
+    def derivative(self, q: Value, v: Value) -> Value: ...
+
+
+class OnParametricModel(ABC):
+    """Equations whose law is driven by the estimation error of (13)."""
+
+    A_m: Array
+    Q: RealisedFilter | None
+    law: AdaptiveLaw
+    theta_hat0: Array
+    x0: Array
+    estimate_set: EstimateSet | None
+
+    @abstractmethod
+    def estimation(self, state: State, x: Value) -> Estimation:
+        """phi, m_s^2 and epsilon."""
+
+    @abstractmethod
+    def auxiliary_input_argument(self, state: State, x: Value) -> Value:
+        """The signal that -Q(s) filters to become the auxiliary input."""
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        return PARAMETRIC_MODEL | within("memory", self.law)
+
+    def initial(self) -> State:
+        n, p = len(self.A_m), len(self.theta_hat0)
+        auxiliary = np.zeros(0 if self.Q is None else n)
+        memory = self.law.initial(p)
+        return State(self.theta_hat0, memory, self.x0, np.zeros((n, p)), np.zeros(()), auxiliary, auxiliary)
+
+    def regressor_at(self, state: State, x: Value, u: Value) -> Value:
+        estimation = self.estimation(state, x)
+        return estimation.phi / np.sqrt(estimation.m_s_squared)
+
+    def auxiliary_rates(self, state: State, x: Value, theta_hat_dot: Value) -> tuple[Value, Value]:
+        """Return the rates of the states of the swapping term and of Q(s)."""
+        if self.Q is None:
+            return state.swapping, state.filter
+        swapping_dot = self.A_m @ state.swapping + state.Xi @ theta_hat_dot
+        return swapping_dot, self.Q.derivative(state.filter, self.auxiliary_input_argument(state, x))
+
+    def limit(self, state: State) -> State:
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set), memory=self.law.limit(state.memory))
+
+
+class ParametricEquations(Equations, Protocol):
+    """The continuous equations that are advanced."""
+
+    @property
+    def normalization(self) -> Normalization: ...
+
+    @property
+    def estimate_set(self) -> EstimateSet | None: ...
+
+    def auxiliary_input_argument(self, state: Any, x: Value) -> Value: ...
+
+
+class Learnt(NamedTuple):
+    """What is new of a state at the sample's end once the law has learnt."""
+
+    theta_hat: Value
+    memory: Any
+    n_d: Value
+
+
+@dataclass(frozen=True, eq=False)
+class Estimator(SampledForm):
+    """Filters by the midpoint rule, the law as in ``adaptation.implicit``; docs/sampled.md has what holds.
+
+    A scheme's own ``advance`` takes the filters' middles, then ``learnt``, ``swapped`` and ``filtered``, in this order.
+
+    model   of the filters xi and Xi
+    filter  Q(s) of the auxiliary input; None without one
+    """
+
+    continuous: ParametricEquations
+    sample_time: float
+    law: SampledLaw
+    model: LinearStep
+    filter: Filter | None
+    frozen: Value = field(default=None, kw_only=True)  # where it holds, estimates and memory rest; None: it never does
+
+    explicit: ClassVar[bool] = False
+
+    def learnt(self, state: Any, z: Value, phi: Value, driven: Value) -> Learnt:
+        """``driven`` is what n_d' adds, held over the sample."""
+        c, T = self.continuous, self.sample_time
+        decay = np.exp(-c.normalization.delta_0 * T)
+        n_d = decay * state.n_d + (1 - decay) / c.normalization.delta_0 * driven  # (16), exact for what was held
+        data = SampleData(T, z, phi, c.normalization.m_s_squared(phi, (state.n_d + n_d) / 2))
+        moved = self.law.sampled_step(state.theta_hat, state.memory, data, c.estimate_set)
+        return Learnt(kept(self.frozen, state.theta_hat, moved.theta_hat), kept(self.frozen, state.memory, moved.memory), n_d)
+
+    def freezing(self, frozen: Value) -> Self:
+        return replace(self, frozen=frozen)
+
+    def swapped(self, state: Any, following: Any, Xi_mid: Value) -> Value:
+        """The swapping term's state at the sample's end, which exists with an auxiliary input alone."""
+        if self.filter is None:
+            return state.swapping
+        return self.model.end(state.swapping, Xi_mid @ (following.theta_hat - state.theta_hat) / self.sample_time)
+
+    def filtered(self, state: Any, following: Any, before: Sample, now: Sample) -> Value:
+        """The state of Q(s) at the sample's end; ``following`` has all else of it."""
+        if self.filter is None:
+            return state.filter
+        argument = self.continuous.auxiliary_input_argument
+        return self.filter.end(state.filter, argument(state, before.x), argument(following, now.x))

@@ -33,7 +33,7 @@ class FilterStep:
 
 
 def filter_step(A_m: Array, B: Array, m: int, C: TransferFunction | None, c: Array | None, T: float) -> FilterStep:
-    """For samples of T [s]; ``c``, (m, n), is the output that the unmatched is to leave alone, ``None`` for none."""
+    """The filter for samples of T [s]; ``c``, (m, n), is the output that the unmatched is to leave alone, ``None`` for none."""
     n = len(A_m)
     single, known = (StateSpace.gain(1.0), 0) if C is None else (C.realise(), C.relative_degree)
     order = single.order
@@ -87,7 +87,7 @@ def _compensation(A_m: Array, B: Array, m: int, C: StateSpace, known: int, c: Ar
 def _kept_at_zero(
     A_m: Array, b: Array, b_um: Array, row: Array, weights: Array, derivatives: list[Array]
 ) -> tuple[Array, Array, Array]:
-    """What v, w and zeta's states have in the sum of the weighted derivatives of row'w, from the zeroth to the r-th."""
+    """The coefficients of v, w and zeta's states in the sum of the weighted derivatives of row'w, from the zeroth to the r-th."""
     r = len(weights) - 1
     powers = [row @ np.linalg.matrix_power(A_m, j) for j in range(r + 1)]
     of_w = sum(weight * power for weight, power in zip(weights, powers, strict=True))

@@ -11,29 +11,52 @@ from typing import ClassVar
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation.law import AdaptiveLaw, Estimation, require_law
+from barbalat.adaptation import implicit
+from barbalat.adaptation.law import AdaptiveLaw, Estimation, Normalization, require_law
 from barbalat.adaptation.laws.gradient import Gradient
 from barbalat.adaptation.laws.least_squares import LeastSquares
-from barbalat.adaptation.normalization import Normalization
 from barbalat.controllers import robust_mrac_several as several
-from barbalat.controllers.parametric_model import auxiliary_filter, minimum_phase_model
-from barbalat.controllers.robust_mrac_sampled import StateEstimator
-from barbalat.controllers.robust_mrac_state import OnParametricModel, State
+from barbalat.controllers.parametric_model import Estimator, OnParametricModel, State, auxiliary_filter, minimum_phase_model
 from barbalat.controllers.settings import (
     Scheme,
     check_common,
     initial_estimate,
-    projection_box,
+    projection_set,
     require_taken,
 )
+from barbalat.controllers.steps import Filter, LinearStep
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.regressors import Regressor
 from barbalat.problem.state_feedback import Known
-from barbalat.protocols import Value
+from barbalat.protocols import Sample, Value
 from barbalat.validate import Array, Vector
+
+
+@dataclass(frozen=True, eq=False)
+class StateEstimator(Estimator):
+    """The normalised laws on the parametric model (13)."""
+
+    continuous: Equations
+
+    @classmethod
+    def of(cls, equations: Equations, T: float) -> StateEstimator:
+        law = implicit.require_sampled(equations.law, equations.estimate_set)
+        Q = None if equations.Q is None else Filter.of(equations.Q, T)
+        return cls(equations, T, law, LinearStep.of(equations.A_m, T), Q)
+
+    def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
+        c = self.continuous
+        u = applied(u, c.limits)
+        x_mid = (before.x + now.x) / 2
+        xi_mid = self.model.middle(state.xi, c.b * u)
+        Xi_mid = self.model.middle(state.Xi, np.outer(c.b, (c.regressor(before.x) + c.regressor(now.x)) / 2))
+        learnt = self.learnt(state, z=c.c_0 @ (x_mid - xi_mid), phi=c.c_0 @ Xi_mid, driven=u * u)  # (13)
+        following = state._replace(**learnt._asdict(), xi=2 * xi_mid - state.xi, Xi=2 * Xi_mid - state.Xi)
+        following = following._replace(swapping=self.swapped(state, following, Xi_mid))
+        return following._replace(filter=self.filtered(state, following, before, now))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -50,7 +73,7 @@ class Equations(OnParametricModel):
     normalization: Normalization
     theta_hat0: Array
     x0: Array
-    box: EstimateSet | None
+    estimate_set: EstimateSet | None
     limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
 
     def estimation(self, state: State, x: Value) -> Estimation:
@@ -60,7 +83,7 @@ class Equations(OnParametricModel):
         return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
 
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
-        """What -Q(s) filters. The paper prints the second term with the opposite sign: an erratum, see the class RobustMrac."""
+        """The signal that -Q(s) filters; the paper prints its second term with the opposite sign, an erratum: see RobustMrac."""
         estimation = self.estimation(state, x)
         return estimation.epsilon * estimation.m_s_squared + self.c_0 @ state.swapping
 
@@ -72,7 +95,7 @@ class Equations(OnParametricModel):
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         u = applied(u, self.limits)
-        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.box)  # (15)
+        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.estimate_set)  # (15)
         swapping_dot, filter_dot = self.auxiliary_rates(state, x, rates.theta_hat)
         return State(
             theta_hat=rates.theta_hat,
@@ -145,11 +168,7 @@ class RobustMrac(Scheme):
         )
 
     def bind(self, known: Known) -> Equations | several.Equations:
-        require_taken(RobustMrac, known)
-        if known.inputs > 1:
-            return _several(self, known)
-        Q = auxiliary_filter(minimum_phase_model(_output_vector(self.c_0, known), known), self.tau)
-        return _equations(self, known, Q)
+        return _bound(self, known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +214,7 @@ class NormalizedMrac(Scheme):
         )
 
     def bind(self, known: Known) -> Equations | several.Equations:
-        return _several(self, known) if known.inputs > 1 else _equations(self, known, Q=None)
+        return _bound(self, known)
 
 
 SLOWNESS_RATIO = 100.0
@@ -211,42 +230,38 @@ def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
     validate.instance("normalization", settings.normalization, Normalization)
 
 
-def _output_vector(c_0: Array | None, known: Known) -> Array:
-    """c_0, by default P b: W_m is then strictly positive real (Kalman-Yakubovich), so minimum phase of relative degree 1."""
-    return known.P @ known.b if c_0 is None else validate.vector("c_0", c_0, known.n)
+def _bound(settings: RobustMrac | NormalizedMrac, known: Known) -> Equations | several.Equations:
+    """The equations of both schemes on a plant. c_0 is P b by default.
 
-
-def _several(settings: RobustMrac | NormalizedMrac, known: Known) -> several.Equations:
+    W_m is then strictly positive real (Kalman-Yakubovich), so minimum phase of relative degree 1.
+    """
     require_taken(type(settings), known)
-    return several.equations(
-        known,
-        c_0=settings.c_0,
-        tau=settings.tau,
-        law=settings.law,
-        normalization=settings.normalization,
-        theta_hat0=settings.theta_hat0,
-        box=projection_box(settings.projection, known),
-        limits=limits_of_predictor(settings.saturated_predictor, known),
-    )
-
-
-def _equations(settings: RobustMrac | NormalizedMrac, known: Known, Q: StateSpace | None) -> Equations:
-    require_taken(type(settings), known)
-    c_0 = _output_vector(settings.c_0, known)
-    minimum_phase_model(c_0, known)
+    if known.inputs > 1:
+        return several.equations(
+            known,
+            c_0=settings.c_0,
+            tau=settings.tau,
+            law=settings.law,
+            normalization=settings.normalization,
+            theta_hat0=settings.theta_hat0,
+            estimate_set=projection_set(settings.projection, known),
+            limits=limits_of_predictor(settings.saturated_predictor, known),
+        )
+    c_0 = known.P @ known.b if settings.c_0 is None else validate.vector("c_0", settings.c_0, known.n)
+    W_m = minimum_phase_model(c_0, known)
     settings.law.initial(known.n)  # refuses settings of another size
-    box = projection_box(settings.projection, known)
+    estimate_set = projection_set(settings.projection, known)
     return Equations(
         A_m=known.A_m,
         b=known.b,
         k_0=known.k_0,
-        regressor=known.uncertainty.regressor,
+        regressor=known.matched.regressor,
         c_0=c_0,
-        Q=Q,
+        Q=None if settings.tau is None else auxiliary_filter(W_m, settings.tau),
         law=settings.law,
         normalization=settings.normalization,
-        theta_hat0=initial_estimate(settings.theta_hat0, box, known),
+        theta_hat0=initial_estimate(settings.theta_hat0, estimate_set, known),
         x0=known.x0,
-        box=box,
+        estimate_set=estimate_set,
         limits=limits_of_predictor(settings.saturated_predictor, known),
     )

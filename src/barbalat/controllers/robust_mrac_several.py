@@ -12,14 +12,13 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.adaptation.guarantee import ModifiedLaw
-from barbalat.adaptation.law import AdaptiveLaw, Estimation
-from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers.robust_mrac_state import OnParametricModel, State
+from barbalat.adaptation.law import AdaptiveLaw, Estimation, Normalization
+from barbalat.controllers.parametric_model import OnParametricModel, State
 from barbalat.controllers.settings import initial_estimate
 from barbalat.controllers.windup import applied
 from barbalat.linear.conditions import require_hurwitz
 from barbalat.problem.known_set import EstimateSet
-from barbalat.problem.regressors import Uncertainty
+from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
@@ -57,14 +56,14 @@ class Equations(OnParametricModel):
     A_m: Array
     B: Array  # (n, m)
     k_0: Array
-    uncertainty: Uncertainty
+    matched: MatchedTerm
     C_0: Array  # (m, n)
     Q: AuxiliaryFilter | None
     law: AdaptiveLaw
     normalization: Normalization
     theta_hat0: Array
     x0: Array
-    box: EstimateSet | None
+    estimate_set: EstimateSet | None
     limits: Array | None = None  # of the inputs, where the parametric model is fed with what is left of u
 
     def estimation(self, state: State, x: Value) -> Estimation:
@@ -74,25 +73,25 @@ class Equations(OnParametricModel):
         return Estimation(phi, m_s_squared, (z - phi.T @ state.theta_hat) / m_s_squared)
 
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
-        """What -Q(s) filters to become the auxiliary input."""
+        """The signal that -Q(s) filters to become the auxiliary input."""
         estimation = self.estimation(state, x)
         return estimation.epsilon * estimation.m_s_squared + self.C_0 @ state.swapping
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        u = -self.uncertainty.phi(x).T @ state.theta_hat + np.dot(self.k_0, r)
+        u = -self.matched.phi(x).T @ state.theta_hat + np.dot(self.k_0, r)
         if self.Q is None:
             return u
         return u - self.Q.output(state.filter, self.auxiliary_input_argument(state, x))  # (14)
 
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         u = applied(u, self.limits)
-        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.box)  # (15)
+        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.estimate_set)  # (15)
         swapping_dot, filter_dot = self.auxiliary_rates(state, x, rates.theta_hat)
         return State(
             theta_hat=rates.theta_hat,
             memory=rates.memory,
             xi=self.A_m @ state.xi + self.B @ u,
-            Xi=self.A_m @ state.Xi + self.B @ self.uncertainty.phi(x).T,
+            Xi=self.A_m @ state.Xi + self.B @ self.matched.phi(x).T,
             n_d=self.normalization.driven(state.n_d, u @ u),
             swapping=swapping_dot,
             filter=filter_dot,
@@ -107,7 +106,7 @@ def equations(
     law: AdaptiveLaw,
     normalization: Normalization,
     theta_hat0: Array | None,
-    box: EstimateSet | None,
+    estimate_set: EstimateSet | None,
     limits: Array | None,
 ) -> Equations:
     """InputError where W_m has no relative degree one for each input, or a zero in Re s >= 0."""
@@ -120,14 +119,14 @@ def equations(
         A_m=known.A_m,
         B=known.b,
         k_0=np.asarray(known.k_0),
-        uncertainty=known.uncertainty,
+        matched=known.matched,
         C_0=C_0,
         Q=None if tau is None else AuxiliaryFilter.of(C_0, known.A_m, known.b, tau),
         law=law,
         normalization=normalization,
-        theta_hat0=initial_estimate(theta_hat0, box, known),
+        theta_hat0=initial_estimate(theta_hat0, estimate_set, known),
         x0=known.x0,
-        box=box,
+        estimate_set=estimate_set,
         limits=limits,
     )
 

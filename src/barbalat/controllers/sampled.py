@@ -6,8 +6,8 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any, ClassVar
 
 from barbalat import validate
-from barbalat.controllers.sampled_form import SampledForm
 from barbalat.controllers.settings import Scheme
+from barbalat.controllers.steps import SampledForm
 from barbalat.protocols import Controller, Discretizable, Equations, Sample, SampledEquations, Value, feedback_of
 from barbalat.validate import InputError
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.known_set import EstimateSet, with_gains
+from barbalat.adaptation.lyapunov import Modifications, ModifiedSettings
+from barbalat.problem.known_set import EstimateSet, Gain, with_gains
 from barbalat.problem.regressors import Linear
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Controller
@@ -37,13 +38,23 @@ class PatentNamed(Protocol):
 
 
 class Adaptive(Protocol):
-    """What every adaptive controller's settings share."""
+    """Settings that every adaptive controller has."""
 
     @property
     def name(self) -> str: ...
 
     @property
     def theta_hat0(self) -> Array | None: ...
+
+
+class LyapunovSettings(Adaptive, ModifiedSettings, Protocol):
+    """Settings of a scheme with a Lyapunov law that may be modified."""
+
+    @property
+    def gamma(self) -> float | Array: ...
+
+    @property
+    def projection(self) -> bool | None: ...
 
 
 def check_common(settings: Adaptive) -> None:
@@ -53,9 +64,9 @@ def check_common(settings: Adaptive) -> None:
         object.__setattr__(settings, "theta_hat0", validate.vector("theta_hat0", settings.theta_hat0))
 
 
-def initial_estimate(theta_hat0: Array | None, box: EstimateSet | None, known: Known) -> Array:
+def initial_estimate(theta_hat0: Array | None, estimate_set: EstimateSet | None, known: Known) -> Array:
     """theta_hat(0), (p,): zero unless given, 1 or the nearest bound for an input gain; inside the known set if there is one."""
-    gains = known.inputs if known.uncertainty.gain_unknown else 0
+    gains = known.inputs if known.matched.gain_unknown else 0
     default = np.concatenate([np.zeros(known.parameters - gains), np.ones(gains)])
     if known.gains is not None:
         default[-gains:] = np.clip(1.0, *known.gains.extent)
@@ -63,9 +74,9 @@ def initial_estimate(theta_hat0: Array | None, box: EstimateSet | None, known: K
         theta_hat0 = np.concatenate([theta_hat0, default[-gains:]])
     estimate = default if theta_hat0 is None else validate.vector("theta_hat0", theta_hat0, known.parameters)
     estimate.flags.writeable = False
-    if box is not None and not box.contains(estimate):
+    if estimate_set is not None and not estimate_set.contains(estimate):
         given = "the default, " if theta_hat0 is None else ""
-        raise InputError(f"theta_hat0 must lie in the known set, {box}, got {given}{validate.show(estimate)}")
+        raise InputError(f"theta_hat0 must lie in the known set, {estimate_set}, got {given}{validate.show(estimate)}")
     return estimate
 
 
@@ -86,10 +97,10 @@ class PlantFeature:
 PLANT_FEATURES = {
     "several inputs": PlantFeature(lambda known: known.inputs > 1, "takes plants with one input, got {inputs}", "take several"),
     "an unknown input gain": PlantFeature(
-        lambda known: known.uncertainty.gain_unknown, "takes the input gain as known", "take uncertainty.input_gain"
+        lambda known: known.matched.gain_unknown, "takes the input gain as known", "take uncertainty.input_gain"
     ),
     "another regressor than x": PlantFeature(
-        lambda known: not isinstance(known.uncertainty.regressor, Linear),
+        lambda known: not isinstance(known.matched.regressor, Linear),
         "takes plants with the regressor phi(x) = x",
         "take others",
     ),
@@ -117,21 +128,41 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def beyond_of(scheme: type) -> tuple[str, ...]:
-    """What of plants a scheme declares that it does not take; of one from outside nothing is known before it is bound."""
+    """Plant features that a scheme declares as beyond it; of one from outside nothing is known before it is bound."""
     beyond: tuple[str, ...] = getattr(scheme, "beyond", ())
     return beyond
 
 
-def projection_box(projection: bool | None, known: Known) -> EstimateSet | None:
-    """What to project onto: by default the known set where one is given; the input gains, where unknown, always onto theirs.
+def bound_with_lyapunov_law(settings: LyapunovSettings, known: Known) -> dict[str, Any]:
+    """The fields that the equations of L1-AC and of the MRAC have in common, on a plant; InputError where the two don't fit."""
+    gamma, modifications = Gain(settings.gamma), Modifications.of(settings)
+    gamma.require_size("gamma", known.parameters)
+    modifications.require_fit(known.inputs)
+    estimate_set = projection_set(settings.projection, known)
+    return {
+        "A_m": known.A_m,
+        "b": known.b,
+        "k_0": known.k_0,
+        "P": known.P,
+        "matched": known.matched,
+        "gamma": gamma,
+        "theta_hat0": initial_estimate(settings.theta_hat0, estimate_set, known),
+        "x0": known.x0,
+        "estimate_set": estimate_set,
+        "modifications": modifications,
+    }
+
+
+def projection_set(projection: bool | None, known: Known) -> EstimateSet | None:
+    """The set to project onto: by default the known set where one is given; unknown input gains are always projected onto theirs.
 
     u is divided by their estimates, which must stay away from zero.
     """
     if projection is not None and not isinstance(projection, (bool, np.bool_)):
         raise InputError(f"projection must be true or false, got {validate.show(projection)}")
-    nothing = known.box is None or not known.box.bounds_theta
+    nothing = known.estimate_set is None or not known.estimate_set.bounds_theta
     if projection and nothing:
         raise InputError(
             "projection needs the known set: give uncertainty.lower and .upper, or .center and .radius, or set projection = false"
         )
-    return known.box if projection is None or projection else with_gains(None, known.gains)
+    return known.estimate_set if projection is None or projection else with_gains(None, known.gains)

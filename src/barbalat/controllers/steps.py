@@ -7,12 +7,12 @@ estimated at its end.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from barbalat.linear.systems import StateSpace
-from barbalat.protocols import Value
+from barbalat.protocols import Equations, Sample, Value
 from barbalat.validate import Array
 
 
@@ -61,3 +61,31 @@ class Unmoved(NamedTuple):
     x_hat: Value  # (n,) predictor with zero estimates
     error: Value  # x_tilde'P b with the estimates as they are; (m,) with m inputs
     phi: Value  # regressor in the middle
+
+
+class SampledForm:
+    """A sampled form that starts as its continuous equations do, and holds their control."""
+
+    continuous: Equations
+
+    def initial(self) -> Any:
+        return self.continuous.initial()
+
+    def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
+        return self.continuous.control(state, x, x_m, r)
+
+
+@dataclass(frozen=True, eq=False)
+class Tustin(SampledForm):
+    """A linear controller on the output or on the state, whose NamedTuple is the state of its linear system."""
+
+    continuous: Equations
+    sample_time: float
+    step: LinearStep
+
+    explicit: ClassVar[bool] = False
+
+    def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
+        rest = type(state)(np.zeros(state[0].shape))  # at the origin the derivative is the forcing alone
+        forcings = [self.continuous.derivative(rest, *sample, u)[0] for sample in (before, now)]
+        return type(state)(self.step.end(state[0], (forcings[0] + forcings[1]) / 2))

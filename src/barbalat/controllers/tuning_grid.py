@@ -68,7 +68,7 @@ class TuningScale:
     def nominal(self) -> Array | None:
         """The gains of x that a scheme without estimates assumes, (n m,): the middle of the known set, as linear designs do."""
         theta_set = self.known.theta_set
-        linear = isinstance(self.known.uncertainty.regressor, Linear)
+        linear = isinstance(self.known.matched.regressor, Linear)
         return theta_set.middle if theta_set is not None and linear else None
 
     @property

@@ -1,9 +1,7 @@
 """Linear robust design for the same problems: mixed-sensitivity H-infinity and PI, the yardsticks beside the adaptive schemes."""
 
-from barbalat.design.design_model import default_delay, delay_weight, design_model
-from barbalat.design.feedback import hinf_feedback, pi_feedback
-from barbalat.design.hinf import MixedSensitivity, mixed_sensitivity
-from barbalat.design.pi import pi_controller
+from barbalat.design.feedback import hinf_feedback, pi_controller, pi_feedback
+from barbalat.design.hinf import MixedSensitivity, default_delay, delay_weight, design_model, mixed_sensitivity
 
 __all__ = [
     "MixedSensitivity",

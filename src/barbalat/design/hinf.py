@@ -8,16 +8,55 @@ found by bisection. Source: Skogestad and Postlethwaite, Multivariable Feedback 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.design.design_model import delay_weight
+from barbalat.controllers.linear_feedback import require_linear_plant
 from barbalat.linear.largest import largest
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.systems import StateSpace, TransferFunction, transfer_function
+from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array, InputError
+
+
+def design_model(known: Known, output: Array | None = None) -> tuple[Array, TransferFunction]:
+    """(c, c'(sI - A_m)^-1 b): the plant between u and c'x once the nominal theta'x is cancelled; c is P b by default.
+
+    P b makes it strictly positive real, so minimum phase of relative degree one: the choice that limits a linear loop
+    least. Raises InputError for c = 0, and for a plant with several inputs, an unknown gain or a regressor other than x.
+    """
+    require_linear_plant(known)
+    c = known.P @ known.b if output is None else validate.vector("output", output, known.n)
+    model = transfer_function(c, known.A_m, known.b)
+    if not model.num.any():
+        raise InputError(f"output must not be zero, got {validate.show(c)}")
+    return c, model
+
+
+def delay_weight(delay: float) -> TransferFunction:
+    """W(s) with |e^(-j w d) - 1| <= |W(j w)| for all w and all d <= delay [s]: s delay/(1 + s delay/sqrt(12)).
+
+    2 sin(x/2) <= x/sqrt(1 + x^2/12): both sides agree up to x^3, and the right one tends to sqrt(12) > 2. The form is that of
+    Wang, Lundstrom and Skogestad (1994), with 3.465.
+    """
+    delay = validate.positive("unmodelled_delay", delay)
+    return TransferFunction([delay, 0.0], [delay / math.sqrt(12), 1.0])
+
+
+def default_delay(known: Known) -> float:
+    """A tenth of the fastest time constant in the family [s]: 0.1/max |eigenvalue of A_m + b theta'| over the set's corners.
+
+    What the model leaves out is then taken to begin a decade above what it describes.
+    """
+    require_linear_plant(known)
+    corners = [np.zeros(known.n)] if known.theta_set is None else product(*zip(*known.theta_set.extent, strict=True))
+    fastest = max(float(np.abs(np.linalg.eigvals(known.A_m + np.outer(known.b, corner))).max()) for corner in corners)
+    return 0.1 / fastest
+
 
 SENSITIVITY_PEAK = 2.0
 """M: the largest |S| that W_S lets through; gives a gain margin of 2 and a phase margin of 29 degrees at least (ibid., 2.4)."""
@@ -80,7 +119,7 @@ def performance_weight(bandwidth: float) -> TransferFunction:
 
 
 def generalised_plant(G: StateSpace, W_S: StateSpace, W_KS: float, W_T: StateSpace) -> tuple[Array, Array, Array, Array]:
-    """From (w, u) to (W_S (w - G u), W_KS u, W_T G u, w - G u); G strictly proper."""
+    """The generalised plant from (w, u) to (W_S (w - G u), W_KS u, W_T G u, w - G u); G strictly proper."""
     g, s, t = G.order, W_S.order, W_T.order
     A = np.block([
         [G.A, np.zeros((g, s + t))],
@@ -141,7 +180,7 @@ def _suboptimal(plant: tuple[Array, Array, Array, Array]) -> tuple[StateSpace, f
 
 
 def _closed(plant: tuple[Array, Array, Array, Array], K: StateSpace) -> tuple[Array, Array, Array, Array]:
-    """From w to what is weighted, with u = K v around the generalised plant, whose v doesn't hold u itself."""
+    """The closed loop from w to what is weighted, with u = K v around the generalised plant, whose v doesn't hold u itself."""
     A, B, C, D = plant
     w, u = B[:, [0]], B[:, [1]]
     weighted, v = C[:-1], C[[-1]]

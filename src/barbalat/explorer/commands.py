@@ -14,10 +14,9 @@ from barbalat.lowering.operations import read
 from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.wasm.loop import loop
 from barbalat.protocols import BreakingSignal, InterpolatedSignal, Signal
-from barbalat.run.breaks import breaks_inside, can_be_split
-from barbalat.run.columns import Columns
-from barbalat.run.grid import final_row, signal_table
-from barbalat.run.template import with_symbols
+from barbalat.run.kernel.breaks import breaks_inside, can_be_split
+from barbalat.run.kernel.grid import final_row, signal_table
+from barbalat.run.kernel.template import Columns, with_symbols
 from barbalat.signals.smooth import Continuous
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
@@ -152,7 +151,7 @@ class Grid:
 
 
 def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool, most_steps: int) -> list[Grid]:
-    """Of this run and of others, with other steps or another horizon, all for one kind of kernel: in pieces, or not.
+    """Grids of this run and of runs with other steps or another horizon, all for one kind of kernel: in pieces, or not.
 
     InputError where the run's own has too many rows.
     """
@@ -171,7 +170,7 @@ def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool
 
 
 def _runs_offered(simulation: Simulation) -> Iterator[Simulation]:
-    """The same run with other steps, and with other horizons, as far as the step divides the horizon."""
+    """The run with other steps, and with other horizons, as far as the step divides the horizon."""
     steps = [(factor * simulation.dt, simulation.t_end) for factor in GRID_FACTORS]
     for dt, t_end in [*steps, *((simulation.dt, factor * simulation.t_end) for factor in HORIZON_FACTORS)]:
         try:

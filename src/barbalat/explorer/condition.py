@@ -43,11 +43,11 @@ class Filtered:
             return None
         equations = case.controllers[self.index].bind(problem.known)
         # Theorem 1 is of this scheme's own C(s) and x_hat; its set's bounds, which move, are numbers of a box alone
-        if not isinstance(equations, Equations) or not isinstance(equations.box, ParameterBox):
+        if not isinstance(equations, Equations) or not isinstance(known_set := equations.estimate_set, ParameterBox):
             return None
-        plain = problem.known.inputs == 1 and not problem.known.uncertainty.gain_unknown
+        plain = problem.known.inputs == 1 and not problem.known.matched.gain_unknown
         C = equations.C
-        return [problem.known.A_m, problem.known.b, C.A, C.B, C.C, equations.box.lower, equations.box.upper] if plain else None
+        return [problem.known.A_m, problem.known.b, C.A, C.B, C.C, known_set.lower, known_set.upper] if plain else None
 
     def read(self, cases: Sequence[Case]) -> Numbers:
         """InputError where one has none."""

@@ -7,20 +7,34 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
+import numpy as np
+
 from barbalat.cases.build import Case
 from barbalat.explorer.commands import HORIZON_FACTORS, breaks_anywhere, grids_of, is_computed, points_of, smooth_module
 from barbalat.explorer.condition import condition_of
 from barbalat.explorer.encoded import doubles
-from barbalat.explorer.outputs import delay_weights, numbers_handed, outputs
-from barbalat.explorer.slider_labels import group, label
 from barbalat.explorer.sliders import DELAY_PATH, GRID_KEYS, Slider, Sliders, Variant
 from barbalat.explorer.source import Source
-from barbalat.explorer.spectrum import WATCHING, judged, spectrum_of
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import column, symbols, unflatten
+from barbalat.loop.true_values import estimate_names, true_values, truth_of
+from barbalat.lowering.operations import read
+from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import WATCH_EVERY, LoopShape
 from barbalat.lowering.wasm.loop import loop as module_of
 from barbalat.lowering.wasm.normal import normal_module
-from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.path import FieldPath, Key
 from barbalat.open_numbers.probe import Target
-from barbalat.solvers import SOLVERS
+from barbalat.pictures.symbols import estimated
+from barbalat.problem.command_gain import commanded, gains_at_rest
+from barbalat.protocols import DiscretizedEquations
+from barbalat.run.engine.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
+from barbalat.run.kernel import delay
+from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.metrics import Accumulators
+from barbalat.run.kernel.template import Template
+from barbalat.run.results.estimates import MOST_REPORTED
+from barbalat.solvers import SOLVERS, Tableau
 from barbalat.validate import InputError
 
 MOST_STEPS = 10_000_000
@@ -187,3 +201,147 @@ def _group_name(path: FieldPath, case: Case) -> str:
         return case.controllers[int(rest[0])].name
     known = {"plant": "Plant", "reference_model": "Model", "reference": "Command", "uncertainty": "Known set"}
     return known.get(str(first), str(first).replace("_", " ").capitalize())
+
+
+SYMBOLS = {
+    "gamma": ("Γ", ""), "kappa": ("κ", "s"), "tau": ("τ", "s"), "theta": ("θ", ""), "x0": ("x(0)", ""), "k_0": ("k₀", ""),
+    "amplitude": ("amplitude", ""), "frequency": ("frequency", "rad/s"), "phase": ("phase", "rad"), "t_end": ("horizon", "s"),
+    "dt": ("step h", "s"), "c_0": ("c₀", ""), "covariance0": ("P(0)", ""), "alpha_0": ("α₀", ""), "delta_0": ("δ₀", "1/s"),
+    "theta_hat0": ("θ̂(0)", ""), "sigma": ("σ", ""), "A_m": ("A_m", ""), "b": ("b", ""), "delay": ("delay", "s"),
+    "gain": ("input gain", ""), "start": ("start", "s"), "sigma_bound": ("σ bound", ""), "lower": ("least", ""),
+    "upper": ("greatest", ""), "input_gain": ("input gain", ""), "g_0": ("dead zone g₀", ""), "c_0_min": ("least c₀", ""),
+    "frequencies": ("frequency", "rad/s"), "amplitudes": ("amplitude", ""), "rate_limit": ("rate limit", "1/s"),
+    "lag": ("sensor lag", "s"), "std": ("noise, standard deviation", ""),
+}  # fmt: skip
+"""Symbol and unit by a number's key, where the key alone does not say it."""
+
+
+def label(path: FieldPath) -> str:
+    """Symbol, indices counted from 1, and unit."""
+    keys = [key for key in path.keys if isinstance(key, str)]
+    symbol, unit = SYMBOLS.get(keys[-1], (keys[-1].replace("_", " "), ""))
+    if keys[-1] in ("num", "den"):
+        symbol = f"{keys[-2].replace('_', ' ')} {keys[-1]}"
+    places = ",".join(str(int(index) + 1) for index in path.keys[len(path.vector) :])
+    return symbol + (f" [{places}]" if places else "") + (f", {unit}" if unit else "")
+
+
+def group(path: FieldPath) -> tuple[Key, ...]:
+    """The table that it stands in: a controller's keys are ("controller", i)."""
+    first = path.keys[0]
+    return path.keys[:2] if first in ("controller", "reference") and isinstance(path.keys[1], int) else (first,)
+
+
+def outputs(case: Case, members: Members) -> dict[str, Any]:
+    """What the page shows of one controller: sizes, rows of the states and accumulators, panels."""
+    loop, shape, accumulators = members.loop, members.program.shape, members.program.accumulators
+    assert isinstance(accumulators, Accumulators)
+    marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
+    rows = loop.theta_hat_rows
+    gains, true = gains_at_rest(case.problem), true_values(case.problem, loop)
+    panels = [
+        {"state": state, "commands": [{"index": k, "gain": float(gains[state, k])} for k in commands]}
+        for state, commands in commanded(case.problem)
+    ]
+    return {
+        "shape": {
+            "states": shape.states, "accumulators": shape.accumulators, "pieces": shape.in_pieces,
+            "commands": loop.commands or 1, "delayed": shape.delayed,
+        },
+        "rhythm": members.rhythm.sample_every and float(loop.sample_time or 0.0),
+        "operations": [list(part) for part in accumulators.layout],
+        "theta_hat": [rows.start, rows.stop],
+        "x": [int(i) for i in marked.x.reshape(-1)], "x_m": [int(i) for i in marked.x_m.reshape(-1)],
+        "output": loop.measured_outputs > 0, "panels": panels,
+        "true": None if true is None else [float(v) for v in true],
+        "estimates": [estimated(name) for name in estimate_names(loop)],
+        "reported": {part.name: [*range(part.rows.start, part.rows.stop)] for part in loop.other_estimates},
+        "beside": _beside(case, loop),
+        "past": None if members.history is None else members.history[:, 0].tolist(),
+    }  # fmt: skip
+
+
+def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
+    """What is drawn beside theta_hat, entry by entry, with what it is to become."""
+    found = []
+    for part in loop.other_estimates:
+        if part.size <= MOST_REPORTED:
+            true = truth_of(case.problem, part)
+            values = [None] * part.size if true is None else true.tolist()
+            rows = range(part.rows.start, part.rows.stop)
+            names = map(estimated, part.names)
+            found += [{"label": name, "row": row, "true": one} for name, row, one in zip(names, rows, values, strict=True)]
+    return found
+
+
+def numbers_handed(members: Members) -> int:
+    """The module's parameters up to the step; the delay's weights, which are the solver's, stand behind it."""
+    time, dt, solver = members.longest_delay, members.simulation.dt, members.simulation.solver
+    return members.program.shape.parameters - (delay.weights(time, dt, solver).size if members.loop.delayed else 0)
+
+
+def delay_weights() -> dict[str, dict[str, str]]:
+    """``delay.weights`` by solver: of whole steps, however many, and a module that makes them of a fraction."""
+    return {
+        name: {
+            "whole": doubles(delay.weights(1.0, 1.0, tableau).reshape(-1)),
+            "module": base64.b64encode(_weights_module(tableau)).decode(),
+        }
+        for name, tableau in SOLVERS.items()
+    }
+
+
+def _weights_module(tableau: Tableau) -> bytes:
+    """Its blocks give out the weights of the fraction in a row."""
+    import casadi as ca
+
+    fraction, nothing = ca.SX.sym("fraction"), ca.SX(0, 1)
+    weights = delay.traced_weights(tableau)(fraction)
+    traced = ca.Function("step", [nothing, nothing, nothing, fraction], [nothing, weights, nothing], {"cse": True})
+    rows = weights.numel()
+    return module_of(optimize(read(traced), fused=False), LoopShape(0, rows, 0, 1), (0.0,) * rows)
+
+
+# The page's kernel watches ``run.kernel.step.coupling_function``, and ``templates/stability.js`` looks at the windows, and at
+# the steps of one with an exit, by the rules of ``run.engine.stability_label``.
+
+MOST_STATES = 40
+"""Of a loop whose spectrum is taken after every run: some dozens of them cost less than drawing."""
+
+
+WATCHING = {"windows": MOST_WINDOWS, "looks": MOST_LOOKS, "pieces": WINDOW_PIECES, "every": WATCH_EVERY}
+"""How the windows of a run are cut and looked at: see ``run.engine.stability_label``."""
+
+
+def judged(target: Target) -> bool:
+    """Whether a page judges the step.
+
+    ``barbalat run`` judges large loops, and laws that take explicit steps from sample to sample.
+    """
+    reader = target.family.reader
+    equations = reader.loop.equations
+    return reader.loop.size <= MOST_STATES and not (isinstance(equations, DiscretizedEquations) and equations.explicit)
+
+
+def spectrum_of(target: Target) -> dict[str, Any] | None:
+    """Its rows are a state, signals and noise there, its parameters the run's; None where the page does not judge the step."""
+    import casadi as ca
+
+    if not judged(target):
+        return None
+    reader = target.family.reader
+    template = Template.of(reader.columns, opened=True).adjustable(reader.simulation.dt, None)
+    loop = template.loop.following_within(template.dt)
+    state_column, state = symbols("state", loop.size)
+    given_column, given = symbols("given", loop.signals.timed + loop.signals.noise)
+    signals = np.concatenate([given, np.zeros(loop.signals.delayed)])
+    jacobian = ca.jacobian(column(loop.derivative(state, signals)), state_column)
+    rows, columns = jacobian.sparsity().get_triplet()
+    nothing = ca.SX(0, 1)
+    row = ca.vertcat(state_column, given_column)
+    inputs = [nothing, nothing, template.column, row, nothing, nothing]
+    found = ca.vertcat(nothing, *(jacobian[int(i), int(j)] for i, j in zip(rows, columns, strict=True)))
+    traced = ca.Function("jacobian", inputs, [nothing, found, nothing], {"cse": True})
+    shape = LoopShape(0, len(rows), len(template.values), loop.size + loop.signals.timed + loop.signals.noise)
+    module = module_of(read(traced), shape, (0.0,) * len(rows))
+    return {"module": base64.b64encode(module).decode(), "rows": list(rows), "columns": list(columns)}

@@ -13,7 +13,7 @@ from barbalat.loop.structure import identical
 from barbalat.open_numbers.numbers import At, Number
 from barbalat.open_numbers.probe import thinned
 from barbalat.protocols import InterpolatedSignal, Signal
-from barbalat.run.columns import Columns
+from barbalat.run.kernel.template import Columns
 from barbalat.solvers import RK4
 from barbalat.validate import InputError
 

@@ -181,7 +181,7 @@ def explorer(file: str) -> Explorer:
 
 
 def contents(file: str) -> PageContents:
-    """Of the page of that name, before anything is measured: another process can make it."""
+    """What the page of that name holds before anything is measured: another process can make it."""
     return explorer(file).contents
 
 

@@ -188,5 +188,5 @@ def _switched(controller: Any, projection: bool) -> Any:
 
 
 def validate_name(controller: Any) -> str:
-    """Of any object, for a message."""
+    """The name of any object, for a message."""
     return type(controller).__name__

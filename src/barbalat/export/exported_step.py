@@ -9,14 +9,12 @@ import numpy as np
 
 from barbalat.export.compiler import loaded, require_compiler, shared_library
 from barbalat.export.contents import VECTORS, Contents
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering.c99 import DOUBLE
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.sampled_step import SampledList, SampledStep
-from barbalat.run.stepwise import Agreement
+from barbalat.run.kernel.sampled_controller import Agreement, SampledList, SampledStep
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -119,13 +117,13 @@ class ExportedStep:
         return self._u.copy()
 
     def agreement(self) -> Agreement:
-        """Of the samples since it was last asked for."""
+        """How the exported C agrees with the list over the samples since this was last asked for."""
         told, apart = self._told, self._apart
         self._told, self._apart = Agreement(), 0.0
         return replace(told, difference=f"{told.difference}, u by {apart:.1e} at most") if told.difference else told
 
     def _difference(self, expected: Array) -> str:
-        """Of u and of all that is kept, bit by bit."""
+        """What differs of u and of all that is kept, bit by bit."""
         state = self._beside.state[self._rows]
         if _same(self._u, expected) and _same(self._kept, state):
             return ""

@@ -7,22 +7,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.export.compiler import loaded, require_compiler, shared_library
 from barbalat.export.contents import Contents
-from barbalat.export.header import header
-from barbalat.export.source import source
+from barbalat.export.source import header, source
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering.c99 import DOUBLE, FLOAT
-from barbalat.lowering.llvm.external_function import ExternalFunction
+from barbalat.lowering.llvm.ir import ExternalFunction
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.batch import Batch
-from barbalat.run.diagnosis.stability_label import MOST_WINDOWS
-from barbalat.run.engine import run
-from barbalat.run.members import Members
-from barbalat.run.progress import Progress
-from barbalat.run.result import Result
-from barbalat.run.simulate import result_of
+from barbalat.run.engine.engine import Batch, run
+from barbalat.run.engine.simulate import result_of
+from barbalat.run.engine.stability_label import MOST_WINDOWS
+from barbalat.run.kernel.members import Members
+from barbalat.run.results.result import Result
 from barbalat.solvers.simulation import Simulation
 
 

@@ -14,20 +14,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from barbalat.export.limits import estimate_limits
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import comes_from_outside
+from barbalat.loop.true_values import estimate_set
 from barbalat.open_numbers.kernel_numbers import Family, Member
 from barbalat.open_numbers.numbers import beside, in_case
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.probe import examined
 from barbalat.open_numbers.varied import VariedObjects
+from barbalat.problem.known_set import UNREACHED_BOUND
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run import breaks
-from barbalat.run.columns import Columns, StructureError
-from barbalat.run.members import Members
-from barbalat.run.template import Template
+from barbalat.run.kernel import breaks
+from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.template import Columns, StructureError, Template
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
@@ -202,3 +202,18 @@ def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Con
     except (StructureError, InputError):
         return controller
     return controller if same.differing()[0].any() else explicit
+
+
+def estimate_limits(loop: ClosedLoop) -> tuple[Array, Array] | None:
+    """The least and the largest value of each estimate in the set that it is projected onto; infinite where it has none."""
+    box = estimate_set(loop)
+    if box is None:
+        return None
+    low, high = np.full((2, loop.parameters), np.inf) * [[-1.0], [1.0]]
+    if box.sphere is not None:
+        first = slice(0, box.sphere.size)
+        low[first], high[first] = box.sphere.extent
+    if box.intervals is not None:
+        last = slice(len(low) - box.intervals.size, len(low))
+        low[last], high[last] = box.intervals.extent
+    return np.where(low <= -UNREACHED_BOUND, -np.inf, low), np.where(high >= UNREACHED_BOUND, np.inf, high)

@@ -13,11 +13,11 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import flatten
 from barbalat.lowering.operations import Program, sliced, sources
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.run.sampled_part import STATE
+from barbalat.run.kernel.sampled_controller import STATE
 from barbalat.targets import EXPORTED_LOOP
 
 PARAMETER, SIGNAL, PAST, NOISE = 2, 3, 4, 5
-"""Arguments of a step's list, beside the state; see ``run.step.step_function``."""
+"""Arguments of a step's list, beside the state; see ``run.kernel.step.step_function``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +99,7 @@ class PlantContents:
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Those that the plant depends on."""
+        """The parameters that the plant depends on."""
         read = {at for part in (self.step, self.measurement) for kind, at in sources(part) if kind == PARAMETER}
         used = {self.opened.feeds[at] for at in read} | {self.opened.starts.get(row) for row in self.rows}
         return tuple(one for k, one in zip(count(), self.opened.parameters) if k in used)
@@ -124,7 +124,7 @@ class PlantContents:
 
     @cached_property
     def control_rows(self) -> tuple[int, ...]:
-        """Of the loop's state, where the held control stands."""
+        """Rows of the loop's state in which the held control stands."""
         held = self.loop.unpack(np.arange(self.loop.size)).held
         return tuple(int(row) for row in held.u.reshape(-1))
 

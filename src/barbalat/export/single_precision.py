@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.certificates import Certificates
 from barbalat.export.compiler import require_compiler
@@ -17,8 +18,7 @@ from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import VariedObjects
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.progress import Progress
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 

@@ -13,7 +13,7 @@ from barbalat import __version__
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.export.contents import Contents
-from barbalat.export.names import prefix_of
+from barbalat.export.layout import prefix_of
 from barbalat.export.parameters import Parameter
 from barbalat.lowering import c99
 
@@ -86,7 +86,7 @@ class Printed:
 
     @property
     def _scheme(self) -> str:
-        """As case files call it; of a class from outside its name."""
+        """The scheme's name in case files; a class from outside has its own."""
         controller = self.contents.controller
         kind = type(controller.controller if isinstance(controller, Sampled) else controller)
         named = {settings: name for name, settings in (*SCHEMES.items(), *OUTPUT_SCHEMES.items())}

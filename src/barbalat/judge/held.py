@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.protocols import Signal
-from barbalat.signals import Clock
+from barbalat.signals.smooth import Clock
 from barbalat.validate import Array
 
 INSTANTS = 2**14

@@ -1,8 +1,9 @@
-"""What matrices must satisfy: Hurwitz, controllable; judged in balanced coordinates, where roundings are of one size."""
+"""Conditions on matrices: Hurwitz and controllable, in balanced coordinates; definite for certain, in ball arithmetic."""
 
 from __future__ import annotations
 
 import numpy as np
+from flint import arb, arb_mat
 
 from barbalat.validate import Array, InputError, show
 
@@ -53,3 +54,43 @@ def require_controllable(fields: str, A: Array, b: Array) -> None:
             raise InputError.of(
                 fields, f"must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue * half * 2:.6g}"
             )
+
+
+def smallest_eigenvalue(P: Array) -> float:
+    """A guaranteed lower bound of lambda_min of the symmetric positive definite P, as tight as rounding allows.
+
+    Raises InputError where P is not positive definite.
+    """
+    approximate = float(np.linalg.eigvalsh(P)[0])
+    for slack in (1e-14, 1e-12, 1e-9, 1e-6, 1e-3):
+        candidate = approximate - slack * float(np.linalg.norm(P, 2))
+        if candidate > 0 and is_positive_definite(exact_matrix(P), candidate):
+            return candidate
+    raise InputError(f"P must be positive definite, but its smallest eigenvalue is {approximate:.3g}")
+
+
+def is_positive_definite(matrix: arb_mat, shift: float = 0.0) -> bool:
+    """Whether the symmetric matrix - shift I is positive definite for certain: elimination in balls has positive pivots."""
+    n = matrix.nrows()
+    work = arb_mat(matrix)
+    for i in range(n):
+        work[i, i] -= arb(shift)
+    for k in range(n):
+        if not work[k, k] > 0:
+            return False
+        for i in range(k + 1, n):
+            factor = work[i, k] / work[k, k]
+            for j in range(k, n):
+                work[i, j] -= factor * work[k, j]
+    return True
+
+
+def lyapunov_holds(P: Array, A_m: Array) -> bool:
+    """Whether P A_m + A_m'P is negative definite for certain with P as it is stored, roundings and all."""
+    exact_P, exact_A = exact_matrix(P), exact_matrix(A_m)
+    return is_positive_definite(-(exact_P * exact_A + exact_A.transpose() * exact_P))
+
+
+def exact_matrix(matrix: Array) -> arb_mat:
+    """The matrix in balls, without rounding."""
+    return arb_mat(matrix.tolist())

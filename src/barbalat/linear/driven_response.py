@@ -32,7 +32,7 @@ def driven_response(
 
 
 def _over_an_interval(A: Array, B: Array, dt: float) -> tuple[Array, Array, Array]:
-    """What x' and the signals' values at both ends are multiplied by, as rows, from one instant to the next.
+    """The factors, as rows, of the state and of the signals' values at both ends from one instant to the next.
 
     By one exponential of the system with its signals, and their slopes, as states (Van Loan 1978). SciPy's ``lsim`` does the
     same, to the bit; its module takes half a second to import, which is an eighth of a command's time.

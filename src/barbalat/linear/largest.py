@@ -71,7 +71,7 @@ def largest_whole(bears: Callable[[int], bool], *, stride: int, most: int) -> in
 
 
 def geometric_mean(low: float, high: float) -> float:
-    """Also where the product of the two is beyond the floats' range."""
+    """The geometric mean, also where the product of the two is beyond the floats' range."""
     product = low * high
     return math.sqrt(product) if SMALLEST_FLOAT < product < math.inf else math.sqrt(low) * math.sqrt(high)
 

@@ -12,9 +12,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.crossings import Crossings
-from barbalat.linear.interconnections import sensitivity
 from barbalat.linear.rotation import phase_crossings
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.systems import StateSpace, sensitivity
 from barbalat.validate import Array, InputError
 
 LARGEST_FACTOR = 1e6
@@ -55,7 +54,8 @@ def margins(loop: Any, delay: float = 0.0) -> Margins:
         raise InputError(f"margins need a stable closed loop, but its largest eigenvalue has real part {largest:.6g}")
     crossings = Crossings(loop)
     crossovers = np.array(crossings.of_unit_circle())
-    lags = _to_minus_one(loop.response(crossovers))
+    lags = np.angle(-loop.response(crossovers)) % (2 * np.pi)  # in (0, 2 pi]: that turn the values to the negative real axis
+    lags = np.where(lags > 0, lags, 2 * np.pi)
     longest = float((lags / crossovers).min(initial=np.inf))
     if abs(loop.D) >= 1:  # |L| >= 1 up to infinite frequency: an arbitrarily small delay meets -1
         longest = 0.0
@@ -66,12 +66,6 @@ def margins(loop: Any, delay: float = 0.0) -> Margins:
     at = phase_crossings(crossings, delay, crossovers) if delay > 0 else np.array(crossings.of_real_axis())
     up, down = _gain_factors(loop, delay, at)
     return Margins(up, down, phase, longest - delay, tuple(crossovers.tolist()))
-
-
-def _to_minus_one(L: Array) -> Array:
-    """The lags in (0, 2 pi] that turn the values to the negative real axis."""
-    lag = np.angle(-L) % (2 * np.pi)
-    return np.where(lag > 0, lag, 2 * np.pi)
 
 
 def _gain_factors(loop: StateSpace, delay: float, at: Array) -> tuple[float, float]:

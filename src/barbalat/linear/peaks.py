@@ -2,6 +2,13 @@
 
 Source: Boyd, Balakrishnan, Kabamba (1989) and Bruinsma, Steinbuch (1990): a level is above the peak where no zero of
 level^2 - G(-s)G(s) lies on the imaginary axis; so no peak between the points of a grid is missed.
+
+Of a loop with a delay |S| and |T| are searched by branch and bound over frequency, which misses no peak either.
+
+|S| = 1/|1 + X| with X = L e^(-j w d), and |T| = 1/|1 + X| with X = 1/(L e^(-j w d)). With r_i the zeros and poles of X, w_m the
+middle of an interval and delta half its width,
+    |X(w)/X(w_m) - 1| <= q = (1 + delta d) prod (1 + delta/|j w_i - r_i|) - 1,
+w_i = w_m for a zero, and for a pole the w of the interval next to it. So |1 + X| >= |1 + X(w_m)| - q |X(w_m)| over the interval.
 """
 
 from __future__ import annotations
@@ -10,9 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.linear.crossings import axis_zeros, frequency_grid, one_minus_magnitude
+from barbalat.linear.crossings import Crossings, axis_zeros, frequency_grid, one_minus_magnitude
+from barbalat.linear.rotation import HALVING_STEPS, Rotation
 from barbalat.linear.systems import StateSpace
-from barbalat.validate import InputError
+from barbalat.validate import Array, InputError
 
 PEAK_PRECISION = 1e-6
 """Relative: how far the peak may lie below the level that is returned."""
@@ -44,3 +52,64 @@ def peak_gain(system: StateSpace) -> Peak:
         points = np.concatenate([crossed, np.sqrt(crossed[:-1] * crossed[1:])])
         if not len(points) or np.abs(system.response(points)).max() <= level:
             return Peak(level, at)
+
+
+class Peaks(NamedTuple):
+    """Upper ends: the peaks themselves are at most ``PEAK_PRECISION`` below."""
+
+    sensitivity: float
+    complementary: float
+
+
+def delayed_peaks(loop: StateSpace, delay: float) -> Peaks:
+    """sup |1/(1 + L e^(-j w d))| and sup |L/(1 + L e^(-j w d))| of a loop that is stable with the delay d > 0 [s].
+
+    InputError for a loop that is not strictly proper: its peaks recur up to infinite frequency.
+    """
+    if loop.D != 0:
+        raise InputError(f"peaks beside a delay need a strictly proper loop, but L(infinity) = {loop.D:.6g}")
+    crossings, rotation = Crossings(loop), Rotation(loop, delay)
+    low = rotation.low
+    w = np.concatenate([np.geomspace(low, 10 / delay, 400), crossings.of_unit_circle()])
+    L = rotation.value(w)
+    S, T = max(1.0, float((1 / np.abs(1 + L)).max())), float(np.abs(L / (1 + L)).max())
+    if T == 0:
+        return Peaks(1.0, 0.0)
+    # above the last w with |L| at such a level, |S| <= 1/(1 - |L|) and |T| <= |L|/(1 - |L|) are below what is found already
+    levels = 1 - 1 / (S * (1 + PEAK_PRECISION)), T / (1 + T)
+    ends = [max([*crossings.of_unit_circle(1 / level), low]) for level in levels]
+    S = _search(rotation, low, ends[0], S, inverse=False)
+    T = _search(rotation, low, ends[1], T, inverse=True)
+    return Peaks(S * (1 + PEAK_PRECISION), T * (1 + PEAK_PRECISION))
+
+
+def _search(rotation: Rotation, low: float, high: float, peak: float, *, inverse: bool) -> float:
+    """The largest 1/|1 + X| over [low, high], or less by ``PEAK_PRECISION``; at least ``peak``."""
+    edges = np.geomspace(low, high, 400)
+    left, right = edges[:-1], edges[1:]
+    for _ in range(HALVING_STEPS):
+        if not len(left):
+            break
+        middle = (left + right) / 2
+        X = rotation.value(middle)
+        if inverse:
+            X = 1 / X
+        distance = np.abs(1 + X)
+        peak = max(peak, float((1 / distance).max()))
+        nearest = distance - np.abs(X) * _change(rotation, left, right, inverse)
+        kept = nearest < 1 / (peak * (1 + PEAK_PRECISION))
+        left, right = np.concatenate([left[kept], middle[kept]]), np.concatenate([middle[kept], right[kept]])
+    return peak
+
+
+def _change(rotation: Rotation, left: Array, right: Array, inverse: bool) -> Array:
+    """q of each interval."""
+    zeros, poles = (rotation.poles, rotation.zeros) if inverse else (rotation.zeros, rotation.poles)
+    middle, half = (left + right) / 2, (right - left) / 2
+    q = 1 + half * rotation.delay
+    for zero in zeros:
+        q = q * (1 + half / np.abs(1j * middle - zero))
+    for pole in poles:
+        nearest = np.abs(1j * np.clip(pole.imag, left, right) - pole)
+        q = q * (1 + half / np.maximum(nearest, 1e-300))
+    return np.asarray(q - 1)

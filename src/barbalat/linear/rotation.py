@@ -104,7 +104,7 @@ class Rotation:
             yield left[k], right[k], levels[k]
 
     def _at_level(self, left: float, right: float, level: float) -> list[float]:
-        """Where the phase, monotone between the two, has the value: one w or none."""
+        """The frequency at which the phase, monotone between the two, has the value: one w or none."""
         from scipy.optimize import brentq
 
         def off(w: float) -> float:  # ``phase`` less the level, in one call: most of a search's time goes here

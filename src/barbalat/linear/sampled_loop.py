@@ -7,9 +7,18 @@ as v(t) = u(t - d). With d = (l + f) T, 0 <= f < 1, v changes within a sample, a
 
 With R = C (zI - J e^(A T))^-1 J, L(z) from v to -u is -R (e^(A (1-f) T) Gamma(f T)/z + Gamma((1-f) T))/z^l. Gain and phase
 margins and peaks of one input are those of L(z) on the unit circle, the other inputs closed; by z = (1 + s T/2)/(1 - s T/2) they
-are those of a continuous system. What is no function of one such L(z) stands in ``sampled_margins``.
+are those of a continuous system. What no single L(z) tells is searched for.
 
 Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sections 2.3 (delays that are no whole samples), 8.2.
+
+No single transfer function tells the delay's margin, nor that of a gain that all inputs share.
+
+From a stable loop on the search goes as far as it certainly stays stable. For a delay that is while |change of L| < |1 + L| at
+every frequency: L changes as the edge of v moves through the sample, by R e^(A t) E (1 - 1/z) dt. For a factor k on all inputs
+det(I + k L) = 0 says that k is -1/lambda for an eigenvalue lambda of L: k may move by its distance from all of these. Near the
+end the spectral radius decides. One input's delay, the others closed, is the delay of the loop with one input whose resolvent is
+
+    R_i - L_io (I + L_oo)^-1 R_o,    o: the other inputs with the delays that they have.
 """
 
 from __future__ import annotations
@@ -20,8 +29,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from barbalat.linear.margins import LARGEST_FACTOR
 from barbalat.linear.systems import StateSpace
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError
 
 
 class Effects(NamedTuple):
@@ -81,7 +91,7 @@ class SampledLoop:
         return M, N, np.hstack([self.C, np.zeros((m, len(of_earlier)))])
 
     def broken_at(self, i: int, delay: float | Array) -> tuple[Array, Array, Array]:
-        """The same, open at the input i alone: the others are closed."""
+        """(M, N, C) of the loop that is open at the input i alone: the others are closed."""
         M, N, C = self.broken(delay)
         others = np.arange(self.inputs) != i
         return M + N[:, others] @ C[others], N[:, [i]], C[[i]]
@@ -102,7 +112,7 @@ class SampledLoop:
         return np.asarray(self.J @ self.over(self.T)[0])
 
     def closed(self, delay: float | Array, factor: float = 1.0) -> Array:
-        """From sample to sample; ``factor`` multiplies all inputs."""
+        """The closed loop's matrix from sample to sample; ``factor`` multiplies all inputs."""
         M, N, C = self.broken(delay)
         return np.asarray(M + factor * N @ C)
 
@@ -135,3 +145,224 @@ def _split(delay: float, T: float) -> tuple[int, float]:
     """Whole samples and the rest, a share of one; a rest within rounding of a sample is none."""
     whole = int(np.floor(delay / T + 1e-12))
     return whole, max(delay / T - whole, 0.0)
+
+
+LEAST_STEP = 1e-4
+"""Of a sample, or of the factor: the search goes on by this much at least, beyond what the grid of frequencies resolves."""
+FREQUENCIES = 600
+"""Of the grid up to pi/T, once by equal ratios and once by equal steps; the modes without feedback join it."""
+CLOSER_LOOKS, POINTS_OF_A_LOOK = 2, 21
+"""Between the neighbours of a least value on the grid, and again: a hundredth of the grid's steps."""
+SHORT_STEP = 0.1
+"""Of a sample, or of the factor: shorter steps of the search are near a loss of stability, and what lies behind is looked at."""
+MOST_SAMPLES_OF_DELAY = 500
+"""Beyond it the delay margin is not sought."""
+EDGE_PLACES = 100
+"""Of the edge within a sample, where |L| < 1 is asked for."""
+GRID_ALLOWANCE = 2e-3
+"""For a peak of |L| between the grid's frequencies, which is near enough to every mode that is not damped within two samples."""
+LARGEST_TURN = 0.05
+"""By how much e^(A t) may turn between the instants within a sample at which it is evaluated."""
+SHARE_OF_ROOM = 0.9
+"""Of the factor's distance from a loss that is made at a time: it does not end on the loss itself."""
+
+
+def delay_margin(loop: SampledLoop, delay: float, at: int | None = None) -> float:
+    """The smallest delay [s] beside ``delay`` at which the loop loses stability; infinite where none does.
+
+    at  the one input that is later, the others as they are; by default all are, alike
+    InputError where the loop is unstable, and where nothing is found up to ``MOST_SAMPLES_OF_DELAY`` samples.
+    """
+    return _DelaySearch(_stable(loop, delay), delay, at).margin()
+
+
+def gain_margins(loop: SampledLoop, delay: float) -> tuple[float, float]:
+    """The factors next to 1, below and above, that lose stability where they multiply all inputs; 0 and infinite where none does.
+
+    Factors up to ``LARGEST_FACTOR`` are looked at. InputError where the loop is unstable.
+    """
+    search = _GainSearch(_stable(loop, delay), delay)
+    return search.margin(-1), search.margin(1)
+
+
+def _stable(loop: SampledLoop, delay: float) -> SampledLoop:
+    if not (radius := loop.radius(delay)) < 1:
+        raise InputError(f"unstable from sample to sample: spectral radius {radius:.6g}")
+    return loop
+
+
+def _grid(loop: SampledLoop, M: Array) -> Array:
+    """Frequencies (K,) [rad/s] up to pi/T, with those of the modes of M."""
+    highest = np.pi / loop.T
+    w = np.union1d(np.geomspace(1e-6 * highest, highest, FREQUENCIES), np.linspace(0, highest, FREQUENCIES)[1:])
+    modes = np.linalg.eigvals(M)
+    own = np.abs(np.angle(modes[np.abs(modes) > 0.5])) / loop.T  # others decay within samples: no narrow peak
+    return np.union1d(w, own[own > w[0]])
+
+
+def _largest_gain(matrices: Array) -> Array:
+    """The largest singular values, (K,); of one input the size, a hundred times as fast."""
+    if matrices.shape[1:] == (1, 1):
+        return np.asarray(np.abs(matrices[:, 0, 0]))
+    return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
+
+
+def _least_gain(matrices: Array) -> Array:
+    """The smallest singular values, (K,)."""
+    if matrices.shape[1:] == (1, 1):
+        return np.asarray(np.abs(matrices[:, 0, 0]))
+    return np.asarray(np.linalg.norm(matrices, -2, axis=(1, 2)))
+
+
+def _between_neighbours(w: Array, room: Array) -> Array:
+    """Frequencies around the least values."""
+    inner = np.concatenate([[np.inf], room, [np.inf]])
+    least = np.flatnonzero((room <= inner[:-2]) & (room <= inner[2:]) & (room <= 4 * room.min()))
+    left, right = w[np.maximum(least - 1, 0)], w[np.minimum(least + 1, len(w) - 1)]
+    return np.unique(np.linspace(left, right, POINTS_OF_A_LOOK))
+
+
+@dataclass(frozen=True, eq=False)
+class _DelaySearch:
+    """The search for the delay of the inputs ``at``, or of all, beside the one that all have, at which stability is lost."""
+
+    loop: SampledLoop
+    delay: float
+    at: int | None
+
+    def margin(self) -> float:
+        from scipy.optimize import brentq
+
+        if self._never_large():
+            return np.inf
+        T, late = self.loop.T, 0.0
+        while late < MOST_SAMPLES_OF_DELAY * T:
+            step = self._safe_step(late)
+            if step < SHORT_STEP * T:
+                step = max(step, LEAST_STEP * T)
+                if self._radius(late + step) >= 1:
+                    return float(brentq(lambda one: self._radius(one) - 1, late, late + step, xtol=1e-12 * T))
+            late += step
+        raise InputError(f"no delay up to {MOST_SAMPLES_OF_DELAY} samples destabilises it, and longer ones were not tried")
+
+    @property
+    def _columns(self) -> Array:
+        """The inputs that are later."""
+        return np.arange(self.loop.inputs) if self.at is None else np.array([self.at])
+
+    def _radius(self, late: float) -> float:
+        delays = np.full(self.loop.inputs, self.delay)
+        delays[self._columns] += late
+        return self.loop.radius(delays)
+
+    def _effects(self, late: float) -> Effects:
+        found = self.loop.effects(self.delay + late)
+        return Effects(*(part[..., self._columns] for part in found))
+
+    @cached_property
+    def _grid(self) -> tuple[Array, Array]:
+        """Frequencies (K,) [rad/s], and the resolvent there, (K, m, s)."""
+        w = _grid(self.loop, self.loop.between if self.at is None else self.loop.broken_at(self.at, self.delay)[0])
+        return w, self._resolvent(w)
+
+    def _resolvent(self, w: Array) -> Array:
+        R = self.loop.resolvent(w)
+        if self.at is None:
+            return R
+        others = np.flatnonzero(np.arange(self.loop.inputs) != self.at)
+        L = self.loop.response(w, R, Effects(*(part[..., others] for part in self.loop.effects(self.delay))))
+        through = np.linalg.solve(np.eye(len(others)) + L[:, others], R[:, others])
+        return np.asarray(R[:, [self.at]] - L[:, [self.at]] @ through)
+
+    @cached_property
+    def _edges(self) -> Array:
+        """e^(A t) E at instants t within a sample, (P, s, m)."""
+        A, E, T = self.loop.A, self.loop.E[:, self._columns], self.loop.T
+        count = int(np.clip(np.ceil(np.linalg.norm(A, 2) * T / LARGEST_TURN), 8, 256))
+        return np.array([self.loop.over(t)[0] @ E for t in np.linspace(0, T, count + 1)])
+
+    def _slopes(self, w: Array, R: Array) -> Array:
+        """The largest |dL/dd| at each frequency, over all places of the edge, (K,)."""
+        moved = np.stack([_largest_gain(R @ edge) for edge in self._edges]).max(axis=0)
+        return np.asarray(np.exp(LARGEST_TURN) * moved * np.abs(1 - np.exp(-1j * w * self.loop.T)))
+
+    @cached_property
+    def _grid_slopes(self) -> Array:
+        return self._slopes(*self._grid)
+
+    def _safe_step(self, late: float) -> float:
+        """|1 + L| over |dL/dd| at the worst frequency; around the least values on the grid it is looked at more closely."""
+        w, R = self._grid
+        effects = self._effects(late)
+        room = self._room(w, R, self._grid_slopes, effects)
+        for _ in range(CLOSER_LOOKS):
+            w = _between_neighbours(w, room)
+            R = self._resolvent(w)
+            room = self._room(w, R, self._slopes(w, R), effects)
+        return float(room.min())
+
+    def _room(self, w: Array, R: Array, slopes: Array, effects: Effects) -> Array:
+        L = self.loop.response(w, R, effects)
+        nearest = _least_gain(np.eye(L.shape[1]) + L)
+        return np.asarray(nearest / np.maximum(slopes, 1e-300))
+
+    def _never_large(self) -> bool:
+        """Whether |L| < 1 at all frequencies wherever the edge stands, which no delay changes.
+
+        Between the places of the edge that are looked at L changes by what its slope allows.
+        """
+        w, R = self._grid
+        start = -self.delay  # the whole delay within a sample, whatever the plant's own
+
+        def largest(parts: Array) -> Array:
+            responses = (self.loop.response(w, R, self._effects(start + part * self.loop.T)) for part in parts)
+            return np.max([_largest_gain(one) for one in responses], axis=0)
+
+        if largest(np.linspace(0, 0.9, 10)).max() >= 1:
+            return False
+        middles = (np.arange(EDGE_PLACES) + 0.5) / EDGE_PLACES
+        return bool((largest(middles) + self._grid_slopes * self.loop.T / (2 * EDGE_PLACES)).max() < 1 - GRID_ALLOWANCE)
+
+
+@dataclass(frozen=True, eq=False)
+class _GainSearch:
+    """The search for the factor on all inputs at which stability is lost."""
+
+    loop: SampledLoop
+    delay: float
+
+    def margin(self, direction: int) -> float:
+        """The first factor from 1 on, upwards or downwards."""
+        from scipy.optimize import brentq
+
+        k = 1.0
+        while 1 / LARGEST_FACTOR < k < LARGEST_FACTOR:
+            step = SHARE_OF_ROOM * self._safe_step(k)
+            if step < SHORT_STEP * k:
+                step = max(step, LEAST_STEP * k)
+                following = k + direction * step
+                if self._radius(following) >= 1:
+                    return float(brentq(lambda one: self._radius(one) - 1, k, following, xtol=1e-12 * k))
+            k += direction * step
+        return np.inf if direction > 0 else 0.0
+
+    def _radius(self, k: float) -> float:
+        return self.loop.radius(self.delay, k)
+
+    def _lost_at(self, w: Array) -> Array:
+        """-1/lambda, (K, m)."""
+        values = np.linalg.eigvals(self.loop.response(w, self.loop.resolvent(w), self.loop.effects(self.delay)))
+        return np.asarray(-1 / np.where(values == 0, 1e-300, values))
+
+    @cached_property
+    def _grid(self) -> tuple[Array, Array]:
+        w = _grid(self.loop, self.loop.between)
+        return w, self._lost_at(w)
+
+    def _safe_step(self, k: float) -> float:
+        w, lost_at = self._grid
+        room = np.abs(lost_at - k).min(axis=1)
+        for _ in range(CLOSER_LOOKS):
+            w = _between_neighbours(w, room)
+            room = np.abs(self._lost_at(w) - k).min(axis=1)
+        return float(room.min())

@@ -36,7 +36,7 @@ class SampledNorms:
         return self._bounded(s, summed=True)
 
     def largest(self, s: Array) -> Array:
-        """max_k |C M^k s|, of the same shape."""
+        """max_k |C M^k s|, of the shape of ``summed``."""
         return self._bounded(s, summed=False)
 
     def _bounded(self, s: Array, *, summed: bool) -> Array:
@@ -80,3 +80,10 @@ def _contraction(M: Array) -> tuple[Array, float]:
         raise InputError(TOO_CLOSE)
     share = min(1.0, q / float(np.linalg.norm(root, 2)) ** 2)
     return root, share / (1 + math.sqrt(1 - share))
+
+
+def grown(A: Array, T: float) -> Array:
+    """e^(|A| T), which is at least |e^(A t)| in every entry for 0 <= t <= T."""
+    from scipy.linalg import expm
+
+    return np.asarray(expm(np.abs(A) * T)) * OUTWARD_FACTOR

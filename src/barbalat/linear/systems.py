@@ -11,10 +11,52 @@ import numpy as np
 from barbalat import budget, validate
 from barbalat.budget import Estimate
 from barbalat.linear.conditions import balance
-from barbalat.linear.foreign_systems import foreign_coefficients, foreign_state_space, is_scipy
 from barbalat.protocols import Value
 from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError, Vector
+
+
+def is_scipy(system: Any) -> bool:
+    """Whether it is a continuous system of SciPy's; discrete ones are not taken."""
+    if not type(system).__module__.startswith("scipy."):
+        return False
+    from scipy.signal import lti
+
+    return isinstance(system, lti)
+
+
+def foreign_state_space(system: Any) -> tuple[Array, Array, Array, Array] | None:
+    """A, B, C, D of a continuous state space of another package; ``None`` for anything else."""
+    if not all(hasattr(system, name) for name in ("A", "B", "C", "D")) or getattr(system, "dt", None) not in (0, None):
+        return None
+    A, B, C, D = (np.asarray(getattr(system, name), dtype=float) for name in "ABCD")
+    return A, B, C, D
+
+
+def foreign_coefficients(field: str, system: Any) -> tuple[Array, Array]:
+    """num and den of a continuous SISO system, highest power first; InputError names the field."""
+    if is_scipy(system):
+        found = system.to_tf()
+        num, den = np.squeeze(found.num), found.den
+        if np.ndim(num) > 1:
+            raise InputError.of(field, f"must have one input and one output, got {validate.show(system)}")
+        return np.atleast_1d(num), den
+    if not all(hasattr(system, name) for name in ("ninputs", "noutputs", "dt")):
+        raise InputError.of(
+            field,
+            "must be a TransferFunction, (num, den), matrices (A, B, C, D), or a system of python-control or SciPy, "
+            f"got {validate.show(system)}",
+        )
+    import control
+
+    if (system.ninputs, system.noutputs) != (1, 1):
+        raise InputError.of(field, f"must have one input and one output, got {system.ninputs} and {system.noutputs}")
+    if system.dt not in (0, None):
+        raise InputError.of(field, f"must be a continuous-time system, got one with the sample time {system.dt}")
+    if not isinstance(system, (control.TransferFunction, control.StateSpace)):
+        raise InputError.of(field, f"must be a transfer function or state space, got {type(system).__name__}")
+    converted = control.tf(system)
+    return np.asarray(converted.num[0][0], float), np.asarray(converted.den[0][0], float)
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +72,10 @@ class StateSpace(Settings):
     D: float
 
     __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        if any(isinstance(given, (list, tuple)) for given in (self.A, self.B, self.C)):
+            validate.freeze(self, **vars(self._of_matrices("system", self.A, self.B, self.C, self.D)))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, StateSpace) and self._numbers() == other._numbers()
@@ -50,6 +96,14 @@ class StateSpace(Settings):
         strictly_proper = transfer_function(self.C, self.A, self.B)
         return TransferFunction(np.polyadd(strictly_proper.num, self.D * strictly_proper.den), strictly_proper.den)
 
+    @classmethod
+    def _of_matrices(cls, field: str, A: Any, B: Any, C: Any, D: Any) -> StateSpace:
+        """Of A (n, n), B (n,) or (n, 1), C (n,) or (1, n) and D, a number or (1, 1)."""
+        matrix = validate.square_matrix(f"{field}.A", A)
+        b, c = (validate.by_rows(f"{field}.{name}", given, len(matrix)) for name, given in (("B", B), ("C", C)))
+        (d,) = validate.by_rows(f"{field}.D", np.reshape(D, -1) if validate.dimensions(D) == 0 else D, 1)
+        return cls(matrix, b, c, float(d))
+
     def derivative(self, state: Value, u: Value) -> Value:
         """x'; with a state (n, m) m copies of the system, for u (m,)."""
         return self.A @ state + (self.B * u if state.ndim == 1 else np.outer(self.B, u))
@@ -68,12 +122,14 @@ class StateSpace(Settings):
 
     @classmethod
     def accept(cls, field: str, system: Any) -> StateSpace:
-        """One of ours, a proper TransferFunction, or a SISO system of python-control or SciPy; InputError names the field.
+        """One of ours, matrices (A, B, C, D), or what ``TransferFunction.accept`` takes, proper; InputError names the field.
 
         A foreign state space is taken as it is: by way of polynomials slow and fast poles together would lose digits.
         """
         if isinstance(system, cls):
             return system
+        if isinstance(system, (tuple, list)) and len(system) == 4:
+            return cls._of_matrices(field, *system)
         matrices = foreign_state_space(system)
         if matrices is not None and matrices[3].shape == (1, 1):
             A, B, C, D = matrices
@@ -119,9 +175,17 @@ class TransferFunction(Settings):
 
     @classmethod
     def accept(cls, field: str, system: Any) -> TransferFunction:
-        """One of ours, or a SISO system of python-control or SciPy in continuous time; InputError names the field."""
+        """One of ours, (num, den), matrices (A, B, C, D), or a continuous SISO system of python-control or SciPy.
+
+        InputError names the field.
+        """
         if isinstance(system, cls):
             return system
+        if isinstance(system, (tuple, list)) and len(system) == 2:
+            num, den = (validate.vector(f"{field}.{name}", given) for name, given in zip(("num", "den"), system, strict=True))
+            return cls(num, den)
+        if isinstance(system, (tuple, list)) and len(system) == 4:
+            system = StateSpace.accept(field, system)
         if isinstance(system, StateSpace):
             return system.transfer_function()
         matrices = foreign_state_space(system) if is_scipy(system) else None
@@ -193,7 +257,7 @@ def of_polynomial(count: float) -> Estimate:
 
 def open_loop(field: str, system: Any) -> tuple[Array, Array]:
     """(A, B) of x' = A x + B u; InputError names the field."""
-    if isinstance(system, (tuple, list)) and len(system) == 2:
+    if isinstance(system, (tuple, list)) and len(system) in (2, 4):  # C and D have no part in it
         return system[0], system[1]
     found = (system.A, system.B, system.C, system.D) if isinstance(system, StateSpace) else foreign_state_space(system)
     if found is None:
@@ -212,7 +276,7 @@ SOLVED_AT_ONCE = 2**22
 
 
 def of_response(states: float, frequencies: int) -> Estimate:
-    """What frequency responses cost by solving at each frequency: 3.6 s in all for the 165 states of a network's loop."""
+    """The cost of frequency responses by solving at each frequency: 3.6 s in all for the 165 states of a network's loop."""
     return Estimate(memory=64.0 * max(states**2, SOLVED_AT_ONCE), seconds=2e-9 * frequencies * states**3)
 
 
@@ -291,3 +355,27 @@ def strictly_proper(name: str, given: Any) -> TransferFunction:
         shown = f"num = {validate.show(system.num)}, den = {validate.show(system.den)}"
         raise InputError.of(name, f"must be strictly proper and not zero, got {shown}")
     return system
+
+
+def series(first: StateSpace, second: StateSpace) -> StateSpace:
+    """Two systems in a row: second(s) first(s)."""
+    n, m = first.order, second.order
+    A = np.block([[first.A, np.zeros((n, m))], [np.outer(second.B, first.C), second.A]])
+    B = np.concatenate([first.B, second.B * first.D])
+    C = np.concatenate([second.D * first.C, second.C])
+    return StateSpace(A, B, C, second.D * first.D)
+
+
+def sensitivity(loop: StateSpace) -> StateSpace:
+    """S = 1/(1 + L); InputError where 1 + L(infinity) = 0."""
+    return_difference = 1 + loop.D
+    if abs(return_difference) < 1e-12:
+        raise InputError(f"the closed loop is not well posed: 1 + L(infinity) = {return_difference:.3g}")
+    closed = loop.A - np.outer(loop.B, loop.C) / return_difference
+    return StateSpace(closed, loop.B / return_difference, -loop.C / return_difference, 1 / return_difference)
+
+
+def complementary_sensitivity(loop: StateSpace) -> StateSpace:
+    """T = 1 - S = L/(1 + L)."""
+    S = sensitivity(loop)
+    return StateSpace(S.A, S.B, -S.C, 1 - S.D)

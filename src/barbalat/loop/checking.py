@@ -75,7 +75,9 @@ def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
     if declared is None:
         return
     if not isinstance(declared, Mapping) or not all(isinstance(role, Role) for role in declared.values()):
-        raise whose.error(f" must be a mapping from the names of fields to roles, as Role.estimates(), got {show(declared)}")
+        raise whose.error(
+            f" must be a mapping from the names of fields to roles, as Role.estimates() or 'filter', got {show(declared)}"
+        )
     paths = [path for path, _ in leaves(initial)]
     places = {path.rsplit(".", depth)[0] for path in paths for depth in range(path.count(".") + 1)}
     if unknown := [path for path in declared if path not in places and path.partition(".")[0] not in names_of(initial)]:

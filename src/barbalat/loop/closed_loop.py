@@ -12,8 +12,7 @@ from barbalat import validate
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.loop import input_paths
 from barbalat.loop.binding import Bind, bound, is_sampled
-from barbalat.loop.packing import as_array, flatten, map_arrays, unflatten
-from barbalat.loop.parts import LoopState, Outputs, Signals, SignalSizes
+from barbalat.loop.packing import LoopState, Outputs, Signals, SignalSizes, as_array, flatten, map_arrays, unflatten
 from barbalat.loop.sampling import Acting, SampledController, held_model
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.tracking import TrackingProblem

@@ -12,8 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.linear.zero_order_hold import HeldSystem
-from barbalat.loop.packing import as_array, flatten, unflatten
-from barbalat.loop.parts import Held
+from barbalat.loop.packing import Held, as_array, flatten, unflatten
 from barbalat.protocols import Dynamics, Freezable, Sample, SampledEquations, Value
 from barbalat.roles import main_estimates, resting, roles_of, state_parts, taken_from
 from barbalat.validate import Array

@@ -53,7 +53,7 @@ def estimate_set(loop: ClosedLoop) -> EstimateSet | None:
     role, equations = loop.estimates.role, loop.continuous
     box = role.within
     if box is None and role.of == THETA:
-        box = equations.box if isinstance(equations, Projecting) else None
+        box = equations.estimate_set if isinstance(equations, Projecting) else None
     if not isinstance(box, (ParameterBox, ParameterBall, ParameterProduct)):
         return None
     bounded = len(box.extent[0])

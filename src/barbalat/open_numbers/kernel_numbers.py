@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from barbalat.judge.beside import Watched
-from barbalat.run.columns import StructureError
-from barbalat.run.members import Members, Reader
+from barbalat.run.kernel.members import Members, Reader
+from barbalat.run.kernel.template import StructureError
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
@@ -43,7 +43,7 @@ class Numbers:
     seeds: Array | None
 
     def of(self, which: Array) -> Numbers:
-        """Of chosen members, which may stand there more than once."""
+        """The numbers of chosen members, which may stand there more than once."""
         return Numbers(*(None if part is None else part[..., which] for part in vars(self).values()))
 
     def identical(self, other: Numbers) -> bool:
@@ -55,7 +55,7 @@ class Numbers:
 
     @classmethod
     def together(cls, parts: Sequence[Numbers]) -> Numbers:
-        """Of the members of all of these."""
+        """The numbers of the members of all parts."""
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return cls(*(None if found[0] is None else np.concatenate(found, axis=-1) for found in columns))
 
@@ -96,7 +96,7 @@ class Family:
         return _numbers(self.reader, self.reader.chosen(self.differs, self.rounding), 0)
 
     def read(self, members: Sequence[Member]) -> Numbers:
-        """Of any members that differ from the examples in no more than these do; InputError for others."""
+        """The numbers of members that differ from the examples in no more than these do; InputError for others."""
         first = self.reader.problem, self.reader.controller
         if all(one is other for member in members for one, other in zip(member[:2], first, strict=True)):
             return self._first.of(np.zeros(len(members), dtype=int))

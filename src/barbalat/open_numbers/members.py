@@ -13,8 +13,8 @@ from barbalat.open_numbers.kernel_numbers import Family, Numbers
 from barbalat.open_numbers.probe import DelayEffect, Effect, Kind, Tried, direct
 from barbalat.open_numbers.varied import Varied
 from barbalat.protocols import Signal
-from barbalat.run.judging import Terms, watched_in_sweeps
-from barbalat.run.members import Members
+from barbalat.run.engine.judging import Terms, watched_in_sweeps
+from barbalat.run.kernel.members import Members
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
@@ -94,14 +94,14 @@ class Setting:
         return self.example.problem.signals
 
     def driven_by(self, base: Array, example: Case) -> Setting:
-        """The same kernels with the signals of another example, which is the case with these numbers."""
+        """The setting with the signals of another example, which is the case with these numbers."""
         if (base == self.base).all():
             return self
         made = {base.tobytes(): self._made(self.base)} if self.numeric == () else {}
         return replace(self, base=base, example=example, made=made)
 
     def members(self, rows: Array, streams: Array) -> tuple[Members, ...]:
-        """Of each controller; rows (M, d) and streams of noise (M,). RefusedError for a member that makes no case."""
+        """What each kernel is given; rows (M, d), streams of noise (M,). RefusedError for a member that makes no case."""
         numbers = self.numbers(rows)
         return tuple(family.given(one, streams) for family, one in zip(self.families, numbers, strict=True))
 
@@ -130,7 +130,7 @@ class Setting:
         return row
 
     def _made(self, row: Array) -> tuple[Numbers, ...]:
-        """By way of a case."""
+        """The numbers of one row, by way of a case."""
         key = row.tobytes()
         if key not in self.made:
             if len(self.made) >= MOST_KEPT:

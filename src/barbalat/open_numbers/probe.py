@@ -19,11 +19,10 @@ from barbalat.cases.build import Case
 from barbalat.open_numbers.kernel_numbers import OTHER_STRUCTURE, ROUNDING, Family, Member, Numbers
 from barbalat.open_numbers.numbers import SPECIAL_VALUES, At, Number
 from barbalat.open_numbers.varied import Varied
-from barbalat.run import delay
-from barbalat.run.breaks import can_be_split
-from barbalat.run.columns import Columns, StructureError
-from barbalat.run.members import OtherRhythmError, Reader
-from barbalat.run.template import argument_numbers
+from barbalat.run.kernel import delay
+from barbalat.run.kernel.breaks import can_be_split
+from barbalat.run.kernel.members import OtherRhythmError, Reader
+from barbalat.run.kernel.template import Columns, StructureError, argument_numbers
 from barbalat.solvers import Tableau
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -53,7 +52,7 @@ Rows = set[tuple[str, int]]
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """Of one number on what one controller's kernel is handed.
+    """The effect of one number on what one controller's kernel is handed.
 
     parameters, states  rows (k,) that it moves
     table               (K, rows) what they are at each of its values, parameters first; None where they are the number itself
@@ -69,7 +68,7 @@ class Effect:
 
     @classmethod
     def of(cls, values: Array, numbers: Numbers) -> Effect | None:
-        """By numbers of members that differ in this one alone, ``values`` (K,); None where delays or streams of noise move."""
+        """The effect in members that differ in this number alone, ``values`` (K,); None where delays or streams of noise move."""
         apart = (numbers.lags, numbers.history, numbers.delays, numbers.seeds)
         if any(part is not None and (part != part[..., :1]).any() for part in apart):
             return None
@@ -98,7 +97,7 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class DelayEffect:
-    """Of a number that is the plant's delay and nothing else: what a kernel is handed follows from it without any object.
+    """The effect of a number that is the plant's delay alone: what a kernel is handed follows from it without any object.
 
     copied         rows of the kernel's parameters that are the delay itself
     rows, entries  those that are weights, and which of all weights they are; first: all of them (w,)
@@ -112,7 +111,7 @@ class DelayEffect:
 
     @classmethod
     def of(cls, values: Array, numbers: Numbers, family: Family) -> DelayEffect | None:
-        """By numbers of members that differ in this one alone, ``values`` (K,); None where other things follow from it."""
+        """The effect in members that differ in this number alone, ``values`` (K,); None where other things follow from it."""
         if numbers.lags is None or (numbers.delays != values).any():
             return None
         rows, entries = family.weights
@@ -129,6 +128,7 @@ class DelayEffect:
 
     def put(self, numbers: Numbers, values: Array) -> None:
         """What delays ``values`` (M,) make, where it belongs; the arrays are changed. InputError for another structure."""
+        assert numbers.lags is not None
         lags, weights = _delayed(values.tobytes(), self.simulation.dt, self.simulation.solver, self.simulation.fused)
         others = np.delete(np.arange(self.first.size), self.entries)
         if (np.abs(weights[others] - self.first[others, None]) > ROUNDING).any():  # the largest is about 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import InitVar, asdict, dataclass, field
 from typing import Any, Literal
 
@@ -231,3 +231,76 @@ class Claim:
             "readings": [asdict(one) for one in self.readings],
             "listings": [asdict(one) for one in self.listings],
         }
+
+
+LAST = float("inf")
+"""The place of rows that declare none: behind all others of their paper, in the order of their files."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Some of the ledger's rows. A claim's file lists its own as ``ROWS``, where its paper finds them.
+
+    measure          measures the rows; it is given the paper's shared runs if it ``judges_runs``, and nothing otherwise
+    seconds          about how long that takes in a process of its own: the longest is begun first, and the time left is forecast
+    names            the rows' names, and what each is about in a few words: a row can be found before it is measured
+    place            where the rows stand in the ledger, among those of their paper
+    quick            whether ``reproduce --quick`` measures them
+    shares           a name in common with others that use the same runs: one process measures them all
+    sharper          measures the same rows further than the plain command has time for, which is ``reproduce --full``; no verdict
+                     waits for it
+    sharper_seconds  about how long that takes
+    """
+
+    measure: Callable[..., Claim | list[Claim]]
+    seconds: float
+    names: Mapping[str, str]
+    place: float = LAST
+    quick: bool = False
+    judges_runs: bool = False
+    sharper: Callable[..., Claim | list[Claim]] | None = None
+    sharper_seconds: float = 0.0
+    shares: str = ""
+
+    def rows(self, *runs: Any, full: bool = False) -> list[Claim]:
+        """The rows that this measurement fills, measured now."""
+        measure = self.sharper if full and self.sharper else self.measure
+        found = measure(*runs)
+        return [found] if isinstance(found, Claim) else found
+
+    def duration(self, *, full: bool = False) -> float:
+        """About how many seconds the rows take."""
+        return self.sharper_seconds if full and self.sharper else self.seconds
+
+    def as_json(self) -> list[dict[str, Any]]:
+        """A block for each row, without a verdict: that is measured."""
+        return [{"id": name, "about": about, "seconds": self.seconds, "quick": self.quick} for name, about in self.names.items()]
+
+
+def short(value: float) -> str:
+    """Three digits, without an exponent from a ten-thousandth to a million."""
+    return f"{float(f'{value:.3g}'):g}"
+
+
+def numbers(values: Sequence[float] | Array) -> str:
+    """Two numbers, or a few settings, for a sentence; what is measured at three settings and more is a ``table``."""
+    *others, last = (short(value) for value in np.atleast_1d(values))
+    return f"{', '.join(others)} and {last}" if others else last
+
+
+def span(values: Sequence[float] | Array) -> str:
+    """From the least to the largest, for a sentence; what a ``table`` lists."""
+    low, high = short(np.min(values)), short(np.max(values))
+    return low if low == high else f"{low} to {high}"
+
+
+def table(caption: str, columns: Mapping[str, Sequence[str] | Sequence[float] | Array]) -> Listing:
+    """A listing from columns by their heads: numbers with three digits, texts as they are, a dash for NaN."""
+    entries = ([_entry(value) for value in column] for column in columns.values())
+    return Listing(caption, tuple(columns), tuple(zip(*entries, strict=True)))
+
+
+def _entry(value: str | float) -> str:
+    if isinstance(value, str):
+        return value
+    return "-" if np.isnan(value) else short(value)

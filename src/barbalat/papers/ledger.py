@@ -9,13 +9,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
-from barbalat.certificates.overview import Certified
-from barbalat.papers.claim import Claim
-from barbalat.papers.measurement import Measurement
+from barbalat.budget import Progress
+from barbalat.certificates.certify import Certified
+from barbalat.papers.claim import Claim, Measurement
 from barbalat.papers.paper import Paper, paper_of, papers
-from barbalat.run.processes import deaf_children
-from barbalat.run.processes import processes as own_processes
-from barbalat.run.progress import Progress
+from barbalat.processes import deaf_children
+from barbalat.processes import processes as own_processes
 from barbalat.validate import InputError, hint
 
 

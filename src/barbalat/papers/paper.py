@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from importlib import import_module
 from typing import Any
 
-from barbalat.certificates.overview import Certified
-from barbalat.certificates.table_1 import Table1
+from barbalat.budget import Progress
+from barbalat.certificates.certificates import Table1
+from barbalat.certificates.certify import Certified
 from barbalat.discovery import modules_in, packages_in, slices
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.paper_figure import PaperFigure
-from barbalat.run.progress import Progress
+from barbalat.papers.claim import Measurement
+from barbalat.run.results.result import Result
 from barbalat.validate import InputError, hint
 
 GROUP = "barbalat.papers"
@@ -96,3 +96,50 @@ def paper_of(name: str) -> Paper:
     if name not in papers():
         raise InputError(f"PAPER must be one of {', '.join(papers())}, got {name!r}{hint(name, papers())}")
     return papers()[name]
+
+
+ADDED_FIGURE = "added"
+"""The key of the comparison that is none of the paper's figures."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that a figure's description says, and the number that decides it."""
+
+    statement: str
+    holds: bool
+    measured: str
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PaperFigure:
+    """A figure of the paper: the run it shows, the variants its description speaks of, and the checks.
+
+    key      "2" ... "5", or ``ADDED_FIGURE``
+    results  the shown run first; all by name
+    """
+
+    key: str
+    title: str
+    caption: str
+    results: dict[str, Result]
+    checks: tuple[Check, ...]
+
+    @property
+    def shown(self) -> tuple[Result, ...]:
+        """The runs that are drawn: the first one; all of them in the added comparison."""
+        results = tuple(self.results.values())
+        return results if self.key == ADDED_FIGURE else results[:1]
+
+    @property
+    def reproduced(self) -> bool:
+        return all(check.holds for check in self.checks)
+
+    def as_json(self) -> dict[str, Any]:
+        """The JSON contract's block for a figure; the checks and the solver's step stand beside the contract's keys."""
+        return {
+            "reproduced": self.reproduced,
+            "metrics": {name: result.figures for name, result in self.results.items()},
+            "checks": [asdict(check) for check in self.checks],
+            "numerics": {name: result.numerics for name, result in self.results.items()},
+        }

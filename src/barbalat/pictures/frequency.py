@@ -14,8 +14,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from barbalat.pictures.log_ticks import power_of_ten
 from barbalat.pictures.panels import SHARING, as_typed
+from barbalat.pictures.render import power_of_ten
 from barbalat.pictures.symbols import in_symbols
 from barbalat.pictures.theme import DASHES, NARROW, WIDE, Dash, Theme, new_figure
 from barbalat.validate import Array

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,10 +17,17 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from barbalat.pictures.panel_sizes import LEVEL_WIDTH, PAGE, PHONE, Sizes, entries, heading, legend_columns
-from barbalat.pictures.panels import SHARING, Panel, Series
-from barbalat.pictures.series import Outline, outline
-from barbalat.pictures.theme import DASHES, MARKS, Theme, dash_of, mark_of, new_figure
+from barbalat.pictures.panels import SHARING, Panel, Series, around, span_of
+from barbalat.pictures.series import (
+    COLUMNS_PER_INCH,
+    FASTEST_SWING_COLUMNS,
+    VISIBLE_SWING_SHARE,
+    Outline,
+    outline,
+    turning_points,
+)
+from barbalat.pictures.symbols import HELD_BLANK
+from barbalat.pictures.theme import DASHES, MARKS, NARROW, WIDE, Theme, dash_of, mark_of, new_figure
 from barbalat.validate import Array
 
 OVERLAP_SHARE = 0.15
@@ -55,6 +63,17 @@ def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: 
         patch = Patch(facecolor=to_rgba(theme.quiet, SHADE), edgecolor=theme.quiet, linewidth=0.5)
         figure.legend([patch], ["\n".join(footer)], loc="lower left", frameon=False, fontsize=sizes.font - 0.5, borderaxespad=0)
     return figure
+
+
+def draw_into(axes: Sequence[Axes], panels: Sequence[Panel], t_end: float) -> None:
+    """Each panel into axes of somebody else's figure, whose sizes stay as they are."""
+    theme = Theme.current()
+    for one, panel in zip(axes, panels, strict=True):
+        figure = one.get_figure(root=True)
+        assert figure is not None  # axes of a person's own are in one
+        inches = one.get_window_extent().width / figure.dpi
+        sizes = replace(PAGE, width=inches + PAGE.left + PAGE.right, columns=1)
+        _draw(one, panel, [_outline(series, panel, t_end, inches) for series in panel.series], t_end, theme, sizes)
 
 
 def _rows(panels: Sequence[Panel], *, narrow: bool) -> list[list[Panel]]:
@@ -198,3 +217,106 @@ def _colour(theme: Theme, colour: int | str) -> str:
     if isinstance(colour, int):
         return theme.colour(colour)
     return {"ink": theme.ink, "quiet": theme.quiet}[colour]
+
+
+LEVEL_WIDTH = 0.9
+"""Of a level's line [points]."""
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Sizes of everything on a page or a phone [in], [points]; fixed, since Matplotlib's own layouts take longer than the
+    drawing."""
+
+    width: float
+    left: float
+    right: float
+    axes: float
+    below: float
+    font: float
+    columns: int
+
+    def across(self, panel: Panel) -> float:
+        """Width of a panel's axes [in]."""
+        return self.width / (1 if panel.whole_row else self.columns) - self.left - self.right
+
+    def characters(self, panel: Panel) -> int:
+        """About as many fit above a panel."""
+        return int(self.across(panel) * 72 / (0.56 * self.font))  # DejaVu Sans is 0.56 of its size wide on average
+
+    def above(self, panel: Panel) -> float:
+        """Height of title, note and legend [in]."""
+        lines = len(heading(panel, self).splitlines()) + -(-len(entries(panel)) // legend_columns(panel, self))
+        return 1.42 * self.font * lines / 72 + 0.12
+
+
+PAGE = Sizes(WIDE, left=0.84, right=0.22, axes=1.75, below=0.5, font=9.0, columns=2)
+PHONE = Sizes(NARROW, left=0.74, right=0.18, axes=1.8, below=0.48, font=8.0, columns=1)
+
+
+def heading(panel: Panel, sizes: Sizes) -> str:
+    """Title and note, in lines that fit above the panel."""
+    lines = [panel.title, *([panel.note] if panel.note else [])]
+    return "\n".join(_filled(line, sizes.characters(panel)) for line in lines)
+
+
+def _filled(text: str, width: int) -> str:
+    """In lines that end at no blank within a formula: half of one is shown with its dollar."""
+    held = re.sub(r"\$[^$]*\$", lambda formula: formula[0].replace(" ", HELD_BLANK), text)
+    return textwrap.fill(held, width).replace(HELD_BLANK, " ")
+
+
+class Mark(NamedTuple):
+    """An entry of a legend: as its line is, so that on a grey print its width tells it apart."""
+
+    text: str
+    colour: int | str
+    dash: int | None
+    width: float
+
+
+def entries(panel: Panel) -> list[Mark]:
+    """The legend's entries."""
+    levels = {level.label: level.dash for level in panel.levels if level.label}
+    lines = [Mark(one.label, one.colour, one.dash, one.width) for one in panel.series]
+    return [*lines, *(Mark(text, "quiet", dash, LEVEL_WIDTH) for text, dash in levels.items())]
+
+
+def legend_columns(panel: Panel, sizes: Sizes) -> int:
+    """Return how many of the legend's columns fit above the panel."""
+    labels = [one.text for one in entries(panel)]
+    longest = max(map(_length, labels), default=1)
+    return max(min(sizes.characters(panel) // (longest + 7), len(labels)), 1)  # 7: the line before it, the gap behind
+
+
+def _length(label: str) -> int:
+    """Characters that are seen of a label with mathematics in it."""
+    return len(re.sub(r"\\hat|[{}$_]", "", re.sub(r"\\[a-gi-z]\w*", "x", label)))
+
+
+PERIODS = 10
+"""In half a page's width: twenty columns for each, an eighth of what the eye needs to count them."""
+
+
+def close_ups(panel: Panel, followed: Sequence[Series], t_end: float) -> list[Panel]:
+    """Two panels, where what is ``followed``, the model and its command, oscillates too fast for the whole run's panel."""
+    columns = COLUMNS_PER_INCH * PAGE.across(panel)
+    swings = [swing for swing in map(_usual_swing, followed) if swing < FASTEST_SWING_COLUMNS * t_end / columns]
+    if not swings:
+        return []
+    shown = 2 * PERIODS * max(swings)
+    spans = {f"first {shown:.2g} s": (0.0, shown), f"last {shown:.2g} s": (t_end - shown, t_end)}
+    return [_part(panel, f"{panel.title}: {name}", times) for name, times in spans.items()]
+
+
+def _part(panel: Panel, title: str, times: tuple[float, float]) -> Panel:
+    """With the limits of the whole run's panel where it has some; a run that has ended before is not in it."""
+    series = [one for one in panel.series if one.t[-1] > times[0]]
+    limits = panel.limits or around(*span_of([one.within(*times).value for one in series]))
+    return replace(panel, title=title, series=series, times=times, limits=limits, note="", whole_row=False)
+
+
+def _usual_swing(series: Series) -> float:
+    """The median time from one least or greatest value to the next; infinite where it hardly turns."""
+    turns = turning_points(series.value, VISIBLE_SWING_SHARE * float(np.ptp(series.value)))
+    return float(np.median(np.diff(series.t[turns]))) if len(turns) > 2 * PERIODS else float("inf")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from barbalat.pictures.symbols import in_symbols
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError, hint, show
 
 LONGEST_LABEL = 40
 """Characters of a name in a picture: a legend has room for no more."""
@@ -76,6 +76,7 @@ class Panel:
     may_part    whether series whose envelopes would cover one another get axes of their own
     y           what stands beside the vertical axis
     times       from when to when it shows them; the whole run by default
+    names       by which a person chooses it among others
     """
 
     title: str
@@ -88,6 +89,20 @@ class Panel:
     may_part: bool = False
     y: str = ""
     times: tuple[float, float] | None = None
+    names: tuple[str, ...] = ()
+
+
+def chosen(panels: Sequence[Panel], names: str | Iterable[str]) -> list[Panel]:
+    """The panels that have one of these names, in the order of the names; InputError for a name that none has."""
+    known = list(dict.fromkeys(name for panel in panels for name in panel.names))
+    found: list[Panel] = []
+    for name in [names] if isinstance(names, str) else names:
+        if name not in known:
+            raise InputError.of("panels", f"must be of {', '.join(known)}, got {show(name)}{hint(name, known)}")
+        found += [panel for panel in panels if name in panel.names and panel not in found]
+    if not found:
+        raise InputError.of("panels", f"must name at least one of {', '.join(known)}, got none")
+    return found
 
 
 def text_of(name: str) -> str:

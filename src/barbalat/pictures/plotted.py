@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 from abc import ABC, abstractmethod
+from html import escape
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -18,6 +20,18 @@ class Plotted(ABC):
 
     def _repr_html_(self) -> str:
         """For notebooks: the line that stands at a prompt, and the plot."""
-        from barbalat.pictures.notebook import html_of
-
         return html_of(self, self.plot(shown=False))
+
+
+def image_of(figure: Figure, description: str) -> str:
+    """Return the picture as an HTML element, with a text for those who cannot see it."""
+    from barbalat.pictures.render import render  # Matplotlib takes long, and this module is everyone's
+
+    svg = base64.b64encode(render(figure, "svg")).decode("ascii")
+    return f'<img style="max-width: 100%" alt="{escape(description)}" src="data:image/svg+xml;base64,{svg}">'
+
+
+def html_of(shown: object, figure: Figure) -> str:
+    """The one line that an object is at a prompt, and its picture."""
+    line = repr(shown).strip("<>")
+    return f"<p>{escape(line)}</p>{image_of(figure, line.partition(':')[0])}"

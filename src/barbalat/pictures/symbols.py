@@ -60,3 +60,10 @@ def times_power(mantissa: str, exponent: int) -> str:
     """4.3·10⁶, or 10⁶ alone."""
     power = "10" + str(exponent).translate(SUPERSCRIPTS)
     return power if mantissa == "1" else f"{mantissa}·{power}"
+
+
+def number_text(value: float | list[float] | None, separator: str = ", ") -> str:
+    """A figure for people: four digits, components with a separator between."""
+    if isinstance(value, list):
+        return separator.join(number_text(v) for v in value) or "-"
+    return "-" if value is None else f"{value:.4g}"

@@ -121,7 +121,7 @@ class InputPath:
 
     @property
     def linear(self) -> InputPath | None:
-        """What of it is linear: its dynamics; None where there are none."""
+        """The linear part of the path: its dynamics; None where there are none."""
         return None if self.dynamics is None else InputPath(None, None, None, self.dynamics)
 
     def initial(self) -> InputState:
@@ -149,6 +149,6 @@ class InputPath:
         return InputState(limited, dynamics)
 
     def output(self, state: InputState, u: Value) -> Value:
-        """What leaves the path, a scalar."""
+        """The output of the path, a scalar."""
         passed = self.asked(u) if self.rate_limit is None else state.limited[0]
         return passed if self.dynamics is None else self.dynamics.output(state.dynamics, passed)

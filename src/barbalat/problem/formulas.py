@@ -49,7 +49,7 @@ DEEPEST_NESTING = 400
 
 @dataclass(frozen=True, eq=False)
 class Formula:
-    """What was parsed, and the variables in it."""
+    """A parsed formula, and the variables in it."""
 
     names: frozenset[str]
     evaluate: Evaluation

@@ -9,9 +9,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.linear.crossings import frequency_grid
-from barbalat.linear.interconnections import complementary_sensitivity, series
 from barbalat.linear.margins import margins
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.systems import StateSpace, TransferFunction, complementary_sensitivity, series
 from barbalat.problem.actuation import PlantInput
 from barbalat.validate import Array, InputError
 

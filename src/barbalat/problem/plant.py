@@ -1,4 +1,4 @@
-"""The plant (1)."""
+"""The plant (1) and the reference model (2)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from barbalat.linear.conditions import require_controllable, require_hurwitz
 from barbalat.linear.pole_placement import place
 from barbalat.linear.systems import open_loop
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.regressors import Linear, Regressor, Uncertainty
+from barbalat.problem.regressors import Linear, MatchedTerm, Regressor
 from barbalat.protocols import Value
 from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError, Matrix, Vector, freeze
@@ -145,7 +145,7 @@ class Plant(Settings):
 
     def derivative(self, x: Value, v: Value) -> Value:
         """x' for the matched input v: what reaches the plant of u, and d."""
-        phi = Uncertainty(self.regressor, self.inputs).phi(x)
+        phi = MatchedTerm(self.regressor, self.inputs).phi(x)
         return self.A_m @ x + np.dot(self.b, phi.T @ self.theta + v)  # (1)
 
     def output(self, x: Value) -> Value:
@@ -231,3 +231,45 @@ def _inputs(given: Any, m: int) -> Any:
             "plant.input", f"must be one for all inputs, or a list of {m} with the same delay, got {len(several)}"
         )
     return several[0] if m == 1 else several
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """The reference model as a system of its own, which the loop integrates beside the plant."""
+
+    A_m: Array
+    b: Array
+    k_0: Array | float
+    x0: Array
+
+    def derivative(self, x_m: Value, r: Value) -> Value:
+        return self.A_m @ x_m + np.dot(self.b, np.dot(self.k_0, r))  # (2)
+
+    def output(self, x_m: Value) -> Value:
+        """What the plant's output is to follow."""
+        return x_m
+
+    def remedy(self, gain: float) -> str | None:
+        """The k_0 with which it would settle at a command of which it settles at ``gain`` times."""
+        return None if gain == 0 or np.ndim(self.k_0) > 0 else f"k_0 = {self.k_0 / gain:.6g}"
+
+    @property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """A, B, C with x_m' = A x_m + B r and the output C x_m."""
+        n = len(self.b)
+        return self.A_m, self.b.reshape(n, -1) @ np.atleast_2d(self.k_0), np.eye(n)
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceModel(Settings):
+    """x_m' = A_m x_m + b k_0 r, x_m(0) = x(0): eq. (2); A_m and b are the plant's.
+
+    k_0  a number; with m inputs a matrix (m, q) for q commands
+    """
+
+    k_0: float | Matrix = 1.0
+
+    def __post_init__(self) -> None:
+        name = "reference_model.k_0"
+        matrix = isinstance(self.k_0, (list, tuple)) or validate.dimensions(self.k_0) > 0
+        freeze(self, k_0=validate.array(name, self.k_0, (None, None)) if matrix else validate.number(name, self.k_0))

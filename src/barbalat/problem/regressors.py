@@ -131,7 +131,7 @@ class Terms(Settings):
 
     @property
     def bend(self) -> str | None:
-        """Where a term has a corner."""
+        """The place where a term has a corner."""
         return BEND_OF_ABS if any(found.bends for found in self._formulas()) else None
 
     def size(self, n: int) -> int:
@@ -154,7 +154,7 @@ REGRESSORS = {
 
 
 @dataclass(frozen=True, eq=False)
-class Uncertainty:
+class MatchedTerm:
     """How theta enters the input channels: u_j + theta_j'phi(x), theta = (theta_1, ..., theta_m) stored row by row of (p, m).
 
     With one input Phi(x) is the vector phi(x), (p,), and everything reads as in the paper; with m it is (p m, m), so that
@@ -174,13 +174,13 @@ class Uncertainty:
         return np.outer(phi, np.eye(m).reshape(-1)).reshape(phi.shape[0] * m, m)
 
     def with_input(self, x: Value, u: Value) -> Value:
-        """What multiplies all that is estimated: Phi(x), and below it u where its gain is unknown."""
+        """The factor of all that is estimated: Phi(x), and below it u where its gain is unknown."""
         if not self.gain_unknown:
             return self.phi(x)
         return np.concatenate([self.phi(x), u.reshape(1) if self.inputs == 1 else np.eye(self.inputs) * u])
 
     def known_input(self, u: Value) -> Value:
-        """What of u enters the predictor without an estimate."""
+        """The part of u that enters the predictor without an estimate."""
         return 0 * u if self.gain_unknown else u
 
     def split(self, theta_hat: Value) -> tuple[Value, Value]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY, dataclass, field
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,9 +13,8 @@ from barbalat.problem.actuation import InputPath
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, with_gains
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import Model, ReferenceModel
-from barbalat.problem.regressors import Linear, Uncertainty
+from barbalat.problem.plant import Model, Plant, ReferenceModel
+from barbalat.problem.regressors import Linear, MatchedTerm
 from barbalat.problem.tracking import Disturbance, TrackingProblem, require_signal
 from barbalat.protocols import Signal
 from barbalat.settings import Settings
@@ -31,31 +30,33 @@ class Known:
     b: Array  # (n,), or (n, m)
     k_0: Array | float
     x0: Array  # (n,) the state is measured, so is its initial value
-    box: EstimateSet | None  # of all that is estimated: theta, and the input gains where they are unknown
-    uncertainty: Uncertainty = Uncertainty(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
+    estimate_set: EstimateSet | None  # of all that is estimated: theta, and the input gains where they are unknown
+    matched: MatchedTerm = MatchedTerm(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
     saturation: Array | None = None  # (2,) lower and upper limit of the actuator, (2, m) with m inputs; None where one has none
 
     @property
     def inputs(self) -> int:
-        return self.uncertainty.inputs
+        return self.matched.inputs
 
     @property
     def parameters(self) -> int:
         """How many are estimated."""
-        theta = self.uncertainty.regressor.size(self.n) * self.inputs
-        return theta + self.inputs if self.uncertainty.gain_unknown else theta
+        theta = self.matched.regressor.size(self.n) * self.inputs
+        return theta + self.inputs if self.matched.gain_unknown else theta
 
     @property
     def theta_set(self) -> KnownSet | None:
         """The known set of theta alone."""
-        return None if self.box is None else self.box.of_theta(self.uncertainty.regressor.size(self.n) * self.inputs)
+        return (
+            None if self.estimate_set is None else self.estimate_set.of_theta(self.matched.regressor.size(self.n) * self.inputs)
+        )
 
     @property
     def gains(self) -> ParameterBox | None:
         """The intervals of the unknown input gains, (m,); ``None`` where they are known."""
-        if not self.uncertainty.gain_unknown or self.box is None or self.box.intervals is None:
+        if not self.matched.gain_unknown or self.estimate_set is None or self.estimate_set.intervals is None:
             return None
-        return self.box.intervals.last(self.inputs)
+        return self.estimate_set.intervals.last(self.inputs)
 
     @property
     def n(self) -> int:
@@ -125,7 +126,8 @@ class Problem(TrackingProblem, Settings):
                 raise InputError("disturbance needs a plant with one input; give unmatched with a direction instead")
         if self.sensor is not None:
             validate.instance("sensor", self.sensor, Sensor)
-            _one_for_each_state("sensor.noise.std", () if self.sensor.noise is None else self.sensor.noise.std, self.plant.n)
+            if self.sensor.noise is not None and np.size(self.sensor.noise.std) > 1:
+                validate.vector("sensor.noise.std", self.sensor.noise.std, self.plant.n)
         if self.labels is not None:
             validate.instance("labels", self.labels, Labels)
             self.labels.require(self.plant.n, self.plant.inputs)
@@ -163,7 +165,7 @@ class Problem(TrackingProblem, Settings):
     @property
     def in_brief(self) -> str:
         n, m, p = self.plant.n, self.plant.inputs, len(self.parameters)
-        known_set = "" if self.known.box is None else " in a known set"
+        known_set = "" if self.known.estimate_set is None else " in a known set"
         return f"{n} state{'s' * (n > 1)}, {m} input{'s' * (m > 1)}; {p} unknown parameter{'s' * (p > 1)}{known_set}"
 
     @property
@@ -184,8 +186,8 @@ class Problem(TrackingProblem, Settings):
             b=p.b,
             k_0=self.reference_model.k_0,
             x0=p.x0,
-            box=with_gains(self.uncertainty, gains),
-            uncertainty=Uncertainty(p.regressor, p.inputs, self.input_gain is not None),
+            estimate_set=with_gains(self.uncertainty, gains),
+            matched=MatchedTerm(p.regressor, p.inputs, self.input_gain is not None),
             saturation=_limits(p),
         )
 
@@ -199,7 +201,7 @@ class Problem(TrackingProblem, Settings):
     @property
     def outside_known_set(self) -> str | None:
         """A sentence where the true values are not in the set that is known of them."""
-        known_set, values = self.known.box, self.parameters
+        known_set, values = self.known.estimate_set, self.parameters
         if known_set is None or known_set.contains(values):
             return None
         name = "theta" if self.input_gain is None else "theta with the input's gain,"
@@ -224,8 +226,3 @@ def _limits(plant: Plant) -> Array | None:
     if len(limits) < plant.inputs:
         return None
     return limits[0] if plant.inputs == 1 else np.column_stack(limits)
-
-
-def _one_for_each_state(field: str, values: Any, n: int) -> None:
-    if len(values) > 1:
-        validate.vector(field, values, n)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, is_dataclass
+from html import escape
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -13,8 +14,8 @@ from barbalat.problem.actuation import InputPath, PlantInput
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Dynamics, Signal
-from barbalat.settings import Settings
-from barbalat.signals import Clock
+from barbalat.settings import Settings, given_of
+from barbalat.signals.smooth import Clock
 from barbalat.validate import Array, InputError, Vector, freeze
 
 
@@ -59,7 +60,7 @@ class ModelDynamics(Dynamics, Protocol):
         ...
 
     def remedy(self, gain: float) -> str | None:
-        """What would make it settle at a command of which it settles at ``gain`` times; None where nothing is known to."""
+        """A change that would make it settle at a command of which it settles at ``gain`` times; None where none is known."""
         ...
 
 
@@ -86,9 +87,7 @@ class TrackingProblem:
 
     def _repr_html_(self) -> str:
         """For notebooks: all that is given, a row for each."""
-        from barbalat.problem.notebook import html_of
-
-        return html_of(self)
+        return table_of(f"Problem: {self.name}", rows_of(self))
 
     @property
     def in_brief(self) -> str:
@@ -152,7 +151,7 @@ class TrackingProblem:
 
     @property
     def history(self) -> Array:
-        """What left the delay before anything of the run did, for each input, (m,)."""
+        """The signal that leaves the delay before anything of the run does, for each input, (m,)."""
         return np.array([path.history for path in self.plant.paths])
 
     @property
@@ -180,3 +179,22 @@ def require_signal(field: str, signal: Any) -> None:
     """InputError, naming the field, for what is no signal."""
     if not validate.is_instance(signal, Signal) or isinstance(signal, type):
         raise InputError.of(field, f"must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")
+
+
+def rows_of(problem: TrackingProblem) -> dict[str, str]:
+    """What is given of a problem beside its name, its plant's numbers each by itself."""
+    found: dict[str, str] = {}
+    given: dict[str, str] = given_of(problem) if is_dataclass(problem) else {}  # type: ignore[redundant-expr]
+    for name, text in given.items():
+        plant = problem.plant if name == "plant" else None
+        found |= {f"plant.{inner}": value for inner, value in given_of(plant).items()} if is_dataclass(plant) else {name: text}  # type: ignore[redundant-expr]
+    found.pop("name", None)
+    return found
+
+
+def table_of(title: str, rows: dict[str, str]) -> str:
+    """Names and values as HTML."""
+    cells = (f'<tr><th scope="row" style="text-align: left">{escape(name)}</th>' for name in rows)
+    values = (f'<td style="text-align: left"><code>{escape(text)}</code></td></tr>' for text in rows.values())
+    body = "".join(cell + value for cell, value in zip(cells, values, strict=True))
+    return f"<table><caption>{escape(title)}</caption>{body}</table>"

@@ -6,7 +6,8 @@ import numpy as np
 
 from barbalat.comparison.contest.result import Contest, Paired
 from barbalat.comparison.contest.tuned import Qualified
-from barbalat.study.delay_search import Criterion
+from barbalat.report.terminal.layout import Screen
+from barbalat.study.delay_margin import Criterion
 from barbalat.validate import counted
 
 FAILURES = ("entrant", "failed", "up to", "diverged", "delay", "gain up", "gain down")
@@ -63,8 +64,7 @@ def margins(found: Contest) -> list[list[str]]:
 
 
 def errors(found: Contest) -> list[list[str]]:
-    """u|.|Return rows of those that meet the rule, over all held-out runs: quantiles of the error, and the median of max
-    |u|.|u|."""
+    """Return rows of those that meet the rule, over all held-out runs: quantiles of the error, median of max |u|."""
     rows = []
     for name, held in found.held_out.items():
         of = held.quantiles
@@ -108,3 +108,26 @@ def _number(value: float) -> str:
 def _in_order(found: Contest, rows: list[list[str]]) -> list[list[str]]:
     order = [one.name for one in found.entrants]
     return sorted(rows, key=lambda row: order.index(row[0]))
+
+
+def show(screen: Screen, found: Contest) -> None:
+    """Tables, the first's columns last explained by the rule above it."""
+    screen.line(f"{found.problem.name}: {counted(len(found.entrants), 'scheme')} under one rule", "bold")
+    screen.line(f"The rule: {rule(found)}.")
+    screen.line(f"Held out: {held_out(found)}.")
+    for heading, columns, rows in (
+        ("Held-out runs that failed, or do not bear what the rule asks", FAILURES, failures(found)),
+        ("Under the rule", MARGINS, margins(found)),
+        ("RMS |e| over RMS |x_m| of the held-out runs", ERRORS, errors(found)),
+        ("Ratio of the errors on the same runs, 95 % interval", PAIRS, pairs(found, neighbours=True)),
+    ):
+        if rows:
+            screen.title(heading)
+            screen.table(columns, [[screen.name(name), *cells] for name, *cells in rows])
+    screen.title("Tunings")
+    for name, numbers, objective, _ in own(found):
+        screen.line(f"{name}: {numbers}; {objective}", indent="    ")
+    screen.line("")
+    for note in (*found.notes, *found.left_out):
+        screen.line(f"Note: {note}.", "yellow")
+    screen.line(f"{found.seconds:.0f} s. Measured on these plants and commands: no guarantee.")

@@ -13,10 +13,9 @@ from matplotlib.textpath import TextPath
 
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.linear.systems import TransferFunction
-from barbalat.pictures.numbers import number_text
 from barbalat.pictures.panels import text_of
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant
+from barbalat.pictures.symbols import number_text
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.validate import Array

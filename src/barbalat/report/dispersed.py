@@ -9,10 +9,10 @@ from importlib import metadata
 from typing import Any
 
 import barbalat
+from barbalat.report.terminal.layout import Screen
 from barbalat.sweeps.spread import Uniform
 from barbalat.sweeps.statistics import CONFIDENCE_LEVEL, Median, Share
-from barbalat.vehicles.dispersed import KEPT, DispersedComparison
-from barbalat.vehicles.evidence import Flown, Pairing
+from barbalat.vehicles.dispersed import KEPT, DispersedComparison, Flown, Pairing
 from barbalat.vehicles.vehicle import Vehicle
 
 LARGE = 9.995
@@ -204,3 +204,23 @@ def _median(one: Median) -> dict[str, Any]:
 
 def _share(one: Share | None) -> dict[str, Any] | None:
     return None if one is None else {"count": one.count, "judged": one.judged, "interval": list(one.interval)}
+
+
+def show(screen: Screen, found: DispersedComparison) -> None:
+    """Print the campaign, losses first."""
+    screen.line(f"{found.campaign.name} on {found.members} vehicles that are drawn", "bold")
+    for label, text in facts(found):
+        screen.fact(label, text, 8)
+    screen.line("")
+    lost = [[screen.name(name), *cells] for name, *cells in losses(found)]
+    screen.table(loss_headings(found), lost)
+    screen.line("")
+    for verdict in verdicts(found):
+        screen.line(f"{verdict}.", indent="    ", start="  ")
+    for failure in found.campaign.failures:
+        screen.title(f"{failure.name}: {failure.meaning}")
+        body = [[screen.name(name), *cells] for name, *cells in rows(found, failure.name)]
+        screen.table(headings(found), body)
+    screen.line("")
+    for note in notes(found):
+        screen.line(f"Note: {note}.")

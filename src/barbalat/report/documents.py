@@ -7,10 +7,10 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.papers.claim import Claim
-from barbalat.papers.paper_figure import PaperFigure
-from barbalat.run.result import Result
+from barbalat.papers.paper import PaperFigure
+from barbalat.run.results.result import Result
 
 
 def as_json(document: dict[str, Any]) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
 
-from barbalat.run.processes import Here, deaf_children, processes
+from barbalat.processes import Here, deaf_children, processes
 
 
 @contextmanager

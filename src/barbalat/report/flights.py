@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.run.stepwise import Agreement
+from barbalat.report.terminal.layout import Screen
+from barbalat.run.kernel.sampled_controller import Agreement
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.flight import Failing, Flight
 
@@ -150,3 +151,23 @@ def table_of(found: FlightComparison, failure: Failing) -> str:
         chosen = np.unique([*range(0, len(flight.record), CSV_EVERY), len(flight.record) - 1])
         writer.writerows([flight.controller, *(f"{value:.6g}" for value in row)] for row in flight.record[chosen])
     return buffer.getvalue()
+
+
+def show(screen: Screen, found: FlightComparison) -> None:
+    """Print the comparison, losses first."""
+    screen.line(title(found), "bold")
+    for label, text in facts(found):
+        screen.fact(label, text, 8)
+    screen.line("")
+    lost = [[screen.name(name), *cells] for name, *cells in losses(found)]
+    screen.table(loss_headings(found), lost)
+    for failure in found.failures:
+        screen.title(f"{failure.name}: {failure.meaning}")
+        screen.line(f"{best_and_worst(found, failure)}.")
+        body = [[screen.name(name), *cells] for name, *cells in rows(found, failure)]
+        screen.table(("controller", *found.vehicle.headings), body)
+        for reason in reasons(found, failure):
+            screen.line(f"{reason}.", indent="    ", start="  ")
+    screen.line("")
+    for note in found.vehicle.notes:
+        screen.line(f"Note: {note}.")

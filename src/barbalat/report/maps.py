@@ -10,14 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, withStroke
 
-from barbalat.papers.claim import ChartAxis, Curve, Map
-from barbalat.pictures.theme import NARROW
+from barbalat.papers.claim import Chart, ChartAxis, Curve, Map
+from barbalat.pictures.theme import COLOURS, NARROW, dash_of
 from barbalat.validate import Array
 
-COLOURS = "viridis"
+COLOUR_MAP = "viridis"
 """Even in lightness: it reads the same on a grey print and with the common colour blindnesses."""
 DASHES = ("-", "--", ":", "-.")
 MARKS = ("o", "s", "^", "D", "v")
@@ -35,7 +36,7 @@ def draw(shown: Map, *, narrow: bool = False) -> Figure:
     if not lost.all():
         found = shown.values[~lost]
         scale = (LogNorm if shown.logarithmic else Normalize)(found.min(), found.max())
-        mesh = axes.pcolormesh(x, y, np.ma.masked_array(shown.values, lost), cmap=COLOURS, norm=scale)
+        mesh = axes.pcolormesh(x, y, np.ma.masked_array(shown.values, lost), cmap=COLOUR_MAP, norm=scale)
         mesh.set_rasterized(True)  # as vectors, the cells show hairlines between them
         figure.colorbar(mesh, ax=axes, label=shown.quantity)
     if lost.any():
@@ -70,3 +71,35 @@ def _edges(axis: ChartAxis) -> Array:
     middle = (values[1:] + values[:-1]) / 2
     edges = np.concatenate([[2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]])
     return np.exp(edges) if axis.logarithmic else edges
+
+
+PALETTE = (*COLOURS, "black")
+
+
+def draw_chart(shown: Chart, *, narrow: bool = False) -> Figure:
+    """The chart as a figure, for a page or for a phone."""
+    figure = Figure(figsize=(NARROW, 4.8) if narrow else (7, 5.2), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    end = shown.x.values[-1]
+    any_lost = False
+    for k, curve in enumerate(shown.curves):
+        colour = PALETTE[k % len(PALETTE)]
+        mark = MARKS[k % len(MARKS)]
+        axes.plot(
+            curve.x, curve.y, marker=mark, markersize=3.5, color=colour, linewidth=1.2, linestyle=dash_of(k), label=curve.label
+        )
+        if len(curve.x) and curve.x[-1] < end:
+            axes.plot(curve.x[-1], curve.y[-1], "x", color=colour, markersize=10, markeredgewidth=2)
+            any_lost = True
+    for level in shown.levels:
+        axes.plot(level.x, level.y, color="0.5", linewidth=1, linestyle="--", label=level.label)
+    axes.set(xscale="log", yscale="log", xlabel=shown.x.label, ylabel=shown.quantity)
+    axes.set_xlim(shown.x.values[0], end)
+    axes.grid(visible=True, which="major", linewidth=0.3)
+    axes.set_title(textwrap.fill(shown.title, 44) if narrow else shown.title, fontsize="medium")
+    handles, _ = axes.get_legend_handles_labels()
+    if any_lost:
+        handles.append(Line2D([], [], color="0.3", marker="x", markersize=8, markeredgewidth=2, linestyle="", label=shown.lost))
+    figure.legend(handles=handles, loc="outside lower center", fontsize="small", frameon=False, ncols=1 if narrow else 3)
+    return figure

@@ -18,25 +18,23 @@ from markupsafe import Markup
 
 import barbalat
 from barbalat.certificates.cells import PROPERTIES
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.result import Tuning
 from barbalat.papers.claim import Claim
-from barbalat.papers.paper import Paper
-from barbalat.papers.paper_figure import ADDED_FIGURE, PaperFigure
-from barbalat.pictures.numbers import number_text
+from barbalat.papers.paper import ADDED_FIGURE, Paper, PaperFigure
+from barbalat.pictures.symbols import number_text
 from barbalat.report import contest as contest_rows
 from barbalat.report import dispersed, flights, tradeoff
 from barbalat.report import tuning as tuning_rows
 from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
-from barbalat.report.narrow import fits_a_phone
 from barbalat.report.notation import mathematics
 from barbalat.report.sweep import WorstMember, extremes, in_symbols, shares, varied
-from barbalat.run.outcome import about_u, ends_of, units_of
-from barbalat.run.result import Result
+from barbalat.run.results.outcome import about_u, ends_of, units_of
+from barbalat.run.results.result import Result
 from barbalat.sweeps.evidence import DIVERGES, EXAMINED
 from barbalat.sweeps.result import SweepResult
 from barbalat.vehicles.comparison import FlightComparison
@@ -244,3 +242,15 @@ def _render(template: str, **values: object) -> str:
     if len(complete.encode()) <= LARGER_PAGES_BYTES.get(template, LARGEST_PAGE_BYTES):
         return complete
     return found.render(alone=False, of_pictures=PICTURES_BESIDE, **values)
+
+
+PHONE = 326
+"""Pixels of 390 that are left inside a card."""
+CHARACTER, PADDING = 9.2, 11.2
+"""Pixels: of a digit of DejaVu Sans at a table's 14.4, and of a cell to both sides."""
+
+
+def fits_a_phone(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
+    """Whether the columns stand beside one another when their texts are broken between words."""
+    longest = (max(len(word) for text in column for word in text.split() or [""]) for column in zip(columns, *rows, strict=True))
+    return sum(count * CHARACTER + PADDING for count in longest) <= PHONE

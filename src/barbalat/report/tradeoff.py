@@ -8,7 +8,8 @@ import numpy as np
 
 from barbalat.comparison.tradeoff.picture import TITLES, tuning_text
 from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff
-from barbalat.pictures.numbers import number_text
+from barbalat.pictures.symbols import held, number_text
+from barbalat.report.terminal.layout import Screen
 
 ERRORS = (1e-3, 1e-2, 3e-2, 0.1, 0.3)
 """Tracking errors at which the schemes are put beside one another, relative to the model's motion."""
@@ -113,3 +114,23 @@ EQUAL_DELAYS_RATIO = 1.05
 
 def _text(order: list[list[str]]) -> str:
     return ", ".join(" = ".join(group) for group in order)
+
+
+def show(screen: Screen, found: TradeOff) -> None:
+    """A table, the order of the schemes, and what was left out."""
+    schemes = [cloud.scheme for cloud in found.clouds]
+    screen.line(f"{found.problem.name}: the delay [s] that the plant's input bears", "bold")
+    screen.line(
+        "Each scheme's best tuning with a relative error, RMS |e| / RMS |x_m|, of at most ...: until the loop begins to "
+        "oscillate (onset), and until it is lost (loss)."
+    )
+    headings = ("error", *(f"{criterion}:\n{scheme}" for criterion in ("onset", "loss") for scheme in schemes))
+    screen.table(headings, at_equal_error(found, "plant"))
+    head, parts = orders(found, "plant")
+    screen.title(head, "")
+    for part in parts:
+        for scheme in schemes:
+            part = part.replace(scheme, held(scheme))  # noqa: PLW2901
+        screen.line(part, indent="    ", start="  ")
+    for sentence in found.notes:
+        screen.line(f"Note: {sentence}.", "yellow", "  ")

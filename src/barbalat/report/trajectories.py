@@ -5,13 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import math
+import re
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from barbalat.report.file_names import table_names
-from barbalat.report.files import Folder
-from barbalat.run.result import Result
+from barbalat.folders import Folder
+from barbalat.problem.labels import Labels
+from barbalat.problem.output_feedback import OutputProblem
+from barbalat.report.file_names import file_name, table_names
+from barbalat.run.results.result import Result
 
 MOST_NUMBERS = 60_000
 """In all CSVs of a folder: 17 bytes each, some 1 MB of its 2 MB. Results in Python have all that was recorded."""
@@ -32,3 +36,61 @@ def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool
         rows = np.unique([*range(0, last + 1, every), last])
         writer.writerows(np.column_stack(list(columns.values()))[rows].tolist())
         folder.write(name, buffer.getvalue())
+
+
+MEANINGS = {
+    "t": "time",
+    "x": "state",
+    "x_m": "the reference model's state",
+    "e": "tracking error",
+    "theta_hat": "estimate",
+    "u": "control, as the controller gives it",
+    "r": "command",
+    "y": "output",
+}
+"""Of columns by what stands before their number; what a controller's own are follows from their roles."""
+
+
+def data_package(case: str, results: Sequence[Result]) -> dict[str, Any]:
+    """One resource for each CSV. A unit that the case does not state is left out: none is guessed."""
+    files = table_names([result.name for result in results])
+    return {
+        "profile": "tabular-data-package",
+        "name": file_name(case),
+        "title": case,
+        "resources": [
+            {
+                "profile": "tabular-data-resource",
+                "name": file.removesuffix(".csv"),
+                "path": file,
+                "title": result.name,
+                "format": "csv",
+                "mediatype": "text/csv",
+                "encoding": "utf-8",
+                "schema": {"fields": [_field(name, result) for name in ("t", *result.columns())], "missingValues": ["", "nan"]},
+            }
+            for file, result in zip(files, results, strict=True)
+        ],
+    }
+
+
+def _field(column: str, result: Result) -> dict[str, str]:
+    found = re.fullmatch(r"(\w+?)(?:_(\d+))?", column)
+    assert found is not None  # column names are words
+    symbol, number = found[1], int(found[2] or 1)
+    field = {"name": column, "type": "number"}
+    if title := MEANINGS.get(symbol) or result.column_meanings().get(column):
+        field["title"] = title
+    name, unit = _label(symbol, number - 1, result)
+    return field | ({"description": name} if name else {}) | ({"unit": unit} if unit else {})
+
+
+def _label(symbol: str, place: int, result: Result) -> tuple[str, str]:
+    """What the case calls it, and its unit."""
+    if symbol == "t":
+        return "", "s"
+    labels = result.problem.labels or Labels()
+    if symbol == "u":
+        return "", "".join(labels.input_units[place : place + 1])
+    measured = ("y", "e") if isinstance(result.problem, OutputProblem) else ("x", "x_m", "e")
+    return (labels.name(place), "".join(labels.units[place : place + 1])) if symbol in measured else ("", "")

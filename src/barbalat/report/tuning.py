@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from barbalat.comparison.tune.result import Point, Tuned, Tuning
-from barbalat.pictures.numbers import number_text
+from barbalat.pictures.symbols import number_text
+from barbalat.report.terminal.layout import Screen, grouped
+from barbalat.validate import counted
 
 
 def points(found: Tuning) -> list[list[str]]:
@@ -83,3 +85,26 @@ def _point(found: Tuning, point: Point) -> list[str]:
 
 def _known(value: float | None) -> float | None:
     return value if value is not None and abs(value) != float("inf") else None
+
+
+def show(screen: Screen, found: Tuning) -> None:
+    """A table, the changes, the new plants."""
+    screen.line(f"{found.case.name}: {judged(found)}", "bold")
+    for one in found.aim.constraints:
+        screen.line(f"subject to {one.requirement}", start="  ")
+    rows = [[screen.name(name), *cells] for name, *cells in points(found)]
+    screen.table(columns(found), grouped(rows), leads=2)
+    for name, tuned in found.controllers.items():
+        screen.line("")
+        screen.line(f"{name}: {counted(tuned.trials, 'tuning')}, {counted(tuned.runs, 'run')}")
+        for change in changes(tuned):
+            screen.whole(f"  {change}")
+    rows = [[screen.name(name), *cells] for name, *cells in held_out(found)]
+    if rows:
+        screen.line("")
+        count = next(len(one.held_out.thetas) for one in found.controllers.values() if one.held_out is not None)
+        screen.line(f"On {counted(count, 'plant')} of the known set that the search did not see:")
+        screen.table(("controller", "median", "worst", "at theta", "constraints"), rows)
+    for note in found.notes:
+        screen.line(f"Note: {note}.", "yellow")
+    screen.line(f"{found.seconds:.0f} s. Measured on these plants and this command: no guarantee.")

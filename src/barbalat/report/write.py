@@ -11,7 +11,7 @@ from typing import Protocol
 from matplotlib.figure import Figure
 
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.overview import Certified
+from barbalat.certificates.certify import Certified
 from barbalat.certificates.picture import distinct
 from barbalat.comparison.contest.picture import draw as draw_contest
 from barbalat.comparison.contest.result import Contest
@@ -19,24 +19,24 @@ from barbalat.comparison.tradeoff.picture import draw as draw_trade_off
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.picture import draw as draw_tuning
 from barbalat.comparison.tune.result import Tuning
+from barbalat.folders import Folder
 from barbalat.papers.claim import Chart, Claim, Map
-from barbalat.papers.paper_figure import PaperFigure
+from barbalat.papers.paper import PaperFigure
 from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
-from barbalat.report import charts, diagrams, flights, maps, page
+from barbalat.processes import Here, answer_of
+from barbalat.report import diagrams, flights, maps, page
 from barbalat.report.drawings import ReportFigure, narrow_panels, pictures_of_loops, svg_of
 from barbalat.report.file_names import CERTIFICATES, NARROW, PAGE, PICTURE, TUNED_CASE, diagram_names
-from barbalat.report.files import Folder
 from barbalat.report.sweep import WorstMember
-from barbalat.run.picture import ends_at, figure_of, panels
-from barbalat.run.processes import Here, answer_of
-from barbalat.run.result import Result
+from barbalat.run.results.picture import ends_at, figure_of, panels
+from barbalat.run.results.result import Result
 from barbalat.sweeps import picture as of_sweep
 from barbalat.sweeps.result import SweepResult
-from barbalat.vehicles import path_picture
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.film import film
-from barbalat.vehicles.registry import vehicles
+from barbalat.vehicles.picture import paths_figure
+from barbalat.vehicles.vehicle import vehicles
 
 
 class Drawn(Protocol):
@@ -81,7 +81,7 @@ def draw_maps(folder: Folder, claims: Sequence[Claim]) -> dict[str, ReportFigure
 
 
 def _map(shown: Map | Chart, *, narrow: bool) -> Figure:
-    return maps.draw(shown, narrow=narrow) if isinstance(shown, Map) else charts.draw(shown, narrow=narrow)
+    return maps.draw(shown, narrow=narrow) if isinstance(shown, Map) else maps.draw_chart(shown, narrow=narrow)
 
 
 def loop_pictures(certificates: Mapping[str, Certificate]) -> list[ReportFigure]:
@@ -179,7 +179,7 @@ def write_flights(folder: Folder, found: FlightComparison) -> None:
         pictures[failure.name] = _within(folder, name, partial(found.figure, failure))
         scene = found.scene(failure, found.controllers)
         if scene is not None:
-            paths[failure.name] = _within(folder, name.replace("flight", "path"), partial(path_picture.figure_of, scene))
+            paths[failure.name] = _within(folder, name.replace("flight", "path"), partial(paths_figure, scene))
         folder.write(f"{name}.csv", flights.table_of(found, failure))
     told = found.most_telling
     scene = found.scene(told, found.pair(told))

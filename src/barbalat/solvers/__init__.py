@@ -1,8 +1,8 @@
-"""The registry of fixed-step solvers, by the name that case files use. The contract tests run over it."""
+"""Integration methods: fixed-step Runge-Kutta methods as tableaux.
 
-from barbalat.solvers.tableau import EULER as EULER
-from barbalat.solvers.tableau import HEUN as HEUN
-from barbalat.solvers.tableau import RK4 as RK4
-from barbalat.solvers.tableau import Tableau as Tableau
+``Simulation`` takes one, or its name; ``SOLVERS`` has them by the names that case files use.
+"""
 
-SOLVERS = {tableau.name: tableau for tableau in (EULER, HEUN, RK4)}
+from barbalat.public_names import public
+
+__getattr__, __dir__, __all__ = public(__name__)

@@ -9,7 +9,8 @@ import numpy as np
 from barbalat import budget, validate
 from barbalat.budget import Estimate
 from barbalat.settings import Settings, one_line
-from barbalat.solvers import RK4, SOLVERS, Tableau
+from barbalat.solvers.registry import solver_of
+from barbalat.solvers.tableau import RK4, Tableau
 from barbalat.validate import Array, InputError
 
 POINT = Estimate(memory=1000.0)
@@ -36,13 +37,13 @@ def _round_number(most: int) -> int:
     return int(power * max(digit for digit in (1, 2, 5) if digit * power <= most))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Simulation(Settings):
     """How to simulate: fixed steps of ``dt`` [s] from 0 to ``t_end`` [s].
 
     t_end          horizon [s]
     dt             step [s]; it divides t_end
-    solver         the method, a Tableau such as RK4
+    solver         the method, by its name; in Python also a Tableau
     record_points  about how many instants of a trajectory are kept; figures are over every step all the same
     fused          fused multiply-adds; without them a step takes longer, and has the same bits in exported C and in pages
 
@@ -59,10 +60,17 @@ class Simulation(Settings):
 
     __repr__ = one_line
 
+    def __init__(
+        self, t_end: float, dt: float, *, solver: Tableau | str = RK4, record_points: int = 2000, fused: bool = True
+    ) -> None:
+        validate.freeze(
+            self, t_end=t_end, dt=dt, solver=solver_of("simulation.solver", solver), record_points=record_points, fused=fused
+        )
+        self.__post_init__()
+
     def __post_init__(self) -> None:
         t_end = validate.positive("simulation.t_end", self.t_end)
         dt = validate.positive("simulation.dt", self.dt)
-        validate.instance("simulation.solver", self.solver, Tableau, such_as=" or ".join(name.upper() for name in SOLVERS))
         if not isinstance(self.fused, (bool, np.bool_)):
             raise InputError.of("simulation.fused", f"must be true or false, got {validate.show(self.fused)}")
         record_points = validate.whole("simulation.record_points", self.record_points, least=2)

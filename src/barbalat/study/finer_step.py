@@ -13,15 +13,13 @@ import numpy as np
 
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import Lost, Onset
-from barbalat.study.delay_margin import DelayMargins
-from barbalat.study.delay_search import LONGEST_DELAY
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, Member, quiet
-from barbalat.study.judged_runs import JudgedRuns
+from barbalat.study.delay_margin import LONGEST_DELAY, DelayMargins
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Member, quiet
 from barbalat.validate import Array
 
 FINER_BY = 4
@@ -31,7 +29,7 @@ BESIDE_SHARE = 0.1
 
 
 def refined(simulation: Simulation) -> Simulation:
-    """The same with a step that is FINER_BY times smaller; what is sampled keeps its sample time."""
+    """A simulation with a step that is FINER_BY times smaller; what is sampled keeps its sample time."""
     return replace(simulation, dt=simulation.dt / FINER_BY)
 
 
@@ -113,7 +111,7 @@ class Confirmed:
 
     @property
     def sentence(self) -> str | None:
-        """The same for people; None where nothing was asked."""
+        """The finding as a sentence; None where nothing was asked."""
         if self.changes:
             return f"the step decides the simulated delays: {'; '.join(self.changes)}. Make simulation.dt smaller"
         if not self.asked:

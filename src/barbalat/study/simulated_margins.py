@@ -6,17 +6,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.certificates import Certificates
 from barbalat.loop.binding import numbered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import EXAMINED, EXAMINED_WITHOUT_ESTIMATES, NOISE_SENTENCE, Lost, Onset
+from barbalat.study.criteria import (
+    EXAMINED,
+    EXAMINED_WITHOUT_ESTIMATES,
+    NOISE_SENTENCE,
+    REST_SENTENCE,
+    Lost,
+    Onset,
+    ReferenceMotion,
+)
 from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
 from barbalat.study.finer_step import PlainRun, delays_confirmed
-from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 
 
 def with_simulated_margins(

@@ -13,18 +13,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.budget import Progress, part_of
 from barbalat.controllers import RobustMrac
 from barbalat.linear.largest import halvings
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.modelling_error import ModellingError
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.progress import Progress, part_of
+from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.reference_motion import ReferenceMotion
+from barbalat.study.criteria import ReferenceMotion
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 ROUNDING_SHARE = 1e-9
@@ -88,9 +89,7 @@ class TauLimits(Plotted):
 
         shown  to a person at once, by pyplot where that is in use
         """
-        from barbalat.study.tau_picture import draw
-
-        return draw(self, shown=shown)
+        return _drawn(self, shown=shown)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -216,3 +215,39 @@ def _ascending(name: str, values: Any) -> Array:
     if len(given) == 0 or given[0] <= 0 or not (np.diff(given) > 0).all():
         raise InputError(f"{name} must be ascending values above zero, got {validate.show(values)}")
     return given
+
+
+FIGURE_HEIGHT = 3.8
+"""Of the figure [in]."""
+MOST_CURVES = 6
+"""Sizes of the modelling error whose curves can be told apart."""
+
+
+def _drawn(found: TauLimits, *, shown: bool) -> Figure:
+    """Two panels beside one another; ``shown`` as of ``new_figure``."""
+    from barbalat.pictures.theme import WIDE, Theme, dash_of, new_figure
+
+    figure = new_figure(WIDE, FIGURE_HEIGHT, shown=shown, layout="constrained")
+    limits, errors = figure.subplots(1, 2)
+    theme, lost = Theme.current(), found.loses > 0
+    limits.plot(found.sizes, found.bears, "o-", color=theme.colour(0), markersize=4, label="smallest tau borne")
+    limits.plot(found.sizes[lost], found.loses[lost], "x", color=theme.colour(1), markersize=6, label="largest tau lost below it")
+    _set_up(limits, "Lower limit of tau", "size of the modelling error", "tau")
+    chosen = np.unique(np.linspace(0, len(found.sizes) - 1, min(len(found.sizes), MOST_CURVES)).round().astype(int))
+    for k, i in enumerate(chosen):
+        errors.plot(
+            found.taus, found.tail[i], linestyle=dash_of(k), marker="o", color=theme.colour(k), markersize=3,
+            label=f"size {found.sizes[i]:.3g}",
+        )  # fmt: skip
+    _set_up(errors, "Error where tau is borne", "tau", "largest |e| in the tail")
+    return figure
+
+
+def _set_up(axes: Axes, title: str, x: str, y: str) -> None:
+    axes.set(xscale="log", yscale="log")
+    axes.set_xlabel(x, fontsize=9)
+    axes.set_ylabel(y, fontsize=9)
+    axes.tick_params(labelsize=9)
+    axes.grid(visible=True, linewidth=0.3)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.legend(title=title, loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=3, frameon=False, fontsize=9, alignment="left")

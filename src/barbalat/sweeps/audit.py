@@ -14,17 +14,16 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.run import delay
-from barbalat.run.batch import Batch
-from barbalat.run.diagnosis.rails import rail_to_rail
-from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
-from barbalat.run.engine import run
-from barbalat.run.metrics import Metrics
+from barbalat.run.engine.engine import Batch
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.run.results.findings import rail_to_rail
+from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.study.finer_step import FINER_BY
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
+from barbalat.sweeps.chunks import Columns
 from barbalat.sweeps.evidence import Evidence, largest_error, verdicts
 from barbalat.sweeps.requirement import Requirement
-from barbalat.sweeps.study import Columns, Figured, Finer, Study, StudyPart, figured
+from barbalat.sweeps.study import Figured, Finer, Study, StudyPart, batches_run, figured
 from barbalat.validate import Array, InputError
 
 MOST_AUDITED = 32
@@ -39,7 +38,7 @@ WORST_SHARE = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Changed:
-    """Of one verdict on one controller: to how many audited members it was given, and how many lose or gain it."""
+    """How many audited members one verdict on one controller could be given, and how many of them lose or gain it."""
 
     changed: int
     judged: int
@@ -68,7 +67,7 @@ class Audit:
 
     @property
     def sentences(self) -> list[str]:
-        """The same for people."""
+        """The audit in sentences."""
         if self.changed is None:
             return [f"no member was run again with a finer step, so that any share may be the solver's: {self.why}"]
         again = f"of {validate.counted(len(self.members), 'member')} run again with a step {FINER_BY} times smaller"
@@ -199,10 +198,7 @@ def _run(
     swinging: dict[str, list[int]] = {name: [] for name in study.controllers}
     for part in study.parts_for(numbers):
         simulation = part.setting.simulation
-        for one in part.members:
-            delay.require_memory(one.longest_delay, one.loop.inputs, len(one) * len(part.members), simulation.dt)
-        batches = [Batch.part(one, slice(0, len(one)), record=record) for one in part.members]
-        run(batches, part.setting.signals, simulation, threads=threads)
+        batches = batches_run(part.setting, part.members, record=record, threads=threads)
         parts.append(replace(part, members=()))
         figures.append([figured(batch, simulation, part.setting.terms, threads) for batch in batches])
         if record:

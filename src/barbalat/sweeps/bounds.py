@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from barbalat.certificates.certify import certify
-from barbalat.open_numbers.path import FieldPath
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Problem
 from barbalat.sweeps.study import Study
@@ -22,7 +21,7 @@ ERROR_BOUND = "error_bound"
 
 @dataclass(frozen=True, eq=False)
 class _Certified:
-    """Of one controller's members that differ in theta alone: the bound, NaN for none, and where it holds."""
+    """The bound of one controller's members that differ in theta alone, NaN for none, and where it holds."""
 
     bound: float
     known: KnownSet | None
@@ -34,7 +33,7 @@ class _Certified:
 
 @dataclass(eq=False)
 class Bounds:
-    """Of each member the guaranteed ``error_bound``, over all of the known set where theta varies.
+    """The guaranteed ``error_bound`` of each member, over all of the known set where theta varies.
 
     A member whose theta lies outside of its own known set has none, nor has any where the plan has more than MOST_CERTIFIED
     combinations of the other numbers that a controller depends on: that is known before anything runs, whoever runs what first.
@@ -54,7 +53,7 @@ class Bounds:
 
     @property
     def notes(self) -> list[str]:
-        """Of controllers whose errors are compared with no bound since too many numbers vary."""
+        """Sentences on controllers whose errors are compared with no bound since too many numbers vary."""
         found = []
         for place, name in enumerate(self.study.controllers):
             count = self._combinations(self._others(place))
@@ -79,7 +78,8 @@ class Bounds:
     def _others(self, place: int) -> list[int]:
         """Columns beside theta that this controller's loop depends on: not those of the other controllers."""
         paths = self.study.plan.paths
-        return [i for i in range(len(paths)) if i not in self.thetas and _concerns(paths[i], place)]
+        concerned = (path.keys[0] != "controller" or path.keys[1] == place for path in paths)
+        return [i for i, concerns in enumerate(concerned) if concerns and i not in self.thetas]
 
     def _combinations(self, others: list[int]) -> int:
         """Draws count as different from each other."""
@@ -116,8 +116,3 @@ class Bounds:
             place, *of_input = map(int, self.study.plan.paths[column].keys[2:])  # theta row by row, as the plant stores it
             thetas[:, place * problem.plant.inputs + of_input[0] if of_input else place] = rows[:, column]
         return thetas
-
-
-def _concerns(path: FieldPath, place: int) -> bool:
-    """Whether a controller's loop depends on what stands there."""
-    return path.keys[0] != "controller" or path.keys[1] == place

@@ -1,11 +1,43 @@
-"""Members in pieces: what a store's files hold at most, and what is run at once so that it takes a second or so."""
+"""Members in pieces: what a store's files hold at most, what is run at once so that it takes a second or so, and where columns go
+that no store keeps: into memory, or into files where they would take too much of it.
+"""
 
 from __future__ import annotations
 
+import shutil
+import tempfile
 import time
+import weakref
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from itertools import pairwise
+from pathlib import Path
+from typing import ClassVar, NamedTuple, Protocol
+
+import numpy as np
+
+from barbalat.validate import Array
+
+Columns = dict[str, Array]
+"""(M,) values by the names of a store's columns."""
+
+
+class Rows(Protocol):
+    """What a finished sweep can be asked."""
+
+    @property
+    def names(self) -> list[str]:
+        """The columns' names, in their order."""
+        ...
+
+    def column(self, name: str) -> Array:
+        """(M,) by the members' numbers."""
+        ...
+
+    def row(self, member: int) -> dict[str, float]:
+        """The numbers of one member, by column."""
+        ...
+
 
 CHUNK_WORK = 2 * 10**8
 """Solver steps of all members of a chunk: two seconds of one core, at some 10 ns for a small loop."""
@@ -66,3 +98,85 @@ class Pace:
         seconds = (time.perf_counter() - self.begun.pop(unit.first)) / self.ahead
         wanted = unit.size * min(UNIT_SECONDS / max(seconds, 1e-9), GROWTH)
         self.size = int(max(wanted, FEWEST_MEMBERS))
+
+
+MOST_IN_MEMORY = 2**28
+"""Bytes of all columns together."""
+
+
+Made = Iterator[tuple[Chunk, Columns]]
+"""Chunks with their columns, as they are complete."""
+
+
+def in_order(made: Made) -> Made:
+    """Chunks in the order of their first members; what comes early waits in memory."""
+    waiting: dict[int, tuple[Chunk, Columns]] = {}
+    first = 0
+    for chunk, columns in made:
+        waiting[chunk.first] = chunk, columns
+        while first in waiting:
+            following = waiting.pop(first)
+            yield following
+            first += following[0].size
+
+
+@dataclass(eq=False)
+class UnstoredChunks:
+    """Columns in memory, or in a folder of one file for each chunk, which goes when the sweep is forgotten.
+
+    Chunks are put here as into a ``Store``, but by their first members.
+    """
+
+    folder: Path | None
+    missing: list[Chunk] = field(default_factory=list)
+    parts: list[Columns] = field(default_factory=list)
+    names: list[str] = field(default_factory=list)
+    starts: list[int] = field(default_factory=list)
+    members: int = 0
+
+    in_order: ClassVar[bool] = True
+    damaged: ClassVar[tuple[str, ...]] = ()
+    stored: ClassVar[int] = 0
+
+    @classmethod
+    def room_for(cls, chunks: list[Chunk], columns: int) -> UnstoredChunks:
+        """For so many; files of it are gone when it is."""
+        if sum(chunk.size for chunk in chunks) * columns * 8 <= MOST_IN_MEMORY:
+            return cls(None, chunks)
+        folder = Path(tempfile.mkdtemp(prefix="barbalat-sweep-"))
+        found = cls(folder, chunks)
+        weakref.finalize(found, shutil.rmtree, folder, ignore_errors=True)
+        return found
+
+    def add(self, chunk: Chunk, columns: Columns) -> None:
+        """Add the rows of the next members."""
+        self.names = list(columns)
+        self.starts.append(self.members)
+        self.members += len(columns["member"])
+        if self.folder is None:
+            self.parts.append(columns)
+        else:
+            np.save(self._file(len(self.starts) - 1), np.array([values.astype(float) for values in columns.values()]))
+
+    def rows(self) -> Rows:
+        return self
+
+    def _file(self, chunk: int) -> Path:
+        assert self.folder is not None
+        return self.folder / f"{chunk}.npy"
+
+    def column(self, name: str) -> Array:
+        if self.folder is None:
+            return np.concatenate([part[name] for part in self.parts])
+        place, found = self.names.index(name), np.empty(self.members)
+        for chunk, (start, stop) in enumerate(pairwise([*self.starts, self.members])):
+            found[start:stop] = np.load(self._file(chunk), mmap_mode="r")[place]  # one file is mapped at a time
+        return found
+
+    def row(self, member: int) -> dict[str, float]:
+        chunk = int(np.searchsorted(self.starts, member, side="right")) - 1
+        place = member - self.starts[chunk]
+        if self.folder is None:
+            return {name: float(values[place]) for name, values in self.parts[chunk].items()}
+        stored = np.load(self._file(chunk), mmap_mode="r")[:, place]
+        return dict(zip(self.names, map(float, stored), strict=True))

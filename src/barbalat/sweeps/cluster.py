@@ -1,27 +1,123 @@
-"""Chunks on Dask's workers, on this machine or on others: they may join and die, and what one took with it is made again."""
+"""Chunks on Dask's workers, on this machine or on others: they may join and die, and what one took with it is made again.
+
+Nothing that workers do depends on the processor or its C library. Numbers that LAPACK or the C library makes (P, inverses, matrix
+exponentials, a delay's weights, a sine's samples) are made once, where the sweep was started, and sent with the operation lists.
+A worker translates the lists and runs them.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
 import multiprocessing
 import re
+import sys
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib import metadata, resources
+from importlib.resources.abc import Traversable
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
+import barbalat
 from barbalat import validate
 from barbalat.open_numbers.members import Setting
-from barbalat.sweeps.chunks import Chunk
-from barbalat.sweeps.study import Columns, Figured, Study, StudyPart
-from barbalat.sweeps.worker_task import Tabulated, WorkerTask, figures, kept
-from barbalat.validate import InputError
+from barbalat.run.engine.engine import Batch, advance
+from barbalat.run.engine.judging import Terms
+from barbalat.run.kernel.grid import final_row, segments_of, signal_table
+from barbalat.run.kernel.members import Members
+from barbalat.solvers.simulation import Simulation
+from barbalat.sweeps.chunks import Chunk, Columns
+from barbalat.sweeps.study import Figured, Study, StudyPart, figured
+from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster, as_completed
+
+COMPARED_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
+"""Packages on which a worker's bits may depend, beside Python's minor version and Barbalat's own."""
+SOURCES = "barbalat's sources"
+"""What the digest of this package's own sources is called: two states of it may have one version number."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tabulated:
+    """Signals by their samples."""
+
+    samples: dict[int, Array]
+    final: Array
+
+    @classmethod
+    def of(cls, part: StudyPart) -> Tabulated:
+        simulation = part.setting.simulation
+        (in_pieces,) = {one.program.shape.in_pieces for one in part.members}
+        signals, found = part.setting.signals, {}
+        for one in segments_of(simulation, recorded=False):
+            found[one.start] = signal_table(signals, simulation, one.start, one.steps, in_pieces=in_pieces)
+        return cls(found, final_row(signals, simulation, in_pieces=in_pieces))
+
+
+@dataclass(frozen=True, eq=False)
+class WorkerTask:
+    """One part of a chunk, without its signals; ``made_by`` are the ``versions`` of the client."""
+
+    members: tuple[Members, ...]
+    simulation: Simulation
+    terms: Terms
+    made_by: dict[str, str]
+
+    @classmethod
+    def of(cls, part: StudyPart) -> WorkerTask:
+        plain = tuple(replace(one, signals=(), problem=None) for one in part.members)
+        return cls(plain, part.setting.simulation, part.setting.terms, versions())
+
+
+@cache
+def versions() -> dict[str, str]:
+    """The versions in this process; they are read from files, which takes as long as simulating hundreds of members."""
+    found = {"barbalat": barbalat.__version__, "python": ".".join(map(str, sys.version_info[:2]))}
+    found |= {name: metadata.version(name) for name in COMPARED_PACKAGES}
+    return found | {SOURCES: digest_of(resources.files(barbalat))}
+
+
+def digest_of(package: Traversable) -> str:
+    """The first digits of the SHA-256 of all Python files of a package, whatever the ends of their lines are."""
+    found = hashlib.sha256()
+    for name, file in sorted(_sources(package, "")):
+        found.update(f"{name}\n".encode() + file.read_bytes().replace(b"\r\n", b"\n") + b"\0")
+    return found.hexdigest()[:16]
+
+
+def _sources(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable]]:
+    """Python files by their places in the package."""
+    for one in folder.iterdir():
+        name = f"{place}/{one.name}"
+        if one.is_dir():
+            yield from _sources(one, name)
+        elif one.name.endswith(".py"):
+            yield name, one
+
+
+def kept(tables: Tabulated) -> Tabulated:
+    """What a cluster holds for many chunks; made again from what its scheduler knows where a worker that held it is gone."""
+    return tables
+
+
+def figures(sent: WorkerTask, tables: Tabulated) -> list[Figured]:
+    """The figures of each controller, by one thread; InputError on a worker that would make other bits."""
+    own = versions()
+    clients = sent.made_by
+    names = [*clients, *(own.keys() - clients.keys())]
+    if different := [f"{n} {own.get(n)}, not {clients.get(n)}" for n in names if own.get(n) != clients.get(n)]:
+        raise InputError(f"a worker has other versions than the client: {', '.join(different)}; install the client's there")
+    batches = [Batch.part(one, slice(0, len(one))) for one in sent.members]
+    advance(batches, lambda segment: tables.samples[segment.start], lambda: tables.final, sent.simulation, threads=1)
+    return [figured(batch, sent.simulation, sent.terms, 1) for batch in batches]
+
 
 ANSWER_SECONDS = 10.0
 """Seconds until a scheduler that does not answer is given up."""
@@ -222,7 +318,7 @@ class Workers:
         return min(threads := self._threads(), key=lambda one: busy[one] / threads[one], default=None)
 
     def _threads(self) -> dict[str, int]:
-        """Of each worker, by its address."""
+        """The number of threads of each worker, by its address."""
         try:
             return dict(self.client.nthreads())
         except (OSError, TimeoutError) as error:

@@ -16,13 +16,13 @@ from barbalat import budget, validate
 from barbalat.budget import Estimate, of_kernel
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.probe import Kind
-from barbalat.run.costs import MEMBER, of_members, of_steps
-from barbalat.run.metrics import Metrics
+from barbalat.run.kernel.costs import MEMBER, of_members, of_steps
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
+from barbalat.sweeps.cluster import Tabulated, WorkerTask, figures
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet
 from barbalat.sweeps.study import Figured, Study
-from barbalat.sweeps.worker_task import Tabulated, WorkerTask, figures
 
 MEASURING_SECONDS = 3.0
 """Seconds of the client's work that are measured."""
@@ -63,7 +63,7 @@ def _apart(study: Study, *kinds: Kind) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Costs:
-    """Of one member, measured on this computer; its processor time, not the clock's, so that others at work here count little.
+    """What one member of a sweep costs, measured here: processor time, not the clock's, so that others at work count little.
 
     steps     solver steps, those of all controllers
     worker    processor time of whoever simulates it, with its part of compiling for a chunk of a second or two [s]
@@ -82,7 +82,7 @@ class Costs:
 
     @classmethod
     def of(cls, study: Study) -> Costs:
-        """By a second's work of its members; InputError as of a sweep, and without the extra ``study``."""
+        """Measure a second's work on members of a study; InputError as of a sweep, and without the extra ``study``."""
         require_parquet()
         whole = min(chunk_size(len(study), study.steps), MOST_MEMBERS, len(study))
         count = min(chunk_size(1, study.steps), whole)

@@ -12,9 +12,9 @@ import numpy as np
 from barbalat.judge.judged import CLASSES
 from barbalat.judge.verdict import Class
 from barbalat.sweeps.bounds import ERROR_BOUND
+from barbalat.sweeps.chunks import Rows
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.requirement import Requirement
-from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.sensitivity import Sensitivity, sensitivities
 from barbalat.sweeps.statistics import Share, SplitShare
 from barbalat.sweeps.study import FINER_BY, OSCILLATED, RINGS, SETTLED, VERDICT
@@ -30,14 +30,14 @@ FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND, *VERDICTS})
 EXAMINED = "the estimates alone: a limit cycle of the control or of the state with estimates at rest is not counted"
 """What ``oscillated`` looks at."""
 DIVERGES = "beyond 1e12 within the horizon: a run that is on its way there, or lost at a smaller size, is not counted"
-"""What ``diverged`` means; see ``run.metrics.DIVERGENCE_LIMIT``."""
+"""What ``diverged`` means; see ``run.kernel.metrics.DIVERGENCE_LIMIT``."""
 NO_FIGURES = (OSCILLATED, ERROR_BOUND, VERDICT, SETTLED, RINGS, FINER_BY)
 """Columns of a controller that are no figures of a run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Extremes:
-    """Of a figure over the members that have it.
+    """The extremes and the median of a figure over the members that have it.
 
     worst_member  the one with the largest value; of ``diverged_at`` the one with the smallest
     finite        members that have the figure: those that did not diverge
@@ -71,7 +71,7 @@ class Extremes:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """By what is judged, or by a figure, and then by controllers.
+    """Shares, extremes and sensitivities, by what is judged, or by a figure, and then by controllers.
 
     failed  (M,) truth values: which members failed by anything that is judged
     unexamined  why ``oscillated`` is said of no member, by the controllers of which it is not
@@ -134,7 +134,7 @@ T = TypeVar("T")
 
 
 def _named(kind: str, found: Mapping[str, Mapping[str, T]]) -> dict[str, dict[str, T]]:
-    """By what is judged, or by a figure, and then by controllers; a name that there is not is told with the one that is meant."""
+    """A dictionary by names and then by controllers; a name that there is not is told with the one that is meant."""
     return Named.of(kind, {name: Named.of("controller", by) for name, by in found.items()})
 
 
@@ -149,7 +149,7 @@ class Verdict(NamedTuple):
 def verdicts(
     rows: Rows, controller: str, requirements: Sequence[Requirement], unexamined: Mapping[str, str]
 ) -> Iterator[Verdict]:
-    """Of all members with one controller; who diverged breaks every requirement."""
+    """The verdicts on all members with one controller; a member that diverged breaks every requirement."""
     diverged = np.isfinite(rows.column(f"{controller}/diverged_at"))
     everyone = np.ones(len(diverged), dtype=bool)
     yield Verdict(DIVERGED, diverged, everyone)

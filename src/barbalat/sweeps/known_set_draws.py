@@ -70,23 +70,19 @@ def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distributi
         if not isinstance(distribution, str):
             drawn: Mapping[FieldPath, Distribution] = {path: distribution}
         elif distribution == KNOWN_SET:
-            drawn = _over_known_set(source, path)
+            case = source if isinstance(source, Case) else source.case()
+            standing = (
+                VariedObjects(source, (path,)).standing(path)
+                if isinstance(source, Case)
+                else path.of(tables_with(source, [path]))
+            )
+            drawn = over_known_set(case, path, standing)
         else:
-            drawn = {path: _named(path, distribution)}
+            try:
+                drawn = {path: parse_distribution(distribution)}
+            except InputError as error:
+                raise InputError(f"{path}: {error}") from None
         if twice := [str(one) for one in drawn if one in found]:
             raise InputError(f"{twice[0]} is sampled twice")
         found |= drawn
     return found
-
-
-def _over_known_set(source: CaseText | Case, path: FieldPath) -> Mapping[FieldPath, Distribution]:
-    if isinstance(source, Case):
-        return over_known_set(source, path, VariedObjects(source, (path,)).standing(path))
-    return over_known_set(source.case(), path, path.of(tables_with(source, [path])))
-
-
-def _named(path: FieldPath, distribution: str) -> Distribution:
-    try:
-        return parse_distribution(distribution)
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from None

@@ -80,7 +80,7 @@ def _histogram(axes: Axes, found: SweepResult, name: str, theme: Theme) -> None:
 
 
 def _largest_bound(found: SweepResult, controller: str) -> float | None:
-    """Of all members, where each of them has one."""
+    """The largest bound of all members, where each of them has one."""
     name = f"{controller}/{ERROR_BOUND}"
     if name not in found.rows.names:
         return None

@@ -44,12 +44,13 @@ def members_of(given: int | None, design: Design, *, drawn: bool) -> int:
 
 
 def design_of(name: str | Design) -> Design:
-    """By its name; InputError for one that is not known."""
+    """The design with this name; InputError for one that is not known."""
     try:
         return Design(name)
     except ValueError:
         known = ", ".join(one.value for one in Design)
-        raise InputError(f"design must be one of {known}, got {validate.show(name)}") from None
+        meant = validate.hint(name, [one.value for one in Design])
+        raise InputError(f"design must be one of {known}, got {validate.show(name)}{meant}") from None
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,7 @@ class Plan:
 
     @property
     def paths(self) -> tuple[FieldPath, ...]:
-        """Of the columns of ``values``."""
+        """The paths of the columns of ``values``."""
         return (*self.axes, *self.draws)
 
     @property
@@ -146,7 +147,7 @@ class Plan:
         return self.streams_for(np.arange(first, first + count))
 
     def streams_for(self, numbers: Array) -> Array:
-        """The same of the members with these numbers."""
+        """The noise numbers of the members with these numbers."""
         return np.asarray(numbers % self.draws_each)
 
     def _shares(self, draw: Array) -> Array:

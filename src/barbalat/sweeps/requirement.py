@@ -42,7 +42,7 @@ class Requirement:
         return f"{self.figure} {self.sign} {self.limit:g}"
 
     def columns(self, names: list[str], controller: str) -> list[str]:
-        """Those of a controller's columns that are judged; none where the requirement is another controller's."""
+        """The columns of a controller that are judged; none where the requirement is another controller's."""
         own = [name for name in names if name.startswith(f"{controller}/")]
         figure = self.figure.removeprefix(f"{controller}/")
         return [name for name in own if name.removeprefix(f"{controller}/").split("[")[0] == figure] or [

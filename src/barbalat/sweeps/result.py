@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from barbalat import validate
 from barbalat.sweeps.audit import Audit
+from barbalat.sweeps.chunks import Rows
 from barbalat.sweeps.evidence import DIVERGED, DIVERGES, EXAMINED, Evidence
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.study import OSCILLATED
 from barbalat.validate import Array
 

@@ -10,8 +10,8 @@ from importlib.util import find_spec
 import numpy as np
 
 from barbalat.open_numbers.path import FieldPath
+from barbalat.sweeps.chunks import Rows
 from barbalat.sweeps.plan import Design, Plan
-from barbalat.sweeps.rows import Rows
 from barbalat.sweeps.spread import InBall
 from barbalat.sweeps.statistics import CONFIDENCE_LEVEL
 from barbalat.validate import Array, counted
@@ -30,7 +30,7 @@ FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
 
 @dataclass(frozen=True, kw_only=True)
 class Sensitivity:
-    """Of one figure of one controller to one number.
+    """The sensitivity of one figure of one controller to one number.
 
     first      share of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid.
                What an estimator gives below 0 or above 1 is cut off there, where no share lies
@@ -59,7 +59,7 @@ SALTELLI, RBD_FAST, FACTORIAL = (
 
 
 def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[list[Sensitivity], list[str]]:
-    """Of the figures that all members have; and sentences on what has none."""
+    """Sensitivities of the figures that all members have; and sentences on what has none."""
     found: list[Sensitivity] = []
     notes: list[str] = []
     if plan.draws and plan.design is not Design.SALTELLI:
@@ -111,7 +111,7 @@ def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivi
 
 
 def _near_one(values: Array) -> Array:
-    """The same values times a power of two, which leaves every share of a variance its bits.
+    """The values times a power of two, which leaves every share of a variance its bits.
 
     Squares of very small or very large values would underflow or overflow, so that nothing, or infinity, would be shared out.
     """
@@ -119,7 +119,7 @@ def _near_one(values: Array) -> Array:
 
 
 def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float, made: Made) -> Iterator[Sensitivity]:
-    """Of what is drawn: of the mean over the grid, whose variance is a part of the whole."""
+    """The sensitivity to what is drawn, of the mean over the grid, whose variance is a part of the whole."""
     from SALib.analyze import rbd_fast
 
     mean = by_point.mean(axis=tuple(range(len(plan.axes)))) if plan.axes else by_point

@@ -23,7 +23,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.folders import made, refused
-from barbalat.sweeps.chunks import Chunk, chunks_of
+from barbalat.sweeps.chunks import Chunk, Columns, chunks_of
 from barbalat.sweeps.stored import (
     INDEX_FILE,
     INDEX_KEY,
@@ -38,7 +38,7 @@ from barbalat.sweeps.stored import (
     require_parquet,
     require_same,
 )
-from barbalat.sweeps.study import OSCILLATED, Columns
+from barbalat.sweeps.study import OSCILLATED
 from barbalat.validate import InputError
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Store:
 
     @property
     def missing(self) -> list[Chunk]:
-        """Those that are not there yet; of a chunk that is there in part what it lacks."""
+        """The chunks that are not there yet; of a chunk that is there in part what it lacks."""
         holes, here = [], 0
         for first, count in sorted((file["first"], file["count"]) for file in self.index.files.values()):
             holes.append((here, first))
@@ -91,7 +91,7 @@ class Store:
         self.add_all([(chunk, columns)])
 
     def add_all(self, made: Sequence[tuple[Chunk, Columns]]) -> None:
-        """The same of several, each in a file of its own, with one index after them."""
+        """Store several chunks, each in a file of its own, with one index after them."""
         before = dict(self.index.files)
         try:
             schemas = [self._add(chunk, columns) for chunk, columns in made]

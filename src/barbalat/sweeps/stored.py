@@ -62,7 +62,7 @@ class StoreIndex:
 
 
 def name_of(chunk: Chunk) -> str:
-    """Of a file, by its first member."""
+    """The name of a chunk's file, by its first member."""
     return f"members-{chunk.first:012}.parquet"
 
 

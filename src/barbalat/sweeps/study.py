@@ -10,29 +10,73 @@ from typing import NamedTuple
 
 import numpy as np
 
+from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
-from barbalat.run import delay
-from barbalat.run.batch import Batch
-from barbalat.run.breaks import can_be_split
-from barbalat.run.engine import run
-from barbalat.run.judging import FACTORS, Terms, finer_by, judged
-from barbalat.run.members import Members
-from barbalat.run.metrics import Metrics
-from barbalat.run.progress import Progress, part_of
+from barbalat.run.engine.engine import Batch, run
+from barbalat.run.engine.judging import FACTORS, Terms, finer_by, judged
+from barbalat.run.kernel import delay, template
+from barbalat.run.kernel.breaks import can_be_split
+from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Expected, Onset, tail_error
+from barbalat.study.criteria import Expected, Onset, ReferenceMotion, tail_error
 from barbalat.study.ideal_benchmark import known_width
-from barbalat.study.reference_motion import ReferenceMotion
+from barbalat.sweeps.chunks import Columns
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.redesigned import redesigned
 from barbalat.validate import Array, InputError
 
-Columns = dict[str, Array]
-"""(M,) values by the names of a store's columns."""
+REFERENCE_MODEL = "the reference model"
+"""Beside the names of controllers, what a member's own numbers may have been used for."""
+OF_THE_DESIGN = ("controller", "reference_model", "uncertainty", "reference", "simulation")
+"""First keys of what a designer chooses or knows: whoever varies these asks for other designs. All else is the plant's."""
+OF_NO_DESIGN = (("plant", "x0"),)
+"""The state is measured, so that a predictor begins at its initial value: that designs nothing."""
+DESIGN_ROUNDING = 1e-9
+"""Of the largest number of an array: far above what rounding leaves of a matrix that does not depend on what varies."""
+
+
+def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
+    """What is made anew for each member, by the paths of the plant's numbers from which it follows.
+
+    A gain or a reference model that is computed from the plant is no longer that of the case: such a sweep tries many designs,
+    each on the plant that it was made for, and not one design on many plants.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    base = varied.at(tried.middle)
+    for column, path in enumerate(varied.paths):
+        if path.keys[0] in OF_THE_DESIGN or path.keys[:2] in OF_NO_DESIGN:
+            continue
+        cases = [varied.at(row) for row in tried.rows(column, tried.middle)]
+        makers = [REFERENCE_MODEL, *(one.name for one in base.controllers)]
+        differs = [any(not _alike(one, other) for other in others) for one, *others in _designs(base, cases)]
+        if names := tuple(name for name, differing in zip(makers, differs, strict=True) if differing):
+            found[str(path)] = names
+    return found
+
+
+def _designs(base: Case, cases: Sequence[Case]) -> list[list[tuple[Array, ...]]]:
+    """The arrays of the reference model, then those of each controller's equations: of the base and of the others."""
+    designs = [[template.Columns(case.problem.model.matrices).leaves for case in (base, *cases)]]
+    for i in range(len(base.controllers)):
+        loops = [ClosedLoop.of(case.problem, case.controllers[i]) for case in (base, *cases)]
+        designs.append([template.Columns(loop.equations).leaves for loop in loops])
+    return designs
+
+
+def _alike(one: Sequence[Array], other: Sequence[Array]) -> bool:
+    """Whether these arrays differ by no more than rounding."""
+    if [leaf.shape for leaf in one] != [leaf.shape for leaf in other]:
+        return False
+    return all(
+        np.allclose(a, b, rtol=0.0, atol=DESIGN_ROUNDING * np.abs(a[np.isfinite(a)]).max(initial=0.0), equal_nan=True)
+        for a, b in zip(one, other, strict=True)
+    )
+
 
 OSCILLATED = "oscillated"
 """A controller's column: whether its estimates swing, by ``Onset``; NaN where it has none, or where their range is not known."""
@@ -101,7 +145,7 @@ class Study:
 
     @property
     def steps(self) -> int:
-        """Of a member's run, the most that any has among the ends of what varies; all controllers counted."""
+        """The solver steps of a member's run, the most that any has among the ends of what varies; all controllers counted."""
         found = [self.example]
         for column, kind in enumerate(self.kinds):
             if kind is Kind.STRUCTURE:
@@ -117,7 +161,8 @@ class Study:
         parts, figures, done = [], [], 0
         for one in self.parts(first, count):
             part = part_of(progress, done / count, len(one.which) / count)
-            figures.append(_simulated(one.setting, one.members, threads, part))
+            batches = batches_run(one.setting, one.members, threads=threads, progress=part)
+            figures.append(figures_of(one.setting, batches, threads))
             parts.append(replace(one, members=()))
             done += len(one.which)
         return self.columns(first, count, parts, figures)
@@ -127,7 +172,7 @@ class Study:
         return self.parts_for(np.arange(first, first + count))
 
     def parts_for(self, numbers: Array) -> Iterator[StudyPart]:
-        """The same of the members with these numbers, (K,)."""
+        """Members with these numbers, (K,), that run together; see ``parts``."""
         rows, streams = self.plan.values_for(numbers), self.plan.streams_for(numbers)
         for which in self._groups(rows):
             setting = self.setting(rows[which[0]])
@@ -141,7 +186,7 @@ class Study:
         return self.columns_for(np.arange(first, first + count), parts, figures)
 
     def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
-        """The same of the members with these numbers, (K,)."""
+        """All columns of the members with these numbers, (K,), whose parts have run; see ``columns``."""
         found = self.as_run(numbers, parts, figures)
         if self.settling:
             for i, controller in enumerate(self.controllers):
@@ -149,7 +194,7 @@ class Study:
         return found
 
     def as_run(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
-        """The same without what finer steps say."""
+        """The same columns without what finer steps say."""
         rows, count = self.plan.values_for(numbers), len(numbers)
         found: Columns = {"member": numbers}
         found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
@@ -174,7 +219,7 @@ class Study:
             finer = self._finer(factor)
             for places, part in finer._accepted(found["member"], again):
                 one = replace(part, members=part.members[index : index + 1])
-                (fine,) = _simulated(one.setting, one.members, None, None)
+                (fine,) = figures_of(one.setting, batches_run(one.setting, one.members))
                 verdict[places] = fine.kinds
                 rings[places] = finer._oscillated(one.setting, [fine.metrics], index)[0]
                 settled[places] = np.where(fine.finer_by <= 1, 1.0, 0.0)
@@ -210,7 +255,7 @@ class Study:
         numbers = np.arange(min(len(self), PILOTS))
         parts, figures = [], []
         for one in self.parts_for(numbers):
-            figures.append(_simulated(one.setting, one.members, None, None))
+            figures.append(figures_of(one.setting, batches_run(one.setting, one.members)))
             parts.append(replace(one, members=()))
         found = self.as_run(numbers, parts, figures)
         needed = np.concatenate([found[f"{controller}/{FINER_BY}"] for controller in self.controllers])
@@ -223,8 +268,8 @@ class Study:
         """Figures of one member, for each controller."""
         row = self.values(member, 1)
         setting = self.setting(row[0])
-        figured = _simulated(setting, setting.members(row, self.plan.streams(member, 1)), None, None)
-        return [one.metrics for one in figured]
+        batches = batches_run(setting, setting.members(row, self.plan.streams(member, 1)))
+        return [batch.metrics(setting.simulation) for batch in batches]
 
     def _groups(self, rows: Array) -> Iterator[Array]:
         """The rows that run together: those of one structure with one set of signals."""
@@ -331,14 +376,26 @@ def _tried(plan: Plan) -> Tried:
     return Tried(middle, tuple(np.unique(v[v != m]) for v, m in zip(ends, middle, strict=True)))
 
 
-def _simulated(setting: Setting, members: Sequence[Members], threads: int | None, progress: Progress | None) -> list[Figured]:
-    """Of each controller."""
+def batches_run(
+    setting: Setting,
+    members: Sequence[Members],
+    *,
+    record: bool = False,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> list[Batch]:
+    """The members of each controller after their run."""
     simulation = setting.simulation
     for one in members:
         delay.require_memory(one.longest_delay, one.loop.inputs, len(one) * len(members), simulation.dt)
-    batches = [Batch.part(one, slice(0, len(one))) for one in members]
+    batches = [Batch.part(one, slice(0, len(one)), record=record) for one in members]
     run(batches, setting.signals, simulation, threads=threads, progress=progress)
-    return [figured(batch, simulation, setting.terms, threads) for batch in batches]
+    return batches
+
+
+def figures_of(setting: Setting, batches: Sequence[Batch], threads: int | None = None) -> list[Figured]:
+    """What became of the members of each controller, after their run."""
+    return [figured(batch, setting.simulation, setting.terms, threads) for batch in batches]
 
 
 def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | None = None) -> Figured:
@@ -350,14 +407,14 @@ def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | N
 
 @dataclass(frozen=True, eq=False)
 class Finer(Varied):
-    """The same cases with smaller steps. A sampled controller keeps its sample time, and a sampled law its own steps."""
+    """The cases of a study with smaller steps. A sampled controller keeps its sample time, and a sampled law its own steps."""
 
     varied: Varied
     factor: int
 
     @property
     def paths(self) -> tuple[FieldPath, ...]:  # type: ignore[override]
-        """Those of what is refined."""
+        """The paths of what is refined."""
         return self.varied.paths
 
     @property

@@ -1,22 +1,30 @@
-"""Run a sweep from its first member to its last, and say what it is evidence of."""
+"""Run a sweep from its first member to its last, and say what it is evidence of; or one of its members again, recorded."""
 
 from __future__ import annotations
 
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
+import numpy as np
+
 from barbalat import validate
+from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.path import FieldPath, by_index
 from barbalat.open_numbers.varied import VariedCase, VariedObjects
-from barbalat.run.progress import Progress
+from barbalat.run.engine.engine import Batch, run
+from barbalat.run.engine.simulate import result_of
+from barbalat.run.engine.stability_label import MOST_WINDOWS
+from barbalat.run.results.result import Result
 from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
-from barbalat.sweeps.chunks import Chunk, Pace, chunk_size, chunks_of
+from barbalat.sweeps.chunks import Chunk, Columns, Made, Pace, UnstoredChunks, chunk_size, chunks_of, in_order
 from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
 from barbalat.sweeps.costs import require_members
 from barbalat.sweeps.evidence import evidence
@@ -26,8 +34,7 @@ from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import Axis, Distribution
 from barbalat.sweeps.store import Store, Waiting, opened, require_place
-from barbalat.sweeps.study import Columns, Study
-from barbalat.sweeps.unstored_chunks import Made, UnstoredChunks, in_order
+from barbalat.sweeps.study import Study, columns_of
 
 Told = Callable[[str], None]
 """Takes a sentence for the person who waits."""
@@ -188,7 +195,7 @@ def _paced(made: Made, pace: Pace) -> Made:
 def _here(study: Study, units: Iterator[Chunk], done: int, threads: int | None, progress: Progress | None) -> Made:
     """In threads, one after the other; ``done`` members are there already."""
     for one in units:
-        yield one, study.run(*one, threads=threads, progress=_part(progress, done, one.size, len(study)))
+        yield one, study.run(*one, threads=threads, progress=part_of(progress, done / len(study), one.size / len(study)))
         done += one.size
 
 
@@ -209,5 +216,42 @@ def _judged(found: Columns, study: Study, bounds: Bounds | None, chunk: Chunk) -
     return found
 
 
-def _part(progress: Progress | None, done: int, count: int, members: int) -> Progress | None:
-    return None if progress is None else lambda fraction: progress((done + fraction * count) / members)
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Replayed:
+    """A member's case and the runs of its controllers, with what varies and all figures by the names of a store's columns."""
+
+    number: int
+    case: Case
+    results: tuple[Result, ...]
+    columns: Columns
+
+    def differing(self, stored: Mapping[str, float]) -> list[str]:
+        """The columns of a stored row that are other bits than this run's."""
+        own = {name: float(values[0]) for name, values in self.columns.items()}
+        return [name for name, value in own.items() if name in stored and not np.array_equal(stored[name], value, equal_nan=True)]
+
+
+def replay(study: Study, member: int, *, threads: int | None = None, progress: Progress | None = None) -> Replayed:
+    """The member by its number, on the kernel of its sweep: one that is made for it alone would round differently.
+
+    A recorded run adds its sums up in other blocks. So its figures are those of the run that is not recorded.
+    """
+    validate.whole("member", member, least=0, most=len(study) - 1)
+    row = study.values(member, 1)
+    case, setting = study.varied.at(row[0]), study.setting(row[0], windows=MOST_WINDOWS)
+    plain = study.simulated(member)
+    batches = []
+    for controller, members in zip(case.controllers, setting.members(row, study.plan.streams(member, 1)), strict=True):
+        own = replace(members, loop=ClosedLoop.of(case.problem, controller))
+        batches.append(Batch.part(own, slice(0, 1), record=True))
+    for i, batch in enumerate(batches):  # one after the other: a loop too large to be watched has no windows
+        part = part_of(progress, i / len(batches), 1 / len(batches))
+        run([batch], setting.signals, case.simulation, threads=threads, progress=part)
+    results = tuple(
+        replace(result_of(case.problem, controller, case.simulation, batch), metrics=metrics)
+        for controller, batch, metrics in zip(case.controllers, batches, plain, strict=True)
+    )
+    found: Columns = {"member": np.array([member])} | {str(path): row[:, i] for i, path in enumerate(study.plan.paths)}
+    for name_of, metrics in zip(study.controllers, plain, strict=True):
+        found |= {f"{name_of}/{name}": values for name, values in columns_of(metrics).items()}
+    return Replayed(number=member, case=case, results=results, columns=found)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from barbalat.run.stepwise import Agreement
+from barbalat.run.kernel.sampled_controller import Agreement
 from barbalat.validate import InputError, show
 from barbalat.vehicles.flight import Failing, Flight
 from barbalat.vehicles.scene import Mover, Scene
@@ -55,7 +55,7 @@ class FlightComparison:
         return self.vehicle.facts(self.model, self.version)
 
     def details(self) -> dict[str, Any]:
-        """The same for the document of ``--json``."""
+        """Where it flew, its linear model and how it was computed, for the document of ``--json``."""
         return self.vehicle.details(self.model, self.version)
 
     @property
@@ -92,7 +92,7 @@ class FlightComparison:
 
     @cached_property
     def agreements(self) -> dict[str, Agreement] | None:
-        """Of each controller's exported C with the simulated list, over all its flights; None where the list itself flew."""
+        """Each controller's exported C against the simulated list, over all its flights; None where the list itself flew."""
         if not self.exported:
             return None
         return {several[0].controller: Agreement.together(one.agreement for one in several) for several in self.flights}
@@ -115,9 +115,9 @@ class FlightComparison:
 
     def plot_paths(self, failure: str | None = None) -> Figure:
         """Where all controllers flew through one failure, in space; InputError where the records have no path."""
-        from barbalat.vehicles.path_picture import figure_of
+        from barbalat.vehicles.picture import paths_figure
 
-        return figure_of(self._scene(self.failure_of(failure), self.controllers), shown=True)
+        return paths_figure(self._scene(self.failure_of(failure), self.controllers), shown=True)
 
     def film(self, failure: str | None = None) -> bytes:
         """A GIF of the first controller beside the best of the others; by default through the failure that parts them most."""

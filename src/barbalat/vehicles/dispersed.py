@@ -14,28 +14,23 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from importlib import metadata
-from itertools import product
+from itertools import combinations, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate
-from barbalat.run.progress import Progress
-from barbalat.sweeps.chunks import Chunk, chunks_of
+from barbalat.budget import Estimate, Progress
+from barbalat.sweeps.chunks import Chunk, Columns, Rows, UnstoredChunks, chunks_of, in_order
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.rows import Rows
+from barbalat.sweeps.statistics import Median, Share, beyond_chance
 from barbalat.sweeps.store import Store, opened, require_place
-from barbalat.sweeps.study import Columns
-from barbalat.sweeps.unstored_chunks import UnstoredChunks, in_order
 from barbalat.validate import Array, counted
-from barbalat.vehicles.evidence import Evidence, evidence_of
 from barbalat.vehicles.flight import Failing
 from barbalat.vehicles.flying import AnyVehicle, aboard, chosen_failures, chosen_schemes
 from barbalat.vehicles.isolated import SECONDS_PER_FLIGHT, STARTING_SECONDS, isolated
-from barbalat.vehicles.registry import vehicle_of
-from barbalat.vehicles.vehicle import SEED, Aboard, Draw, draws_of
+from barbalat.vehicles.vehicle import SEED, Aboard, Draw, draws_of, vehicle_of
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -89,7 +84,7 @@ class Campaign:
         return min(max(self.vehicle.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
 
     def cost(self, members: float, processes: int) -> Estimate:
-        """Of flying so many draws, with the processes side by side."""
+        """What flying so many draws takes, with the processes side by side."""
         flights = members * len(self.controllers) * len(self.failures)
         return Estimate(memory=FLIGHT_BYTES * flights, seconds=CHUNK_SECONDS / self.vehicle.drawing.chunk * flights / processes)
 
@@ -258,3 +253,99 @@ def flown_members(campaign: Campaign, chunk: Chunk) -> Columns:
                 value = figures[figure]
                 found[column_name(controller, failure, figure)][number - chunk.first] = np.nan if value is None else value
     return found
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pairing:
+    """A controller beside another, both through the same failure on the same draws; a lost flight is worse than any other.
+
+    better   draws on which it had the smaller error, of those on which they differ: both lost says nothing;
+             None where there are none
+    spared   draws on which the other alone was lost, of those on which one of them was lost alone; None where there are none
+    follows  1 where its error is less beyond chance, -1 where it is more, else 0, all comparisons together
+    keeps    the same of its losses: 1 where they are fewer
+    """
+
+    other: str
+    better: Share | None
+    spared: Share | None
+    follows: int
+    keeps: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flown:
+    """One controller through one failure, on all draws."""
+
+    controller: str
+    lost: Share
+    error: Median
+    travel: Median
+    pairings: tuple[Pairing, ...]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Evidence:
+    """What the flights show for each failure, the controllers that lost least first, then by their error; and for all failures.
+
+    lost         of all flights of each controller, the fewest first: draws are independent, flights on one draw are not, so that
+                 no interval stands beside them
+    comparisons  of two controllers through one failure by error or by losses that some draw decides, which share one confidence
+    """
+
+    by_failure: dict[str, tuple[Flown, ...]]
+    lost: dict[str, tuple[int, int]]
+    comparisons: int
+
+
+ERROR, LOSS = "error", "loss"
+
+
+def evidence_of(column: Callable[[str, str, str], Array], controllers: Sequence[str], failures: Sequence[str]) -> Evidence:
+    """From ``column(controller, failure, figure)``."""
+    errors = {(failure, one): column(one, failure, "rms_e") for failure in failures for one in controllers}
+    gone = {(failure, one): int(np.isfinite(column(one, failure, "lost_at")).sum()) for failure, one in errors}
+    shares = {
+        (failure, *pair, by): share
+        for failure in failures
+        for pair in combinations(controllers, 2)
+        for by, share in _shares(*(errors[failure, one] for one in pair)).items()
+        if share is not None
+    }
+    signs = beyond_chance(shares)
+    signs |= {(failure, other, one, by): -sign for (failure, one, other, by), sign in signs.items()}
+
+    def paired(failure: str, one: str, other: str) -> Pairing:
+        found = _shares(errors[failure, one], errors[failure, other])
+        follows, keeps = (signs.get((failure, one, other, by), 0) for by in (ERROR, LOSS))
+        return Pairing(other=other, better=found[ERROR], spared=found[LOSS], follows=follows, keeps=keeps)
+
+    members = len(next(iter(errors.values())))
+    by_failure = {}
+    for failure in failures:
+        found = [
+            Flown(
+                controller=one,
+                lost=Share(count=gone[failure, one], judged=members),
+                error=Median.of(errors[failure, one]),
+                travel=Median.of(column(one, failure, "travel")),
+                pairings=tuple(paired(failure, one, other) for other in controllers if other != one),
+            )
+            for one in controllers
+        ]
+        by_failure[failure] = tuple(sorted(found, key=lambda flown: (flown.lost.count, flown.error.value)))
+    lost = {one: sum(gone[failure, one] for failure in failures) for one in controllers}
+    ranked = sorted(lost.items(), key=lambda item: item[1])
+    flights = members * len(failures)
+    counted = {name: (count, flights) for name, count in ranked}
+    return Evidence(by_failure=by_failure, lost=counted, comparisons=len(shares))
+
+
+def _shares(own: Array, errors: Array) -> dict[str, Share | None]:
+    own, errors = (np.where(np.isnan(one), np.inf, one) for one in (own, errors))
+    lost, gone = np.isinf(own), np.isinf(errors)
+    return {ERROR: _share(own < errors, own != errors), LOSS: _share(gone & ~lost, gone != lost)}
+
+
+def _share(counted: Array, judged: Array) -> Share | None:
+    return Share.of(counted, judged) if judged.any() else None

@@ -18,7 +18,7 @@ from PIL.Image import Dither, Image, fromarray, new
 from barbalat.pictures.panels import text_of
 from barbalat.pictures.theme import GROUND, INK, QUIET_INK, Theme, dash_of, new_figure
 from barbalat.validate import Array
-from barbalat.vehicles.path_picture import box_of, frame, inside
+from barbalat.vehicles.picture import box_of, frame, inside
 from barbalat.vehicles.scene import Mover, Scene
 
 FRAME_SIDE, PIXELS_PER_INCH = 4.8, 100

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from barbalat.run.stepwise import Agreement
+from barbalat.run.kernel.sampled_controller import Agreement
 from barbalat.validate import Array, Named
 
 NO_NUMBER = "its controller gave a command that is no number"

@@ -6,18 +6,16 @@ from collections.abc import Sequence
 from importlib import metadata
 from typing import Any, TypeAlias
 
+from barbalat.budget import Progress
 from barbalat.linear.largest import largest_whole
 from barbalat.protocols import Controller
-from barbalat.run.progress import Progress
-from barbalat.run.sampled_step import SampledList
-from barbalat.run.stepwise import Maker
+from barbalat.run.kernel.sampled_controller import Maker, SampledList
 from barbalat.validate import InputError, show
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.flight import Failing, Flight, Timing
 from barbalat.vehicles.isolated import SECONDS_PER_FLIGHT, STARTING_SECONDS, SimulatorFailed, isolated
-from barbalat.vehicles.registry import vehicle_of
 from barbalat.vehicles.schemes import Loop, OnLoop, available, require_offered
-from barbalat.vehicles.vehicle import Aboard, Vehicle
+from barbalat.vehicles.vehicle import Aboard, Vehicle, vehicle_of
 
 AnyVehicle: TypeAlias = Vehicle[Any, Any, Any]
 

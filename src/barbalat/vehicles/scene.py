@@ -1,4 +1,4 @@
-"""Flights in space, as data: who flew where, and how it stood there. ``film`` and ``path_picture`` draw them."""
+"""Flights in space, as data: who flew where, and how it stood there. ``film`` and ``picture`` draw them."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ What is written here is the same on all vehicles; what a vehicle has of its own,
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from importlib.util import find_spec
 from typing import Any, NamedTuple, Protocol
@@ -14,9 +14,9 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from barbalat.adaptation.laws.least_squares import LeastSquares
-from barbalat.controllers import Adrc, L1Adaptive, L1PiecewiseConstant, RobustMrac, Sampled
+from barbalat.controllers import Adrc, L1Adaptive, L1PiecewiseConstant, LinearFeedback, RobustMrac, Sampled
 from barbalat.controllers.piecewise_predictor import AsFlown
-from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError, show
@@ -134,7 +134,7 @@ def l1_piecewise(loop: Loop, numbers: Numbers) -> OnLoop:
 
 
 def l1_piecewise_flown(loop: Loop, numbers: Numbers) -> OnLoop:
-    """The same with the predictor as it was flown."""
+    """L1 adaptive control with the piecewise-constant law and the predictor as it was flown."""
     return _piecewise(loop, numbers, "L1 piecewise, as flown", AsFlown(nominal=loop.known_gain))
 
 
@@ -145,8 +145,31 @@ def _piecewise(loop: Loop, numbers: Numbers, name: str, as_flown: AsFlown | None
     return OnLoop(loop.linear_problem, controller)
 
 
+def protected(loop: Loop, linear: LinearFeedback, crossover: float) -> OnLoop:
+    """A linear controller, sampled, its integral protected against windup: what a missing control weighs is its own gain at the
+    crossover [rad/s]."""
+    K = StateSpace.accept("controller", linear.controller)
+    gain = float(abs(K.response(np.array([crossover]))[0]))
+    return OnLoop(loop.linear_problem, Sampled(replace(linear, anti_windup=gain), loop.sample_time))
+
+
+Range = Mapping[str, tuple[float, float]]
+
+
+def on_every_vehicle(mrac: Callable[[Any, Numbers], OnLoop], *, bandwidth: Range, adaptation: Range) -> dict[str, Scheme]:
+    """The schemes that all vehicles offer: an MRAC of the vehicle's own, and what is made alike from any loop."""
+    return {
+        "adrc": Scheme(adrc, bandwidth),
+        "mrac": Scheme(mrac, adaptation),
+        "robust-mrac": Scheme(robust_mrac, {**bandwidth, "covariance": (1e-3, 1e2)}),
+        "l1": Scheme(l1, {**bandwidth, **adaptation}),
+        "l1-piecewise": Scheme(l1_piecewise, bandwidth),
+        "l1-piecewise-flown": Scheme(l1_piecewise_flown, bandwidth),
+    }
+
+
 def available(offered: Iterable[str]) -> list[str]:
-    """Of these schemes, those whose packages are installed."""
+    """The schemes among these whose packages are installed."""
     return [name for name in offered if name != ROBUST or find_spec("slycot") is not None]
 
 

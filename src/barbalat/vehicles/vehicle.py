@@ -5,13 +5,15 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, ClassVar, Generic, TypeVar
 
+from barbalat.discovery import slices
 from barbalat.open_numbers.path import FieldPath
-from barbalat.run.stepwise import Flyable
+from barbalat.run.kernel.sampled_controller import Flyable
 from barbalat.sweeps.plan import Design, Plan
 from barbalat.sweeps.spread import Uniform
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError, show
 from barbalat.vehicles.flight import Failing, Flight, Timing
 from barbalat.vehicles.schemes import Loop, Numbers, Scheme
 
@@ -199,4 +201,27 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     @abstractmethod
     def details(self, model: Model, version: str) -> dict[str, Any]:
-        """The same for the document of ``--json``."""
+        """Where it flies, its linear model and its simulator, for the document of ``--json``."""
+
+
+GROUP = "barbalat.vehicles"
+"""The entry points by which vehicles from outside this package are found."""
+
+
+@cache
+def vehicles() -> dict[str, Vehicle[Any, Any, Any]]:
+    """All by the names of the command line; InputError where two have one name, or an entry point can't be imported."""
+    found: dict[str, Vehicle[Any, Any, Any]] = {}
+    for module in slices(__package__, GROUP, "vehicle"):
+        for vehicle in module.VEHICLES:
+            if vehicle.name in found:
+                raise InputError(f"two vehicles are called {vehicle.name!r}, the second in {module.__name__}")
+            found[vehicle.name] = vehicle
+    return found
+
+
+def vehicle_of(name: str) -> Vehicle[Any, Any, Any]:
+    """InputError for a name that is none."""
+    if name not in vehicles():
+        raise InputError(f"NAME must be one of {', '.join(vehicles())}, got {show(name)}")
+    return vehicles()[name]

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 
 from adaptation import examples
-from barbalat import DeadZone, EpsilonModification, FixedSigma, ParameterBall, Problem, Sines, SwitchingSigma
+from barbalat import Problem
 from barbalat.adaptation.laws import LAWS
 from barbalat.controllers import NormalizedMrac, RobustMrac
+from barbalat.laws import DeadZone, EpsilonModification, FixedSigma, SwitchingSigma
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.plants import ParameterBall
 from barbalat.problem.known_set import limit
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.signals import Sines
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad_vec
 
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.laws import Estimation, Gradient, LeastSquares
-from barbalat.adaptation.laws.covariance import Memory
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.laws.least_squares import Memory
 from independent import integrate
 
 THETA = np.array([4.0, -3.0, 0.5])

@@ -14,7 +14,7 @@ from barbalat.adaptation.laws import (
     LeastSquaresBoundedGain,
     LeastSquaresForgetting,
     LeastSquaresResetting,
-    covariance,
+    least_squares,
 )
 from independent import integrate
 
@@ -123,10 +123,10 @@ def march(law, regressor, theta, theta_hat0, t_end, h=1e-2):
     estimates, covariances = [theta_hat], [memory.covariance]
     for k in range(round(t_end / h)):
         first = rates(k * h, theta_hat, memory)
-        stage = law.limit(covariance.Memory(memory.covariance + h * first.memory.covariance))
+        stage = law.limit(least_squares.Memory(memory.covariance + h * first.memory.covariance))
         second = rates((k + 1) * h, theta_hat + h * first.theta_hat, stage)
         theta_hat = theta_hat + h / 2 * (first.theta_hat + second.theta_hat)
-        memory = law.limit(covariance.Memory(memory.covariance + h / 2 * (first.memory.covariance + second.memory.covariance)))
+        memory = law.limit(least_squares.Memory(memory.covariance + h / 2 * (first.memory.covariance + second.memory.covariance)))
         estimates.append(theta_hat)
         covariances.append(memory.covariance)
     return np.array(estimates), covariances
@@ -160,14 +160,14 @@ def test_the_reset_criterion_is_the_smallest_eigenvalue(n):
         P = root @ root.T - random.choice([0.0, 1.0]) * np.eye(n)
         smallest = np.linalg.eigvalsh(P)[0]
         rho = smallest + random.choice([-1, 1]) * 10.0 ** random.uniform(-8, 0)
-        assert (covariance.smallest_pivot(P, rho) > 0) == (smallest > rho)
+        assert (least_squares.smallest_pivot(P, rho) > 0) == (smallest > rho)
 
 
 def test_a_bad_covariance_is_not_reset_to_a_good_one():
     P = np.full((2, 2), np.nan)
-    assert np.isnan(LeastSquaresResetting(rho_0=1.0, rho_1=0.1).limit(covariance.Memory(P)).covariance).all()
+    assert np.isnan(LeastSquaresResetting(rho_0=1.0, rho_1=0.1).limit(least_squares.Memory(P)).covariance).all()
     assert np.isnan(
-        LeastSquaresBounded(covariance0=1.0, forgetting=0.1, covariance_bound=9.0).limit(covariance.Memory(P)).covariance
+        LeastSquaresBounded(covariance0=1.0, forgetting=0.1, covariance_bound=9.0).limit(least_squares.Memory(P)).covariance
     ).all()
 
 

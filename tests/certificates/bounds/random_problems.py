@@ -19,15 +19,12 @@ from barbalat import (
     Problem,
     ReferenceModel,
     Simulation,
-    Sine,
-    Sines,
-    Square,
-    Steps,
     TransferFunction,
     simulate_ensemble,
 )
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import model_bounds
+from barbalat.signals import Sine, Sines, Square, Steps
 
 SIMULATION = Simulation(t_end=10, dt=1e-3)
 COMMANDS = (

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from barbalat import L1Adaptive, PlantInput, Problem, Simulation, TransferFunction, input_filter
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.certificates.bounds import l1_reference, theorem_1
+from barbalat import L1Adaptive, Problem, Simulation, TransferFunction, input_filter
+from barbalat.adaptation.modifications import FixedSigma
+from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
 from barbalat.papers.jafari_2013 import section_v
+from barbalat.plants import PlantInput
 from certificates.bounds import random_problems
 
 H, T_END = 2e-3, 10.0
@@ -76,7 +77,7 @@ def test_the_bound_is_never_violated(n, sample):
             members.append((problem, L1Adaptive(gamma=gamma, filter=C, theta_hat0=start)))
             nu = theorem_1.nu_0(theorem_1.initial_parameter_error(start, problem.plant.theta), problem.known)
             condition = theorem_1.filter_condition(problem.known, C.realise(), problem.uncertainty.theta_max)
-            bounds.append(l1_reference.reference_error_bound(theorem_1.mrac_bound(nu, gamma), condition, C.realise()))
+            bounds.append(theorem_1.reference_error_bound(theorem_1.mrac_bound(nu, gamma), condition, C.realise()))
         used.append(largest_distances(members, C) / np.array(bounds))
     ratio = np.concatenate(used)
     assert np.isfinite(ratio).all()
@@ -89,12 +90,12 @@ def test_section_v_by_hand():
     given, C = section_v.problem(), input_filter(section_v.KAPPA).realise()
     condition = theorem_1.filter_condition(given.known, C, 10.0)
     nu = 5 / math.sqrt(np.linalg.eigvalsh(given.known.P)[0])
-    assert 1 <= l1_reference.filter_norm(C) == pytest.approx(1, rel=1e-9)  # the width of an enclosure
+    assert 1 <= theorem_1.filter_norm(C) == pytest.approx(1, rel=1e-9)  # the width of an enclosure
     expected = nu / (1 - 10 * condition.norm.upper)
-    found = l1_reference.reference_error_bound(theorem_1.nu_0(5.0, given.known), condition, C)
+    found = theorem_1.reference_error_bound(theorem_1.nu_0(5.0, given.known), condition, C)
     assert found == pytest.approx(expected, rel=1e-9) and found >= expected
     fails = theorem_1.filter_condition(given.known, input_filter(0.06).realise(), 10.0)
-    assert l1_reference.reference_error_bound(1.0, fails, C) == math.inf
+    assert theorem_1.reference_error_bound(1.0, fails, C) == math.inf
 
 
 def test_the_exact_gain_by_trapezoids():
@@ -114,7 +115,7 @@ def test_the_exact_gain_by_trapezoids():
         responses.append(outputs @ columns)
         columns = step @ columns
     norm = np.trapezoid(np.abs(np.array(responses)), dx=h, axis=0).sum(axis=1).max()
-    found = l1_reference.exact_gain(section_v.problem().known, input_filter(kappa).realise(), theta)
+    found = theorem_1.exact_gain(section_v.problem().known, input_filter(kappa).realise(), theta)
     assert found == pytest.approx(norm, rel=2e-4)  # trapezoids at a fortieth of the filter's time constant
     assert found < 1 / (
         1 - 7 * theorem_1.filter_condition(section_v.problem().known, input_filter(kappa).realise(), 1.0).norm.lower

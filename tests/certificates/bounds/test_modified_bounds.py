@@ -7,23 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import (
-    CompositeLearning,
-    L1Adaptive,
-    LeastSquares,
-    Mrac,
-    ParameterBall,
-    ParameterBox,
-    Plant,
-    Problem,
-    ReferenceModel,
-    Simulation,
-    SwitchingSigma,
-    input_filter,
-    simulate_ensemble,
-)
+from barbalat import L1Adaptive, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation, input_filter, simulate_ensemble
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
+from barbalat.laws import CompositeLearning, LeastSquares, SwitchingSigma
+from barbalat.plants import ParameterBall
 from certificates.bounds.random_problems import COMMANDS, random_known
 
 SIMULATION = Simulation(t_end=20.0, dt=2.0**-8)

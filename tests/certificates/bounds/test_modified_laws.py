@@ -7,31 +7,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import (
+from barbalat import L1Adaptive, Mrac, NormalizedMrac, ParameterBox, Sampled, input_filter
+from barbalat.certificates.bounds import laws
+from barbalat.certificates.certificates import table_1
+from barbalat.certificates.certify import certify
+from barbalat.certificates.linear_loops.ideal import around_equilibrium
+from barbalat.laws import (
     CompositeLearning,
     DeadZone,
     EpsilonModification,
     FixedSigma,
     Gradient,
-    L1Adaptive,
     LeastSquares,
     LeastSquaresForgetting,
-    Mrac,
-    NormalizedMrac,
-    ParameterBall,
-    ParameterBox,
-    Sampled,
     SwitchingSigma,
-    input_filter,
 )
-from barbalat.certificates.bounds import laws
-from barbalat.certificates.certify import certify
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
-from barbalat.certificates.table_1 import table_1
 from barbalat.linear.margins import margins
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.plants import ParameterBall
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
 
@@ -148,7 +143,7 @@ def test_the_adapting_loop_with_a_matrix_gain(problems):
     """Its margin by the reduced loop, against the full Jacobian's Nyquist curve: theta_hat moves along Gamma x only."""
     import casadi as ca
 
-    from barbalat.certificates.linear_loops.around_equilibrium import equilibrium
+    from barbalat.certificates.linear_loops.ideal import equilibrium
     from barbalat.loop.packing import column, flatten, symbols
 
     problem = replace(problems[2], uncertainty=None)

@@ -8,13 +8,13 @@ import pytest
 from scipy.integrate import trapezoid
 from scipy.linalg import expm
 
-from barbalat.certificates.bounds import output_loop as subject
-from barbalat.certificates.bounds.slopes import largest_at_zero, largest_slope, steepest_seen
+from barbalat.certificates.bounds.formulas import largest_at_zero, largest_slope, steepest_seen
 from barbalat.certificates.entry import NotApplicable
+from barbalat.certificates.schemes import output_feedback as subject
 from barbalat.controllers.output.l1 import linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
-from barbalat.problem.output_plant import Nonlinearity, OutputPlant
-from barbalat.run.ensemble import simulate_ensemble
+from barbalat.problem.output_feedback import Nonlinearity, OutputPlant
+from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine, Square, Step
 from certificates.output_problems import SIMULATION, TF, l1, problem
 

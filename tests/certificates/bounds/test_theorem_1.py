@@ -11,7 +11,7 @@ from barbalat import Mrac, Simulation, input_filter, simulate_ensemble
 from barbalat.cases.load import load_case
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import model_bounds
-from barbalat.linear.definite import lyapunov_holds, smallest_eigenvalue
+from barbalat.linear.conditions import lyapunov_holds, smallest_eigenvalue
 from certificates.bounds import random_problems
 
 

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import L1Adaptive, Mrac, ParameterBox, Plant, PlantInput, Problem, ReferenceModel, Sine, input_filter
+from barbalat import L1Adaptive, Mrac, ParameterBox, Plant, Problem, ReferenceModel, input_filter
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
-from barbalat.linear.interconnections import series
 from barbalat.linear.margins import margins
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.systems import StateSpace, series
+from barbalat.plants import PlantInput
+from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 
 A_M, B, THETA = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([0.0, 1.0]), np.array([5.0, 1.5])

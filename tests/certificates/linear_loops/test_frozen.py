@@ -6,24 +6,15 @@ import control
 import numpy as np
 import pytest
 
-from barbalat import (
-    Constant,
-    Gradient,
-    LeastSquares,
-    NormalizedMrac,
-    PlantInput,
-    Polynomial,
-    ReferenceModel,
-    RobustMrac,
-    Sensor,
-    Simulation,
-    TransferFunction,
-    simulate_ensemble,
-)
+from barbalat import NormalizedMrac, ReferenceModel, RobustMrac, Simulation, TransferFunction, simulate_ensemble
 from barbalat.certificates.linear_loops.frozen import FrozenLoops, borne, small_gain
-from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
+from barbalat.laws import Gradient, LeastSquares
 from barbalat.linear.peaks import peak_gain
+from barbalat.linear.systems import complementary_sensitivity, sensitivity, series
+from barbalat.plants import PlantInput, Sensor
 from barbalat.problem.modelling_error import DelayError, ScaledError
+from barbalat.regressors import Polynomial
+from barbalat.signals import Constant
 from independent import refusal
 
 DERIVATIVE = ScaledError(TransferFunction([-1.0, 0.0], [0.01, 1.0]))

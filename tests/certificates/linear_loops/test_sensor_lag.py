@@ -6,21 +6,20 @@ import numpy as np
 import pytest
 
 from barbalat import (
-    Constant,
     KnownParameters,
     L1Adaptive,
     Mrac,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
-    Sensor,
     Simulation,
     certify,
     input_filter,
     simulate,
 )
+from barbalat.plants import PlantInput, Sensor
+from barbalat.signals import Constant
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-3)
 KAPPA = 0.05

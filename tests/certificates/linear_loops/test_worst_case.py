@@ -7,17 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import InputError, L1Adaptive, Mrac, ParameterBox, Plant, PlantInput, TransferFunction, input_filter
+from barbalat import InputError, L1Adaptive, Mrac, ParameterBox, Plant, TransferFunction, input_filter
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta, worst_case
+from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta, screen, worst_case
 from barbalat.cli import main
-from barbalat.linear.interconnections import sensitivity
 from barbalat.linear.margins import margins
-from barbalat.linear.screening import screen
-from barbalat.linear.systems import StateSpace
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.linear.systems import StateSpace, sensitivity
+from barbalat.papers.jafari_2013.section_v import variant
+from barbalat.plants import PlantInput
 from barbalat.problem.known_set import ParameterBall
 from barbalat.solvers.simulation import Simulation
 

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import Adrc, ParameterBox, Plant, PlantInput, Sine, Step, TransferFunction, certify, load_case, simulate
-from barbalat.certificates.table_1 import table_1
+from barbalat import Adrc, ParameterBox, Plant, TransferFunction, certify, load_case, simulate
+from barbalat.certificates.certificates import table_1
+from barbalat.plants import PlantInput
+from barbalat.signals import Sine, Step
 from barbalat.solvers.simulation import Simulation
 
 SIMULATION = Simulation(t_end=10.0, dt=1e-3)

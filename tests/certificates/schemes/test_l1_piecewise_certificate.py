@@ -13,18 +13,11 @@ from mixtures import state_feedback
 from scipy.linalg import expm
 
 from barbalat import (
-    AsFlown,
-    Constant,
     L1PiecewiseConstant,
-    Noise,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
-    Sensor,
     Simulation,
-    Sine,
-    Square,
     TransferFunction,
     certify,
     input_filter,
@@ -32,7 +25,10 @@ from barbalat import (
 )
 from barbalat.cases.load import load_case
 from barbalat.controllers.l1_piecewise import input_directions
+from barbalat.laws import AsFlown
+from barbalat.plants import Noise, PlantInput, Sensor
 from barbalat.problem.regressors import Polynomial
+from barbalat.signals import Constant, Sine, Square
 from independent import refusal
 
 SIMULATION = Simulation(t_end=1.0, dt=1e-3)

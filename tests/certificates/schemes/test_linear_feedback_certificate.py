@@ -4,22 +4,13 @@ import numpy as np
 import pytest
 from scipy import signal as scipy_signal
 
-from barbalat import (
-    InputError,
-    L1Adaptive,
-    LinearFeedback,
-    PlantInput,
-    Sampled,
-    Sine,
-    TransferFunction,
-    hinf_feedback,
-    input_filter,
-    pi_feedback,
-    simulate_ensemble,
-)
+from barbalat import InputError, L1Adaptive, LinearFeedback, Sampled, TransferFunction, input_filter, simulate_ensemble
 from barbalat.certificates.certify import certify
 from barbalat.certificates.schemes import linear_feedback
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.designs import hinf_feedback, pi_feedback
+from barbalat.papers.jafari_2013.section_v import variant
+from barbalat.plants import PlantInput
+from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 
 SIMULATION = Simulation(t_end=60.0, dt=1e-4)

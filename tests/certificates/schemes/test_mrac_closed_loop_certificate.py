@@ -9,7 +9,10 @@ import pytest
 from scipy.integrate import trapezoid
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from barbalat import MracClosedLoop, ParameterBall, ParameterBox, Plant, PlantInput, Sine, Terms, certify, simulate
+from barbalat import MracClosedLoop, ParameterBox, Plant, certify, simulate
+from barbalat.plants import ParameterBall, PlantInput
+from barbalat.regressors import Terms
+from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 
 GAMMA, DT = 4.0, 1e-3

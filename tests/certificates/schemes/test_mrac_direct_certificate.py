@@ -8,22 +8,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from barbalat import (
-    Constant,
-    DirectMrac,
-    ParameterBall,
-    ParameterBox,
-    Plant,
-    PlantInput,
-    Problem,
-    ReferenceModel,
-    Sine,
-    Terms,
-    certify,
-    load_case,
-    simulate,
-)
-from barbalat.certificates.table_1 import table_1
+from barbalat import DirectMrac, ParameterBox, Plant, Problem, ReferenceModel, certify, load_case, simulate
+from barbalat.certificates.certificates import table_1
+from barbalat.plants import ParameterBall, PlantInput
+from barbalat.regressors import Terms
+from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 
 SIMULATION = Simulation(t_end=10.0, dt=1e-3)

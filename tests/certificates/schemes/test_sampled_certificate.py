@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from barbalat import L1Adaptive, Mrac, Sampled, Simulation, input_filter
 from barbalat.certificates.certify import certify
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.papers.jafari_2013.section_v import variant
 
 
 def findings(controller, **settings):

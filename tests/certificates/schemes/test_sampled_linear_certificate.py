@@ -18,20 +18,20 @@ from barbalat import (
     OutputReferenceModel,
     ParameterBox,
     Plant,
-    PlantInput,
     Problem,
     ReferenceModel,
     Sampled,
     Simulation,
-    Sine,
     TransferFunction,
     certify,
     simulate,
 )
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
-from barbalat.certificates.table_1 import table_1
 from barbalat.controllers.output.l1 import L1Output
 from barbalat.controllers.output.l1_piecewise import L1OutputPiecewiseConstant
+from barbalat.plants import PlantInput
+from barbalat.signals import Sine
 
 A_M, B, THETA, OMEGA, T = np.array([[0.0, 1.0], [-2.0, -2.0]]), np.array([0.0, 1.0]), np.array([0.6, -0.4]), 40.0, 0.05
 SIMULATION = Simulation(t_end=20.0, dt=1e-3)

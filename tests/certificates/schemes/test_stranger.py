@@ -9,21 +9,19 @@ import control
 import numpy as np
 import pytest
 
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import NotApplicable
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
 from barbalat.certificates.linear_loops.at_rest import rest_of
-from barbalat.certificates.table_1 import table_1
+from barbalat.certificates.linear_loops.ideal import around_equilibrium
 from barbalat.controllers import KnownParameters, L1Adaptive, Mrac, Sampled
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Sensor
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation

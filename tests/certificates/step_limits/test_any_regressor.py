@@ -8,27 +8,15 @@ from itertools import product
 import numpy as np
 import pytest
 
-from barbalat import (
-    GaussianRBF,
-    L1Adaptive,
-    Mrac,
-    ParameterBox,
-    Plant,
-    PlantInput,
-    Polynomial,
-    Problem,
-    ReferenceModel,
-    Simulation,
-    Sine,
-    Terms,
-    input_filter,
-    simulate,
-)
+from barbalat import L1Adaptive, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation, input_filter, simulate
 from barbalat.cases.load import load_case
-from barbalat.certificates.bounds.regressor import TIGHTNESS_RATIO, Ball, largest_square
+from barbalat.certificates.bounds.formulas import TIGHTNESS_RATIO, Ball, largest_square
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
-from barbalat.run.diagnosis.adapting import regressor_along
+from barbalat.plants import PlantInput
+from barbalat.regressors import GaussianRBF, Polynomial, Terms
+from barbalat.run.results.adapting import regressor_along
+from barbalat.signals import Sine
 from barbalat.solvers import RK4
 
 REGRESSORS = {

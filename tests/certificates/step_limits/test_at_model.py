@@ -3,21 +3,11 @@
 import numpy as np
 import pytest
 
-from barbalat import (
-    Gradient,
-    Mrac,
-    NormalizedMrac,
-    ParameterBox,
-    Plant,
-    PlantInput,
-    Polynomial,
-    Problem,
-    ReferenceModel,
-    Sampled,
-    Sine,
-    certify,
-    simulate,
-)
+from barbalat import Mrac, NormalizedMrac, ParameterBox, Plant, Problem, ReferenceModel, Sampled, certify, simulate
+from barbalat.laws import Gradient
+from barbalat.plants import PlantInput
+from barbalat.regressors import Polynomial
+from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 
 AT = Simulation(t_end=20.0, dt=0.01)

@@ -9,24 +9,12 @@ import math
 
 import pytest
 
-from barbalat import (
-    EULER,
-    HEUN,
-    RK4,
-    DirectMrac,
-    Gradient,
-    L1Adaptive,
-    Mrac,
-    MracClosedLoop,
-    NormalizedMrac,
-    Sampled,
-    certify,
-    input_filter,
-    simulate,
-)
+from barbalat import DirectMrac, L1Adaptive, Mrac, MracClosedLoop, NormalizedMrac, Sampled, certify, input_filter, simulate
 from barbalat.cases.load import load_case
 from barbalat.certificates.cells import COUNTS_ON_DAMPING, limits_text
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat.laws import Gradient
+from barbalat.papers.jafari_2013.section_v import variant
+from barbalat.solvers import EULER, HEUN, RK4
 from barbalat.solvers.simulation import Simulation
 
 T_END = 15.0  # s; a period of the command is 12.6 s, so that |x_m| has been at its largest

@@ -4,10 +4,12 @@ import flint
 import numpy as np
 import pytest
 
-from barbalat import Constant, Gradient, Mrac, NormalizedMrac, Plant, Problem, ReferenceModel, Simulation, simulate
+from barbalat import Mrac, NormalizedMrac, Plant, Problem, ReferenceModel, Simulation, simulate
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
+from barbalat.laws import Gradient
+from barbalat.signals import Constant
 from barbalat.solvers import EULER, HEUN, RK4, SOLVERS
 
 NONE = np.zeros(0)

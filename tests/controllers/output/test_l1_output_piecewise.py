@@ -9,8 +9,8 @@ import pytest
 from scipy.linalg import expm, solve_continuous_lyapunov
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
 from barbalat.controllers.l1_piecewise import input_directions
 from barbalat.controllers.output import L1Output, L1OutputPiecewiseConstant
 from barbalat.controllers.output.l1 import fast_limit
@@ -18,9 +18,8 @@ from barbalat.controllers.output.l1_piecewise import observed_direction
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine, Sines, Square, Step, Steps
 from barbalat.solvers.simulation import Simulation
 from independent import refusal

@@ -12,14 +12,13 @@ from scipy.integrate import solve_ivp
 
 from adaptation.examples import LAW_EXAMPLES
 from barbalat.adaptation.laws import LAWS, Gradient, LeastSquares
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.modifications.fixed_sigma import FixedSigma
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.lyapunov import LyapunovLaw
+from barbalat.adaptation.modifications import DeadZone, FixedSigma
 from barbalat.cases.load import load_case
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.schemes.output.l1 import condition_norm, small_gain_system
 from barbalat.certificates.schemes.output.mrac import matched_feedback
-from barbalat.certificates.table_1 import table_1
 from barbalat.controllers import Mrac, Sampled
 from barbalat.controllers.output.l1 import L1Output, fast_limit, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
@@ -31,10 +30,9 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, symbols
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.simulate import simulate
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine, Step
 from barbalat.solvers.simulation import Simulation
 from independent import refusal
@@ -496,7 +494,7 @@ def test_c_0_min_alone_keeps_c_0_on_its_side_of_zero(sign):
     """c_0 = k_m/k_p: the mirrored plant has the mirrored interval, and c_0's first estimate is the end nearest to zero."""
     controller = MracOutput(order=1, relative_degree=1, sign=sign, law=Gradient(gamma=1.0), c_0_min=0.1)
     equations = problem_bind(TF([2.0 * sign], [1.0, 1.0]), controller, TF([3.0], [1.0, 3.0])).equations
-    near, far = sorted((equations.box.lower[-1], equations.box.upper[-1]), key=abs)
+    near, far = sorted((equations.estimate_set.lower[-1], equations.estimate_set.upper[-1]), key=abs)
     assert near == 0.1 * sign and far * sign > 1e3
     assert equations.theta_hat0[-1] == near
 

@@ -11,7 +11,7 @@ import pytest
 
 from barbalat.lowering import c99
 from barbalat.lowering.functions import FUNCTIONS, function
-from barbalat.lowering.functions.reduction import LARGEST_USUAL
+from barbalat.lowering.functions.trigonometric import LARGEST_USUAL
 from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import Operation, Program
 from barbalat.lowering.shape import LoopShape

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from barbalat.export.evaluate import evaluate
+from barbalat.export.contents import evaluate
 from barbalat.lowering import c99
 from barbalat.lowering.functions import FUNCTIONS, function
 from barbalat.lowering.functions.formats import SINGLE

@@ -13,16 +13,15 @@ import pytest
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.controllers import RobustMrac
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.lowering.llvm.ir import LONGEST_INSIDE
 from barbalat.lowering.llvm.machine import Kernel, Watch
-from barbalat.lowering.llvm.watch import LONGEST_INSIDE
 from barbalat.lowering.operations import Operation, Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
-from barbalat.run import kernels
-from barbalat.run.batch import Batch
-from barbalat.run.engine import run
-from barbalat.run.grid import signal_table
-from barbalat.run.step import step_function, step_program
+from barbalat.run.engine.engine import Batch, run
+from barbalat.run.kernel import step as kernel_step
+from barbalat.run.kernel.grid import signal_table
+from barbalat.run.kernel.step import step_function, step_program
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
 from independent import example_controllers
@@ -200,7 +199,7 @@ def test_two_runs_are_the_same_run(section_v):
     """In the regime of numerical chaos, where one bit would become a different trajectory."""
     from barbalat.controllers import L1Adaptive
     from barbalat.linear.systems import input_filter
-    from barbalat.run.simulate import simulate
+    from barbalat.run.engine.simulate import simulate
 
     controller = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
     simulation = Simulation(t_end=5.0, dt=1e-4)
@@ -216,8 +215,7 @@ def test_kernels_that_are_gone_leave_no_memory():
 import casadi as ca, gc, numpy as np
 from pathlib import Path
 from barbalat.lowering.llvm.machine import Kernel
-from barbalat.lowering.llvm.watch import LONGEST_INSIDE
-from barbalat.lowering.operations import Operation, Program, read
+from barbalat.lowering.operations import read
 from barbalat.lowering.shape import LoopShape
 
 def compile(i):
@@ -248,7 +246,7 @@ def test_a_long_quantity_is_a_function_of_its_own_and_has_the_same_bits(problems
     simulation, rows = Simulation(t_end=2.0, dt=2.0**-7), []
     for longest in (10**6, 0):
         monkeypatch.setattr(ir, "LONGEST_INSIDE", longest)
-        kernels.compiled.cache_clear()
+        kernel_step.compiled.cache_clear()
         batch = Batch.of([(problems[2], controller)], simulation, windows=4)
         run([batch], problems[2].signals, simulation)
         rows.append(batch.watch.rows)

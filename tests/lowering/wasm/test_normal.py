@@ -7,7 +7,7 @@ import pytest
 
 from barbalat.lowering.wasm.normal import ENTRY, normal_module
 from barbalat.problem.measurement import LARGEST_SEED
-from barbalat.run.noise import standard_normal
+from barbalat.run.kernel.portable import standard_normal
 from lowering.test_c99 import same_bits
 
 wasmtime = pytest.importorskip("wasmtime", reason="wasmtime is not installed")

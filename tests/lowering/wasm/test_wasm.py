@@ -10,16 +10,16 @@ import llvmlite.binding
 import numpy as np
 import pytest
 
-from barbalat import L1Adaptive, Mrac, Noise, PlantInput, Problem, Sampled, Sensor, Simulation, input_filter, load_case
+from barbalat import L1Adaptive, Mrac, Problem, Sampled, Simulation, input_filter, load_case
 from barbalat.cases.load import bundled
 from barbalat.lowering.functions import FUNCTIONS, function
 from barbalat.lowering.llvm import ir
 from barbalat.lowering.operations import Operation, Program
 from barbalat.lowering.shape import ENTRY, LoopShape
 from barbalat.lowering.wasm.module import PAGE_BYTES, module
-from barbalat.run.batch import Batch
-from barbalat.run.engine import run
-from barbalat.run.step import StepProgram
+from barbalat.plants import Noise, PlantInput, Sensor
+from barbalat.run.engine.engine import Batch, run
+from barbalat.run.kernel.step import StepProgram
 from lowering.functions.test_functions import evaluated, points
 from lowering.test_c99 import same_bits
 

@@ -8,7 +8,7 @@ import wasmtime
 from barbalat.lowering.llvm.machine import Rings, Watch
 from barbalat.lowering.shape import ENTRY
 from barbalat.lowering.wasm.loop import loop
-from barbalat.run.step import StepProgram
+from barbalat.run.kernel.step import StepProgram
 
 _PAGE_BYTES = 65_536
 _ENGINE = wasmtime.Engine()

@@ -14,19 +14,18 @@ from rich.console import Console
 
 from barbalat.cases.load import bundled, load_case, parse_case
 from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.summary import five
-from barbalat.certificates.table_1 import table_1
 from barbalat.papers.claim import Claim, Listing, Reading
 from barbalat.papers.jafari_2013.paper import PAPER
-from barbalat.papers.paper_figure import Check, PaperFigure
-from barbalat.pictures.numbers import number_text
-from barbalat.pictures.symbols import HELD_BLANK
+from barbalat.papers.paper import Check, PaperFigure
+from barbalat.pictures.symbols import HELD_BLANK, number_text
 from barbalat.report.terminal import certificates, ledger, runs
 from barbalat.report.terminal.layout import Screen, capitalized, fold
-from barbalat.run.outcome import DEMAND
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.outcome import DEMAND
 from barbalat.solvers import SOLVERS
 
 WIDE = 400

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from barbalat.vehicles.f16.gusts import TURBULENCE_LENGTH, gusts_met
+from barbalat.vehicles.f16.flying import TURBULENCE_LENGTH, gusts_met
 
 
 def test_they_have_drydens_correlation():

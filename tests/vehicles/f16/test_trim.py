@@ -8,7 +8,8 @@ jsbsim = pytest.importorskip("jsbsim", reason="the extra flight is not installed
 
 import broken_aircraft  # noqa: E402
 
-from barbalat import FlightCondition, InputError, SimulatorFailed  # noqa: E402
+from barbalat import InputError  # noqa: E402
+from barbalat.flights import FlightCondition, SimulatorFailed  # noqa: E402
 from barbalat.vehicles.f16.airframe import STEP, Airframe, Surfaces  # noqa: E402
 from barbalat.vehicles.f16.model import BALLAST_LB  # noqa: E402
 from barbalat.vehicles.f16.trim import trimmed  # noqa: E402

@@ -11,19 +11,17 @@ from benchmarks import flight_tuning, quadrotor_tuning
 from benchmarks.flight_tuning import PAGES
 from scipy.optimize import brentq
 
-from barbalat.papers.jafari_2013.flight.stored_flights import Flights
+from barbalat.papers.jafari_2013.flight.flown import Flights
 from barbalat.vehicles.dispersed import fly_dispersed
 from barbalat.vehicles.flight import Timing
-from barbalat.vehicles.quadrotor.air import GUSTS_SHARE, Air
 from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, Axes, Electronics
 from barbalat.vehicles.quadrotor.body import SLOPE, STANDING, STEP, Quadrotor
 from barbalat.vehicles.quadrotor.control import Control
 from barbalat.vehicles.quadrotor.dispersions import NOMINAL, Dispersion
 from barbalat.vehicles.quadrotor.failures import FAILURES
-from barbalat.vehicles.quadrotor.flying import fly_all
+from barbalat.vehicles.quadrotor.flying import GUSTS_SHARE, Air, Sensing, fly_all
 from barbalat.vehicles.quadrotor.hover import hovering
 from barbalat.vehicles.quadrotor.schemes import SCHEMES, TUNED
-from barbalat.vehicles.quadrotor.sensing import Sensing
 from barbalat.vehicles.quadrotor.simulator import Motion
 from barbalat.vehicles.schemes import available
 from vehicles.nominal import quadrotor_through, scheme_on

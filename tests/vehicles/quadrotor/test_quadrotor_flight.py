@@ -11,10 +11,11 @@ pytest.importorskip("mujoco", reason="the extra flight is not installed: ./dev f
 from benchmarks.quadrotor import PAGE, cell
 from scipy.signal import step
 
-from barbalat import InputError, Mrac, Sampled, SimulatorFailed, fly
+from barbalat import InputError, Mrac, Sampled
 from barbalat.cli import main
+from barbalat.flights import SimulatorFailed, fly
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.run.sampled_part import initial_acting
+from barbalat.run.kernel.sampled_controller import initial_acting
 from barbalat.vehicles import flying
 from barbalat.vehicles.flight import Timing
 from barbalat.vehicles.quadrotor import control

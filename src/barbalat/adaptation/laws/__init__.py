@@ -3,14 +3,14 @@
 from barbalat.adaptation.law import AdaptiveLaw as AdaptiveLaw
 from barbalat.adaptation.law import Estimation as Estimation
 from barbalat.adaptation.law import Rates as Rates
-from barbalat.adaptation.laws.bounded_covariance import LeastSquaresBounded as LeastSquaresBounded
-from barbalat.adaptation.laws.bounded_gain import LeastSquaresBoundedGain as LeastSquaresBoundedGain
-from barbalat.adaptation.laws.forgetting import LeastSquaresForgetting as LeastSquaresForgetting
 from barbalat.adaptation.laws.gradient import Gradient as Gradient
 from barbalat.adaptation.laws.integral_cost import IntegralCost as IntegralCost
 from barbalat.adaptation.laws.least_squares import LeastSquares as LeastSquares
-from barbalat.adaptation.laws.resetting import LeastSquaresResetting as LeastSquaresResetting
-from barbalat.adaptation.output_lyapunov import LyapunovLaw as LyapunovLaw
+from barbalat.adaptation.laws.least_squares import LeastSquaresBounded as LeastSquaresBounded
+from barbalat.adaptation.laws.least_squares import LeastSquaresBoundedGain as LeastSquaresBoundedGain
+from barbalat.adaptation.laws.least_squares import LeastSquaresForgetting as LeastSquaresForgetting
+from barbalat.adaptation.laws.least_squares import LeastSquaresResetting as LeastSquaresResetting
+from barbalat.adaptation.lyapunov import LyapunovLaw as LyapunovLaw
 
 LAWS = {
     "gradient": Gradient,

@@ -10,8 +10,7 @@ from barbalat import validate
 from barbalat.adaptation import implicit
 from barbalat.adaptation.guarantee import ModifiedLaw
 from barbalat.adaptation.law import Estimation, Moved, Rates, SampleData
-from barbalat.adaptation.modifications import dead_zone as zone
-from barbalat.adaptation.modifications import leakage as leak
+from barbalat.adaptation.modifications import DeadZone, Leakage, accept_dead_zone, accept_leakage
 from barbalat.problem.known_set import EstimateSet, Gain, gain, project
 from barbalat.protocols import Value
 from barbalat.settings import Settings
@@ -32,13 +31,13 @@ class Gradient(ModifiedLaw, Settings):
 
     gamma: float | Array
     _: KW_ONLY
-    leakage: leak.Leakage | None = None
-    dead_zone: zone.DeadZone | None = None
+    leakage: Leakage | None = None
+    dead_zone: DeadZone | None = None
 
     def __post_init__(self) -> None:
         validate.freeze(self, gamma=gain.accept("law.gamma", self.gamma))
-        leak.accept(self.leakage, "the gradient law")
-        zone.accept(self.dead_zone)
+        accept_leakage(self.leakage, "the gradient law")
+        accept_dead_zone(self.dead_zone)
 
     @property
     def metric(self) -> Gain:

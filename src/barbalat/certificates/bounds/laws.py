@@ -6,13 +6,14 @@ from fractions import Fraction
 from typing import Any, Protocol
 
 import numpy as np
+from flint import arb_mat
 
 from barbalat.adaptation.guarantee import Guarantee, nothing
 from barbalat.adaptation.law import AdaptiveLaw, GuaranteedLaw, OutputErrorLaw
 from barbalat.adaptation.lyapunov import ModifiedSettings
 from barbalat.certificates.bounds.theorem_1 import mrac_bound, nu_0
 from barbalat.certificates.entry import Assumption
-from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR, float_above
 from barbalat.problem.known_set import EstimateSet, Gain
 from barbalat.problem.known_set.cone import EXACT_FACES
@@ -28,11 +29,11 @@ class Bound(Equations, Protocol):
     def theta_hat0(self) -> Array: ...
 
     @property
-    def box(self) -> EstimateSet | None: ...
+    def estimate_set(self) -> EstimateSet | None: ...
 
 
 class LyapunovScheme(Protocol):
-    """Settings of a scheme whose law follows from that V."""
+    """Settings of a scheme whose law follows from V = e'P e + theta_tilde'Gamma^-1 theta_tilde."""
 
     @property
     def gamma(self) -> float | Array: ...
@@ -44,7 +45,7 @@ class LyapunovScheme(Protocol):
 
 
 class ModifiedScheme(LyapunovScheme, ModifiedSettings, Protocol):
-    """One whose law may be modified."""
+    """Settings of a scheme with that V whose law may be modified."""
 
 
 def least_gain(gamma: float | Array) -> float:
@@ -54,8 +55,6 @@ def least_gain(gamma: float | Array) -> float:
 
 def weighted_error(theta_tilde: Array, gamma: Array) -> float:
     """sqrt(theta_tilde'Gamma^-1 theta_tilde), rounded up, for a diagonal or a matrix gain."""
-    from flint import arb_mat
-
     column = arb_mat(theta_tilde[:, None].tolist())
     matrix = arb_mat(Gain(gamma).as_matrix(len(theta_tilde)).tolist())
     return float_above((column.transpose() * matrix.inv() * column)[0, 0].sqrt()) * OUTWARD_FACTOR
@@ -87,7 +86,7 @@ def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
     It does with composite learning, which adds -2 gamma_c theta_tilde'R theta_tilde to V', and with a switching sigma that
     bounds every theta in question.
     """
-    known_set, gamma = controller.bind(problem.known).box, controller.gamma
+    known_set, gamma = controller.bind(problem.known).estimate_set, controller.gamma
     if keeps_V_in_corners(gamma, known_set).broken:
         return (
             f"with a gain matrix and a box of more than {EXACT_FACES} parameters, or input gains beside a ball, what the "
@@ -102,7 +101,9 @@ def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
     if M_0 is None:
         return f"{type(controller.leakage).__name__} pulls the estimates to zero, so the bounds (9) and (10) don't hold"
     of_theta = sum((Fraction(value) ** 2 for value in problem.parameters.ravel().tolist()), Fraction(0))
-    if of_theta <= Fraction(M_0) ** 2 and (problem.known.box is None or problem.known.box.within(Fraction(M_0))):
+    if of_theta <= Fraction(M_0) ** 2 and (
+        problem.known.estimate_set is None or problem.known.estimate_set.within(Fraction(M_0))
+    ):
         return None
     return f"the switching sigma's M_0 = {M_0:g} does not bound |theta| over the known set and the case's theta"
 

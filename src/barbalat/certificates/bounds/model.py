@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.linear.definite import exact_matrix, lyapunov_holds
+from barbalat.linear.conditions import exact_matrix, lyapunov_holds
 from barbalat.linear.driven_response import driven_response
 from barbalat.linear.enclosure import OUTWARD_FACTOR, float_above
 from barbalat.linear.l1_norms import l1_norm

@@ -1,23 +1,35 @@
 """Theorem 1 as numbers: P, nu_0, the bounds (9) and (10), the condition on C(s) and where it flips.
 
 Everything that is called a bound is rounded outward. The derivations are in docs/theorem-1.md.
+
+``reference_error_bound`` says how closely L1-AC follows its reference system, the loop with the filter and theta known.
+
+x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[-theta'x_ref + k_0 r], x_ref(0) = x(0), C at rest.
+
+With theta_tilde = theta_hat - theta, x_tilde = x - x_hat and G = W_b (1 - C): (1) and (5) give x - x_ref = G theta'(x - x_ref)
+- C W_b[theta_tilde'x], and (1) and (8) give x_tilde = -W_b[theta_tilde'x], from zero. So
+
+    x - x_ref = (I - G theta')^-1 C [x_tilde],   |x - x_ref| <= ||C||_1/(1 - ||G||_1 theta_max) nu_0/sqrt(Gamma),
+
+where ||G||_1 theta_max < 1: the condition of Theorem 1 (ii).
+
+Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 2.1, with |theta_tilde(0)|, which is what V(0) holds, where
+they write its largest value over the known set.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from barbalat.certificates.bounds.model import ModelBounds, require_lyapunov
-from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR, Enclosure
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.largest import largest_from
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
-from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array
 
@@ -76,22 +88,9 @@ def kappa_admissible(known: Known, theta_max: float, relative: float = 1e-6) -> 
     return largest_from(holds, start, within=relative)
 
 
-def ingredients(known: Known, known_set: KnownSet | None, model: ModelBounds) -> dict[str, Any]:
-    """What (9) and (10) are computed from, by the certificate's keys: P, its lambda_min, theta_max, the bounds of r and x_m."""
-    values: dict[str, Any] = {"P": known.P.tolist(), "lambda_min": smallest_eigenvalue(known.P)}
-    if known_set is not None:
-        values["theta_max"] = known_set.theta_max
-    return values | {"bounds": {"r": model.r, "x_m": model.x_m}}
-
-
 def initial_parameter_error(theta_hat0: Array, theta: Array) -> float:
     """||theta_hat(0) - theta||_2, rounded up."""
     return float(np.linalg.norm(theta_hat0 - theta)) * OUTWARD_FACTOR
-
-
-def largest_parameter_error(theta_hat0: Array, known_set: KnownSet) -> float:
-    """Return the largest |theta_hat - theta| for the worst theta in the known set."""
-    return known_set.farthest(theta_hat0) * OUTWARD_FACTOR
 
 
 def nu_0(parameter_error: float, known: Known) -> float:
@@ -132,3 +131,38 @@ def time_constant(C: TransferFunction | None) -> float | None:
     if C is None:
         return 0.0
     return 1 / float(C.den[1]) if len(C.den) == 2 and len(C.num) == 1 else None
+
+
+def filter_norm(C: StateSpace) -> float:
+    """An upper bound of ||C||_1."""
+    return l1_norm(C).upper
+
+
+def reference_error_bound(level: float, condition: FilterCondition, C: StateSpace) -> float:
+    """gamma_1/sqrt(Gamma), of every component of x - x_ref at all times; ``level`` is nu_0/sqrt(Gamma) of x_tilde.
+
+    Infinite where the condition does not hold.
+    """
+    if not condition.holds:
+        return math.inf
+    return filter_norm(C) * level / (1 - condition.value_upper) * OUTWARD_FACTOR**3
+
+
+def exact_gain(known: Known, C: StateSpace, theta: Array) -> float:
+    """||(I - G theta')^-1 C||_1, rounded up: for this theta alone, without the small-gain theorem.
+
+    ValueError where it is unstable. A_m + b theta' is formed in floating point: the bound is of the rounded matrices.
+    """
+    n, order = known.n, C.order
+    A, B, outputs, _ = filtered_model(known, C)
+    behind = np.kron(np.eye(n), C.C.reshape(1, order))  # C acts on each component of x_tilde: w, (n,)
+    feedback = theta[None]
+    # x - x_ref = w + G theta'(x - x_ref)
+    system = np.block(
+        [
+            [A + B @ feedback @ outputs, B @ feedback @ behind],
+            [np.zeros((n * order, len(A))), np.kron(np.eye(n), C.A)],
+        ]
+    )
+    inputs = np.vstack([np.zeros((len(A), n)), np.kron(np.eye(n), C.B.reshape(order, 1))])
+    return l1_norm(system, inputs, np.hstack([outputs, behind]), C.D * np.eye(n)).upper

@@ -11,13 +11,14 @@ import numpy as np
 
 from barbalat import budget
 from barbalat.certificates.entry import NotApplicable, PlaceOfRest, RestingEstimates
+from barbalat.certificates.linear_loops.ideal import open_jacobians
 from barbalat.linear.systems import StateSpace
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.loop.packing import column, flatten, symbols
 from barbalat.loop.true_values import truth_of
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import BoundedSignal
+from barbalat.protocols import BoundedSignal, Value
 from barbalat.roles import StatePart
 from barbalat.validate import Array, InputError
 
@@ -79,38 +80,28 @@ class Rest:
         return np.linalg.eigvals(np.asarray(jacobian_function(self.loop)(self.state, self.signals)))
 
     def broken(self, *, frozen: bool) -> StateSpace:
-        """From the plant's input v to -u, with the estimates ``frozen``, as a freeze would, or with their law; for one input.
+        """The loop of one input from the plant's input v to -u, with the estimates ``frozen``, as by a freeze, or with their law.
 
         Left out: the model, which v doesn't move, the dynamics at the plant's input, the sensor's lag, and combinations of
         the state that nothing moves, such as the estimates in directions in which the regressor has no part.
         """
-        import casadi as ca
-
         whole = self.loop.unpack(self.state)
         inner = replace(self.loop, paths=(None,), lag=None)
         rest = flatten(whole._replace(input=((),), sensor=np.zeros(0)))
-        state_column, state = symbols("state", inner.size)
-        input_column, v = symbols("v", 1)
-        slope, u = inner.derivative_given_input(state, self.signals, v[0])
-        slope, u = column(slope), column(u.reshape(1))
-        rates = [ca.jacobian(slope, state_column), ca.jacobian(slope, input_column), ca.jacobian(u, state_column)]
-        jacobians = ca.Function("jacobians", [state_column, input_column], rates)
+        jacobians = open_jacobians(inner, lambda state, v: inner.derivative_given_input(state, self.signals, v))
         reaches = self.loop.undelayed_input(self.state, self.signals)
         return _reduced(inner, jacobians(rest, reaches), frozen)
 
     def broken_at(self, i: int, *, frozen: bool) -> StateSpace:
-        """From what reaches the plant's input i to what would, with the sign of L; the others are closed, all dynamics in it."""
-        import casadi as ca
-
+        """The loop from what reaches the plant's input i to what would, with L's sign, the others closed, with all dynamics."""
         loop, alone = self.loop, np.arange(self.loop.inputs) == i
-        state_column, state = symbols("state", loop.size)
-        input_column, v = symbols("v", 1)
-        reaches = loop.undelayed_input(state, self.signals)
-        slope, _ = loop.derivative_given_input(state, self.signals, np.where(alone, v[0], reaches))
-        slope, out = column(slope), column(reaches[i].reshape(1))
-        rates = [ca.jacobian(slope, state_column), ca.jacobian(slope, input_column), ca.jacobian(out, state_column)]
-        jacobians = ca.Function("jacobians", [state_column, input_column], rates)
-        return _reduced(loop, jacobians(self.state, loop.undelayed_input(self.state, self.signals)[i]), frozen)
+
+        def given_input(state: Value, v: Value) -> tuple[Value, Value]:
+            reaches = loop.undelayed_input(state, self.signals)
+            return loop.derivative_given_input(state, self.signals, np.where(alone, v, reaches))[0], reaches[i]
+
+        reaches = loop.undelayed_input(self.state, self.signals)[i]
+        return _reduced(loop, open_jacobians(loop, given_input)(self.state, reaches), frozen)
 
 
 def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateSpace:
@@ -211,7 +202,7 @@ def _resting(loop: ClosedLoop) -> list[StatePart]:
 
 
 def _rows(loop: ClosedLoop, parts: Iterable[StatePart]) -> Array:
-    """Where the parts stand in the flat state."""
+    """The rows of the flat state in which the parts stand."""
     return np.concatenate([np.zeros(0, dtype=int), *(np.arange(loop.size)[part.rows] for part in parts)])
 
 

@@ -22,14 +22,14 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.certificates.linear_loops.ideal import open_jacobians
 from barbalat.certificates.linear_loops.worst_case import MOST_EXTREMES, points_inside
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.linear.crossings import frequency_grid
-from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.systems import StateSpace, complementary_sensitivity, sensitivity, series
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import signals_at_rest
-from barbalat.loop.packing import column, flatten, symbols
+from barbalat.loop.packing import flatten
 from barbalat.problem.modelling_error import ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
@@ -71,7 +71,7 @@ class FrozenLoops:
         """
         n = self.problem.plant.n
         theta_hat = validate.vector("theta_hat", theta_hat, n)
-        A, B, C = (np.array(part) for part in self._jacobians(theta_hat))
+        A, B, C = self._jacobians(theta_hat)
         identity = np.eye(len(A))
         rest = [k for k in range(len(A)) if not n <= k < n + n * n]  # Xi stands behind xi, both at the front
         combined = identity[rest]
@@ -115,27 +115,18 @@ class FrozenLoops:
         Their rates are linear in themselves and v, so the Jacobians at zero are exact. The law's rate enters the swapping
         term alone, which stays zero; x_m and n_d reach no control.
         """
-        import casadi as ca
-
         loop = replace(ClosedLoop.of(self.problem, self.controller), paths=(None,), delayed=False)
-        state_column, state = symbols("state", loop.size)
-        input_column, v = symbols("v", 1)
-        slope, u = loop.derivative_given_input(state, signals_at_rest(loop, 0.0), v[0])
-        slope, control = column(slope), column(u.reshape(1))
+        at_zero = signals_at_rest(loop, 0.0)
+        jacobians = open_jacobians(loop, lambda state, v: loop.derivative_given_input(state, at_zero, v))
         marked = loop.unpack(np.arange(loop.size))
         parts: Any = marked.controller
         kept = flatten((parts.xi, parts.Xi, marked.x, marked.sensor, parts.filter)).astype(int).tolist()
-        by_state = [ca.jacobian(part, state_column) for part in (slope, control)]
-        jacobians = ca.Function(
-            "jacobians",
-            [state_column, input_column],
-            [by_state[0][kept, kept], ca.jacobian(slope, input_column)[kept, :], by_state[1][:, kept]],
-        )
         rest, rows = np.zeros(loop.size), loop.theta_hat_rows
 
         def at(theta_hat: Array) -> Any:
             rest[rows] = theta_hat
-            return jacobians(rest, 0.0)
+            A, B, C = (np.array(part) for part in jacobians(rest, 0.0))
+            return A[np.ix_(kept, kept)], B[kept], C[:, kept]
 
         return at
 

@@ -11,16 +11,14 @@ from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.bounds.laws import is_modified
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.entry import PlaceOfRest, RestingEstimates
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.certificates.linear_loops.ideal import around_equilibrium
 from barbalat.certificates.picture import MarginLoop
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import is_left_out, is_needed
 from barbalat.controllers import L1Adaptive, Mrac
-from barbalat.linear.delayed_peaks import delayed_peaks
-from barbalat.linear.interconnections import complementary_sensitivity, sensitivity, series
 from barbalat.linear.margins import margins
-from barbalat.linear.peaks import peak_gain
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.peaks import delayed_peaks, peak_gain
+from barbalat.linear.systems import StateSpace, complementary_sensitivity, sensitivity, series
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal
@@ -57,7 +55,7 @@ def _add_margins(
     found = margins_of(problem, loop, which, draft.notes)
     if not found:
         return
-    name = f"{which}, broken at the plant input{_beside(problem)}"
+    name = f"{which}, broken at the plant input{in_the_loop(problem)}"
     draft.exact(found, name, assumed, rest=rest)
     draft.loops.append(MarginLoop(which, with_dynamics(problem, loop), problem.delay))
     draft.advise({"margins_of": f"the linear loop {name}"})
@@ -75,7 +73,7 @@ def add_margins_of_each(
         )
         draft.missing("delay_margin_each", why)
         return
-    name = f"{which}, broken at one plant input, the others closed{_beside(problem)}"
+    name = f"{which}, broken at one plant input, the others closed{in_the_loop(problem)}"
     with draft.part("delay_margin_each"):
         try:
             found = [margins(loop) for loop in loops]
@@ -89,8 +87,8 @@ def add_margins_of_each(
         draft.loops.extend(MarginLoop(f"{which}, at input {i + 1}", loop) for i, loop in enumerate(loops))
 
 
-def _beside(problem: TrackingProblem) -> str:
-    """What of the case is in the loop besides, and what is not."""
+def in_the_loop(problem: TrackingProblem) -> str:
+    """Which of the case's delay and sensor lag stand in the loop, and that its limits do not, as the end of a name."""
     paths, sensor = problem.plant.paths, problem.sensor
     beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
     lagged = f", with its sensor's lag of {sensor.lag:g} s" if sensor is not None and sensor.lag > 0 else ""
@@ -152,7 +150,7 @@ def add_delay_margin_adapting(
         draft.missing("delay_margin_adapting", f"linear loop {at}: {error}")
         return
     draft.loops.append(MarginLoop(f"{at}, its law included", with_dynamics(problem, loop), problem.delay))
-    name = f"{at}, its law included{_beside(problem)}"
+    name = f"{at}, its law included{in_the_loop(problem)}"
     draft.exact({"delay_margin_adapting": finite(found.delay)}, name, LINEAR_LOOP_ONLY, rest=rest)
 
 

@@ -11,10 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from barbalat.linear.interconnections import sensitivity, series
 from barbalat.linear.margins import margins
-from barbalat.linear.screening import screen
-from barbalat.linear.systems import StateSpace, states_response
+from barbalat.linear.systems import StateSpace, sensitivity, series, states_response
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
 from barbalat.validate import Array, InputError
@@ -46,17 +44,17 @@ class LoopsOverTheta:
 
     @property
     def delay(self) -> float:
-        """At the plant's input, not in the loop [s]."""
+        """The delay at the plant's input [s], which is not in the loop."""
         return float(self.plant.paths[0].delay)
 
     def loop(self, theta: Array) -> StateSpace:
-        """Broken at the plant's input."""
+        """The loop for a theta, broken at the plant's input."""
         loop, dynamics = self.around(replace(self.plant, theta=theta)), self.plant.paths[0].dynamics
         loop = loop if dynamics is None else series(dynamics.realise(), loop)
         return loop if self.lag is None else series(loop, self.lag)
 
     def responses(self, w: Array) -> Callable[[Array], tuple[Array, Array]]:
-        """From thetas (M, n) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.
+        """A function from thetas (M, n) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.
 
         Both are affine in theta: from the origin and the unit vectors.
         """
@@ -73,7 +71,7 @@ class LoopsOverTheta:
         return np.asarray(np.linalg.eigvals(origin + np.tensordot(thetas, slopes, 1)).real.max(axis=1))
 
     def frequencies(self, thetas: Array) -> Array:
-        """From far below to far above every pole and every crossover that the set allows, denser at faint damping.
+        """Frequencies from far below to far above every pole and every crossover that the set allows, denser at faint damping.
 
         A loop that is stable with the delay d has its crossovers below 2 pi/d: some turns are looked at closely.
         """
@@ -180,3 +178,46 @@ def points_inside(known_set: KnownSet, rng: np.random.Generator, around: Array, 
     """Points of the set in a box around a point, ``share`` of the set's extent wide; what falls outside is brought back."""
     lower, upper = known_set.extent
     return known_set.brought_in(around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, known_set.size)))
+
+
+def screen(N: Array, D: Array, w: Array, delay: float = 0.0) -> dict[str, Array]:
+    """Each (M,): what is smallest where the margin is worst, from responses (M, K) over w (K,), N with the delay in it.
+
+    By the names of ``Margins``; 1 - gain_down stands for gain_down: all four are then to be made small. "delay" is what is borne
+    with the delay that is there already.
+    """
+    count = len(N)
+    at, N_at, D_at, rows = _crossings(np.abs(N) - np.abs(D), N, D, w)
+    lag = np.angle(-N_at * D_at.conj()) % (2 * np.pi)
+    borne = (lag + at * delay) % (2 * np.pi) / at
+    at, N_at, D_at, crossed = _crossings(N.imag * D.real - N.real * D.imag, N, D, w)
+    real = (N_at * D_at.conj()).real
+    start = (N[:, 0] * D[:, 0].conj()).real  # zero frequency, nearly
+    flat = np.abs((N[:, 0] * D[:, 0].conj()).imag) < 1e-2 * np.abs(start)
+    real, crossed = np.concatenate([real, start[flat]]), np.concatenate([crossed, np.flatnonzero(flat)])
+    size = np.concatenate([np.abs(D_at) ** 2, np.abs(D[flat, 0]) ** 2])
+    negative = real < 0
+    factors, crossed = -size[negative] / real[negative], crossed[negative]
+    up = factors > 1
+    return {
+        "delay": _least(count, rows, borne),
+        "phase": _least(count, rows, np.minimum(lag, 2 * np.pi - lag)),
+        "gain_up": _least(count, crossed[up], factors[up]),
+        "gain_down": np.minimum(1.0, _least(count, crossed[~up], 1 - factors[~up])),
+    }
+
+
+def _crossings(values: Array, N: Array, D: Array, w: Array) -> tuple[Array, Array, Array, Array]:
+    """Where values (M, K) change their sign along w: frequencies, N and D there, and the rows; each (crossings,)."""
+    rows, k = np.nonzero(values[:, :-1] * values[:, 1:] < 0)
+    left, right = values[rows, k], values[rows, k + 1]
+    t = left / (left - right)
+    between = [X[rows, k] + t * (X[rows, k + 1] - X[rows, k]) for X in (N, D)]
+    return w[k] * (w[k + 1] / w[k]) ** t, *between, rows
+
+
+def _least(count: int, rows: Array, values: Array) -> Array:
+    """(count,) the smallest value of each row; infinite where it has none."""
+    found = np.full(count, np.inf)
+    np.minimum.at(found, rows, values)
+    return found

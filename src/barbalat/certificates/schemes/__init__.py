@@ -48,7 +48,7 @@ class LinearFile(SchemeFile, Protocol):
 
 
 def scheme_file(controller: Controller) -> SchemeFile | None:
-    """The certificate's file of a controller's scheme; None for one of which none is known: see ``stranger``.
+    """The certificate's file of a controller's scheme; None for one of which none is known: see ``unregistered``.
 
     A subclass has the certificate of the scheme that it is made from, unless it binds other equations.
     """

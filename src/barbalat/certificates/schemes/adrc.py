@@ -15,10 +15,9 @@ from barbalat.certificates.linear_loops.margin_values import with_dynamics
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
 from barbalat.certificates.schemes.unregistered import WHOLE_LOOP, add_linearised
-from barbalat.certificates.step_limits.modes import largest_step
+from barbalat.certificates.step_limits.oscillator import largest_step
 from barbalat.controllers.adrc import Adrc, Equations
-from barbalat.linear.interconnections import sensitivity
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.systems import StateSpace, sensitivity
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -72,7 +71,7 @@ def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> C
 
 
 def linear_when(problem: Problem, _: Adrc) -> str | None:
-    """On every plant with phi(x) = x, with several inputs too."""
+    """The controller is linear on every plant with phi(x) = x, with several inputs too."""
     return LINEAR_CONTROLLER if problem.plant.is_linear else None
 
 

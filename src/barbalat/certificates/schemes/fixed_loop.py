@@ -23,14 +23,13 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.margin_values import add_margins
-from barbalat.certificates.linear_loops.robustness import robustness
+from barbalat.certificates.linear_loops.over_known_set import robustness
 from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from barbalat.certificates.schemes.output_feedback import NEGLIGIBLE_STEADY_ERROR
 from barbalat.linear.enclosure import Enclosure
-from barbalat.linear.interconnections import sensitivity
 from barbalat.linear.l1_norms import l1_norm
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.systems import StateSpace, TransferFunction, sensitivity
 from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
@@ -63,7 +62,7 @@ class FixedLoop:
         return sensitivity(self.amplified(self.theta_0))
 
     def amplified(self, theta: Array) -> StateSpace:
-        """With the gain of the input in what is fed back, so that a disturbance still enters beside it."""
+        """The loop with the gain of the input in what is fed back, so that a disturbance still enters beside it."""
         loop = self.at(theta)
         return loop if self.gain is None else StateSpace(loop.A, loop.B, self.gain * loop.C, self.gain * loop.D)
 
@@ -138,7 +137,7 @@ def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) ->
 
 
 def _tracking(problem: Problem, loop: FixedLoop | None, stability: Entry) -> Entry:
-    """With T(0) = 0 to zero where r comes to rest: lim sup |e'| <= N d lim sup |e'| by small gain, so that x' vanishes."""
+    """The error goes to zero with T(0) = 0 where r comes to rest: lim sup |e'| <= N d lim sup |e'|, so that x' vanishes."""
     if not stability.applies or loop is None:
         return nothing("tracking", stability.why)
     S, constant = loop.nominal_response(), constant_in_the_end(problem)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW, beyond_the_paper, constant_in_the_end
-from barbalat.certificates.bounds import l1_reference, laws, theorem_1
+from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import denied, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -17,10 +17,10 @@ from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins, add_margins, finite
-from barbalat.certificates.linear_loops.robustness import robustness
+from barbalat.certificates.linear_loops.over_known_set import robustness
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.requested_keys import is_needed
-from barbalat.certificates.rounding import down, up
+from barbalat.certificates.rows import down, up
 from barbalat.certificates.schemes import midpoint, mrac
 from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
@@ -69,10 +69,10 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
     equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
     C, model = equations.C, model_bounds(problem)
     add_parameter_errors(draft, problem, equations)
-    add_ingredients(draft, problem, equations.box, model)
+    add_ingredients(draft, problem, equations.estimate_set, model)
     reach: StateReach | None = None
     assumed: tuple[str, ...] = (FROZEN_LAW,)
-    if equations.box is None:
+    if equations.estimate_set is None:
         _without_projection(draft, problem, controller)
     else:
         reach = _add_bound_10(draft, problem, controller, C, model)
@@ -138,7 +138,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
         draft.missing("error_bound", void)
         draft.missing("reference_error_bound", void)
         return None
-    rests_on = (*of_the_case(problem, controller.bind(known).box), FILTER_AT_REST)
+    rests_on = (*of_the_case(problem, controller.bind(known).estimate_set), FILTER_AT_REST)
     kappa = theorem_1.time_constant(controller.filter)
     if kappa and np.ndim(controller.gamma) == 0:
         constants = theorem_1.first_order_constants(nu_0, kappa, slope, theta_max, known.k_0, model)
@@ -151,7 +151,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
         draft.missing("reference_error_bound", f"{not_below}: the distance to the reference system is not bounded")
         return None
     level = laws.error_level(problem, controller, nu_0)
-    draft.guarantee("reference_error_bound", l1_reference.reference_error_bound(level, found, C), *rests_on)
+    draft.guarantee("reference_error_bound", theorem_1.reference_error_bound(level, found, C), *rests_on)
     bound = theorem_1.l1_bound(level, 1.0, found, theta_max, known.k_0, model)
     draft.guarantee("error_bound", bound, *rests_on)
     remaining, root_n = 1 - found.value_upper, math.sqrt(known.n)
@@ -160,7 +160,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
 
 def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Equations) -> None:
     """Margins and mu of what L1-AC tends to for fast adaptation: a linear controller with S = 1 - C at theta = 0."""
-    plant, C, known_set = problem.plant, equations.C, None if equations.box is None else problem.known.theta_set
+    plant, C, known_set = problem.plant, equations.C, None if equations.estimate_set is None else problem.known.theta_set
     add_margins(draft, problem, fast_adaptation(plant, C), over_known_set.LOOP_OF_FAST_ADAPTATION)
     over_known_set.add_filtered(draft, problem, C)
     if known_set is not None:
@@ -191,7 +191,7 @@ def column(problem: Problem, controller: L1Adaptive, certificate: Certificate) -
 
 def _stability(problem: Problem, controller: L1Adaptive, certificate: Certificate) -> Entry:
     condition = certificate.values.get("condition")
-    if condition is None and projected(controller.bind(problem.known).box):
+    if condition is None and projected(controller.bind(problem.known).estimate_set):
         return nothing("stability", "the condition on C(s) is not known for this plant")
     if condition is None:
         return nothing("stability", "without a known set that is projected onto there is no theta_max for the condition on C(s)")
@@ -213,7 +213,7 @@ def _tracking(problem: Problem, controller: L1Adaptive, stability: Entry) -> Ent
     constant = constant_in_the_end(problem)
     if constant.broken or controller.learning is not None or laws.why_no_bound(controller, problem) is not None:
         return nothing("tracking", "not to zero in general: an error of the order of the filter's lag stays")
-    rests_on = of_the_case(problem, controller.bind(problem.known).box)
+    rests_on = of_the_case(problem, controller.bind(problem.known).estimate_set)
     return statement("tracking", "converges to zero for the case's r (Theorem 1 (iii))", *rests_on, FILTER_AT_REST, constant)
 
 
@@ -222,4 +222,4 @@ def _transient(problem: Problem, controller: L1Adaptive, certificate: Certificat
     if bound is None or bound.value is None:
         return nothing("transient", "no bound is known" if bound is None else bound.why)
     text = f"|e| <= {up(bound.value)} at all times, (10); the filter's part stays however large Gamma is"
-    return statement("transient", text, *of_the_case(problem, controller.bind(problem.known).box), FILTER_AT_REST)
+    return statement("transient", text, *of_the_case(problem, controller.bind(problem.known).estimate_set), FILTER_AT_REST)

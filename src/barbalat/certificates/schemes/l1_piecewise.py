@@ -3,14 +3,29 @@
 With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a sigma that is constant and a state that rests, where F is
 the predictor's own step and S what acts in a sample, and sigma_hat = -G x~: so sigma_hat(infinity) = G (I - F + S G)^-1 S sigma,
 which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
+
+``distance`` bounds how far the loop is from its theory's reference system, on the plant (1) with phi(x) = x.
+
+x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[k_0 r - theta'x_ref], x_ref(0) = x(0), C at rest, under the command as
+it is sampled; as flown u_ref = k_0 r - theta_0'x_ref - C(s)[(theta - theta_0)'x_ref]. Loop and reference system are linear and,
+under held commands, exact from sample to sample, so their difference is one linear system: what r can do to it is the sum of
+its impulse response, for every bounded r.
+
+Between samples a motion is off the straight line between its ends by at most T^2/8 times its second derivative. With v held,
+x'' = e^(A tau) A (A x_k + B v_k), at most e^(|A| T) |A (A x_k + B v_k)| in every component: so for the plant, and for the
+reference system.
+
+Source of the reference system: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 3.3, where C(s) acts in continuous
+time and the bound goes to zero with T.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from barbalat.certificates.assumptions import bounded_command, exact_plant, measured, undisturbed
-from barbalat.certificates.bounds.piecewise_reference import distance
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
@@ -18,16 +33,82 @@ from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.certificates.quantities import Form, Quantity
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER, OF_SAMPLED_LOOPS, add_loop, add_noise, unstable
-from barbalat.controllers import L1PiecewiseConstant
-from barbalat.controllers.l1_piecewise import Equations, realisation
+from barbalat.controllers.l1_piecewise import Equations, L1PiecewiseConstant, realisation, started
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.margins import margins
-from barbalat.linear.systems import transfer_function
+from barbalat.linear.sampled_norms import SampledNorms, grown
+from barbalat.linear.systems import StateSpace, transfer_function
+from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BoundedSignal
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import InputError
+from barbalat.validate import Array, InputError
+
+
+class Distance(NamedTuple):
+    """The largest component of |x - x_ref|."""
+
+    at_samples: float
+    between: float  # at all times
+
+
+def distance(problem: Problem, controller: L1PiecewiseConstant, levels: Array) -> Distance:
+    """The distance to the reference system for held commands of these sizes (q,); InputError where one of the two is unstable."""
+    equations, plant = controller.bind(problem.known), problem.plant
+    T, n, q = controller.sample_time, plant.n, len(levels)
+    single = StateSpace.gain(1.0) if controller.filter is None else controller.filter.realise()
+    A, B = _reference(problem, equations, single)
+    if not np.linalg.eigvals(A).real.max() < 0:
+        raise InputError("its reference system is unstable")
+    held, found = HeldSystem.of(A, B, T), realisation(equations)
+    M, N = _sampled(problem, equations, T)
+    a, r, b = len(M), len(A), plant.b.reshape(n, -1)
+    free = np.concatenate([plant.x0, started(equations, plant.x0, np.zeros(q)), plant.x0, np.zeros(r - n)])
+    # the filter's first sample is no step of it, so the first command stands in the initial state too
+    first = np.array([started(equations, np.zeros(n), unit) for unit in np.eye(q)]).T
+    first = np.vstack([np.zeros((n, q)), first, np.zeros((r, q))])
+    whole = np.block([[M, np.zeros((a, r))], [np.zeros((r, a)), held.Phi]])
+    command = np.vstack([N, held.Gamma])
+
+    def largest(C: Array, D: Array) -> Array:
+        """The largest |C z + D r| at the samples, with the state z of ``whole``."""
+        norms = SampledNorms(whole, C)
+        driven = norms.summed(command) + norms.largest(first) + np.abs(D)
+        return np.asarray(driven @ levels + norms.largest(free[:, None])[:, 0])
+
+    at_samples = float(largest(np.hstack([np.eye(n, a), -np.eye(n, r)]), np.zeros((n, q))).max())
+    of_x, of_r = found.D[:, :n], found.D[:, n:]
+    slope_x = np.hstack([plant.A + b @ of_x, b @ found.C, np.zeros((n, r))])
+    slope_ref = np.hstack([np.zeros((r, a)), A])
+    curved = grown(plant.A, T) @ largest(plant.A @ slope_x, plant.A @ b @ of_r)
+    curved = curved + (grown(A, T) @ largest(A @ slope_ref, A @ B))[:n]
+    return Distance(at_samples, float(at_samples + T**2 / 8 * curved.max()) * OUTWARD_FACTOR)
+
+
+def _sampled(problem: Problem, equations: Equations, T: float) -> tuple[Array, Array]:
+    """(x, s)[k+1] = M (x, s)[k] + N r[k], with the controller's realisation s."""
+    plant, found = problem.plant, realisation(equations)
+    n = plant.n
+    held = HeldSystem.of(plant.A, plant.b.reshape(n, -1), T)
+    of_x, of_r = found.D[:, :n], found.D[:, n:]
+    M = np.block([[held.Phi + held.Gamma @ of_x, held.Gamma @ found.C], [found.B[:, :n], found.A]])
+    return M, np.vstack([held.Gamma @ of_r, found.B[:, n:]])
+
+
+def _reference(problem: Problem, equations: Equations, C: StateSpace) -> tuple[Array, Array]:
+    """(A, B) of (x_ref, the filter's state) under r."""
+    plant, n, m = problem.plant, problem.plant.n, problem.plant.inputs
+    b, theta = plant.b.reshape(n, m), plant.theta.reshape(n, m).T
+    baseline = np.zeros((m, n)) if equations.direct is None else equations.direct.reshape(n, m).T
+    left = theta - baseline
+    passed = np.zeros_like(equations.k_0) if equations.direct is not None else equations.k_0
+    beside = equations.k_0 - passed
+    A_z, B_z, C_z = (np.kron(np.eye(m), part) for part in (C.A, C.B[:, None], C.C[None, :]))
+    A = np.block([[plant.A - b @ (baseline + C.D * left), b @ C_z], [-B_z @ left, A_z]])
+    return A, np.vstack([b @ (beside + C.D * passed), B_z @ passed])
+
 
 OWN_QUANTITIES = OF_SAMPLED_LOOPS | {
     "controller_z": Quantity(
@@ -50,8 +131,7 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_of_the_controller(draft, problem, controller, equations)
     if not problem.plant.is_linear:
-        for key in ("delay_margin", "reference_distance", "reference_distance_between"):
-            draft.missing(key, NO_LOOP)
+        draft.all_missing(("delay_margin", "reference_distance", "reference_distance_between"), NO_LOOP)
         return draft.finish()
     found = linearised(problem, controller)
     if add_loop(draft, problem, found, LINEAR_CONTROLLER):
@@ -61,7 +141,7 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation
 
 
 def _add_of_the_controller(draft: Draft, problem: Problem, controller: L1PiecewiseConstant, equations: Equations) -> None:
-    """What no plant changes."""
+    """Add what no plant changes: the estimate of a constant sigma, the transfer functions, the ratio of the sample times."""
     p, n = equations.predictor, problem.plant.n
     at_dc = p.G @ np.linalg.solve(np.eye(n) - p.of_x_hat + p.of_acting @ p.G, p.of_acting)
     of = "the controller alone"
@@ -100,8 +180,7 @@ def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConsta
     try:
         away = distance(problem, controller, levels)
     except InputError as error:
-        for key in ("reference_distance", "reference_distance_between"):
-            draft.missing(key, str(error))
+        draft.all_missing(("reference_distance", "reference_distance_between"), str(error))
     else:
         draft.guarantee("reference_distance", away.at_samples, *rests_on(problem))
         draft.guarantee("reference_distance_between", away.between, *rests_on(problem))

@@ -54,7 +54,7 @@ def certificate(problem: Problem, controller: LinearFeedback, simulation: Simula
 
 
 def linear_when(problem: Problem, _: LinearFeedback) -> str | None:
-    """On every plant that it takes."""
+    """The controller is linear on every plant that it takes."""
     return LINEAR_CONTROLLER if problem.plant.is_linear else None
 
 

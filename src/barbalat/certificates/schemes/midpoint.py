@@ -31,7 +31,7 @@ class MidpointForm(NamedTuple):
     """
 
     metric: Gain
-    box: EstimateSet | None
+    estimate_set: EstimateSet | None
     kept: bool
     rests_on: tuple[Assumption, ...] | None = None
     findings: tuple[str, ...] = ()
@@ -39,7 +39,7 @@ class MidpointForm(NamedTuple):
     @property
     def never_cut(self) -> Assumption:
         """What lies outside after a step with a coupling gain is brought back face by face, which is exact for two of them."""
-        cut = self.metric.is_matrix and self.box is not None and self.box.steps_cut_corners
+        cut = self.metric.is_matrix and self.estimate_set is not None and self.estimate_set.steps_cut_corners
         return Assumption("a step never cuts a corner", "a gain matrix in corners of the known set" if cut else "")
 
 
@@ -54,15 +54,15 @@ class MidpointFile(SchemeFile, Protocol):
 
 def of_predictor(problem: Problem, controller: laws.ModifiedScheme, *findings: str) -> MidpointForm:
     """Say what the sampled form keeps for L1-AC and for the MRAC, whose sampled form has a predictor too."""
-    metric, box = Gain(controller.gamma), controller.bind(problem.known).box
+    metric, estimate_set = Gain(controller.gamma), controller.bind(problem.known).estimate_set
     kept = controller.leakage is None or controller.leakage.harmless_within is not None
     if metric.is_matrix or controller.learning is not None:
         findings = (*findings, PREDICTOR_BESIDE_PROJECTION)
-    return MidpointForm(metric, box, kept, None if kept else of_the_case(problem, box), findings)
+    return MidpointForm(metric, estimate_set, kept, None if kept else of_the_case(problem, estimate_set), findings)
 
 
-def of_law(law: AdaptiveLaw | OutputErrorLaw, box: EstimateSet | None) -> MidpointForm:
+def of_law(law: AdaptiveLaw | OutputErrorLaw, estimate_set: EstimateSet | None) -> MidpointForm:
     """Say what the sampled form keeps for a law on the parametric model, whose own implicit step keeps its V."""
     assert isinstance(law, SampledLaw)  # any other law is refused: ``adaptation.implicit``
-    found = laws.guarantee_of(law, box)
-    return MidpointForm(law.metric, box, kept=not found.leaks or found.M_0 is not None)
+    found = laws.guarantee_of(law, estimate_set)
+    return MidpointForm(law.metric, estimate_set, kept=not found.leaks or found.M_0 is not None)

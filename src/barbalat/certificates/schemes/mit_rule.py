@@ -39,7 +39,7 @@ SLOW_ADAPTATION_RATIO = 1e-4
 
 
 def certificate(problem: Problem, controller: MitRule, simulation: Simulation) -> Certificate:
-    """What its linearisations say: nothing is guaranteed."""
+    """The findings of the rule's linearisations: nothing is guaranteed."""
     draft = Draft(own=OWN_QUANTITIES)
     draft.note(f"of the MIT rule no bound is known, {ITS_BASIS}")
     draft.missing("error_bound", NONE_KNOWN)
@@ -80,7 +80,7 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
 def _loop_gain(known: Known, equations: Equations, level: float, omega: float) -> tuple[float, float]:
     """kappa and G(0)."""
     gains, at_rest = equations.gains, np.linalg.solve(known.A_m, -known.b)
-    phi = np.asarray(gains.uncertainty.phi(at_rest * float(known.k_0) * level)) * (not equations.feedforward_only)
+    phi = np.asarray(gains.matched.phi(at_rest * float(known.k_0) * level)) * (not equations.feedforward_only)
     steady = float(equations.c @ at_rest)
     g = float(phi @ gains.gamma.times(phi)) + gains.gamma_r * level**2
     if equations.normalization is not None:

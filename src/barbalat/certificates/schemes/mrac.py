@@ -11,7 +11,7 @@ from barbalat.certificates.cells import estimate, limits_text, margins_cell, not
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
@@ -24,8 +24,8 @@ from barbalat.certificates.schemes.state_feedback import (
     of_the_lyapunov_law,
     unproven_robustness,
 )
-from barbalat.certificates.step_limits import any_regressor, at_model, frozen_laws
-from barbalat.certificates.step_limits.held_oscillator import HeldOscillator
+from barbalat.certificates.step_limits import any_regressor, frozen_laws
+from barbalat.certificates.step_limits.oscillator import HeldOscillator
 from barbalat.controllers import Mrac
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
@@ -40,7 +40,7 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
     equations, draft = controller.bind(problem.known), Draft()
     model = model_bounds(problem)
     add_parameter_errors(draft, problem, equations)
-    rests_on, void = of_the_case(problem, equations.box), laws.why_no_bound(controller, problem)
+    rests_on, void = of_the_case(problem, equations.estimate_set), laws.why_no_bound(controller, problem)
     if void is not None:
         draft.missing("error_bound", void)
     else:
@@ -49,7 +49,7 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
         if nu_0_worst is not None:
             worst = theorem_1.mrac_bound(nu_0_worst, laws.least_gain(controller.gamma))
             draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
-    add_ingredients(draft, problem, equations.box, model)
+    add_ingredients(draft, problem, equations.estimate_set, model)
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, draft["nu_0"])
     draft.estimate(frozen_laws.with_modifications(limits, controller, simulation), FROZEN_LAW)
     if not laws.is_modified(controller):
@@ -69,7 +69,7 @@ def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0
     if beyond_the_paper(problem):
         excited = _excited(problem, controller)
         limits = any_regressor.of_lyapunov_law(excited, simulation, nu_0, oscillator=held)
-        return limits | at_model.of_lyapunov_law(excited, simulation, oscillator=held)
+        return limits | any_regressor.of_lyapunov_law_at_model(excited, simulation, oscillator=held)
     reach = model_bounds(problem).x_m_euclidean
     values = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, reach, nu_0, oscillator=held)
     if laws.is_modified(controller):

@@ -42,8 +42,8 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     draft.note("P of nu_0 is that of A_m + L, the controller's")
     nu_0, nu_0_worst = draft["nu_0"], draft.get("nu_0_worst")
     bound = carried.upper * laws.error_level(problem, controller, nu_0, closed) * OUTWARD_FACTOR
-    corners = laws.keeps_V_in_corners(controller.gamma, equations.box)
-    rests_on = (*of_the_case(problem, equations.box, bound), corners)
+    corners = laws.keeps_V_in_corners(controller.gamma, equations.estimate_set)
+    rests_on = (*of_the_case(problem, equations.estimate_set, bound), corners)
     draft.guarantee("error_bound", bound, *rests_on)
     if nu_0_worst is not None:
         worst = carried.upper * theorem_1.mrac_bound(nu_0_worst, laws.least_gain(controller.gamma)) * OUTWARD_FACTOR

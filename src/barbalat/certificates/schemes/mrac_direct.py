@@ -17,8 +17,8 @@ import numpy as np
 
 from barbalat.certificates.assumptions import FROZEN_LAW, nominal, theta_in_the_set
 from barbalat.certificates.bounds import laws
+from barbalat.certificates.bounds.formulas import largest_square
 from barbalat.certificates.bounds.model import largest_along_the_command, model_bounds, require_lyapunov, state_bounds
-from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.cells import statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
@@ -34,7 +34,7 @@ from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers.control_gains import ControlGains, feedforward_gain
 from barbalat.controllers.mrac_direct import DirectMrac
-from barbalat.linear.definite import smallest_eigenvalue
+from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.problem.known_set import Gain, KnownSet
 from barbalat.problem.state_feedback import Problem
@@ -63,7 +63,7 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
         return _of_several(draft, problem, controller, gains, simulation)
     theta, omega, k_0 = problem.plant.theta, _omega(problem), float(problem.model.k_0)
     draft.advise({"k_x": (theta / omega).tolist(), "k_r": k_0 / omega})
-    bound = _error_level(problem, gains, _off(gains, theta, omega), omega)
+    bound = _error_level(problem, gains, omega)
     rests_on = _rests_on(problem, gains, bound)
     draft.guarantee("error_bound", bound, *rests_on)
     _add_worst(draft, problem, gains, rests_on)
@@ -100,18 +100,15 @@ def _each_omega(problem: Problem) -> Array:
     return np.array([path.gain for path in problem.plant.paths], dtype=float)
 
 
-def _off(gains: ControlGains, theta: Array, omega: float) -> float:
-    """sqrt(k_x_tilde'Gamma^-1 k_x_tilde) at t = 0, rounded up."""
-    off, gamma = gains.theta_hat0 - theta / omega, gains.gamma
+def _error_level(problem: Problem, gains: ControlGains, omega: float) -> float:
+    """sqrt(V(0)/lambda_min(P)), rounded up, for one input."""
+    off, gamma = gains.theta_hat0 - problem.plant.theta / omega, gains.gamma
     if gamma.dimensions:
-        return laws.weighted_error(off, np.asarray(gamma.value))
-    return float(np.linalg.norm(off)) / math.sqrt(gamma.value) * OUTWARD_FACTOR
-
-
-def _error_level(problem: Problem, gains: ControlGains, off: float, omega: float) -> float:
-    """sqrt(V(0)/lambda_min(P)), rounded up, from the feedback's part ``off`` of V(0)."""
+        k_x_off = laws.weighted_error(off, np.asarray(gamma.value))
+    else:
+        k_x_off = float(np.linalg.norm(off)) / math.sqrt(gamma.value) * OUTWARD_FACTOR
     k_r_off = abs(float(gains.k_r0[0]) - float(problem.model.k_0) / omega) / math.sqrt(gains.gamma_r) * OUTWARD_FACTOR
-    return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(off, k_r_off) * OUTWARD_FACTOR**2
+    return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(k_x_off, k_r_off) * OUTWARD_FACTOR**2
 
 
 def _add_worst(draft: Draft, problem: Problem, gains: ControlGains, rests_on: tuple[Assumption, ...]) -> None:
@@ -147,15 +144,15 @@ def _feedforward_V(gains: ControlGains, omega: Array) -> float:
 def _rests_on(problem: Problem, gains: ControlGains, bound: float | None) -> tuple[Assumption, ...]:
     """The plant (1) with any gain of its input, and ideal gains that the projection can reach."""
     regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, bound))
-    corners = laws.keeps_V_in_corners(gains.gamma.value, gains.box)
+    corners = laws.keeps_V_in_corners(gains.gamma.value, gains.estimate_set)
     return (*nominal(problem, gain_adapted=True), _reachable(problem, gains), *regressor, corners)
 
 
 def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
-    omega, box, interval = _each_omega(problem), gains.box, gains.interval
-    if box is None and interval is None:
+    omega, estimate_set, interval = _each_omega(problem), gains.estimate_set, gains.interval
+    if estimate_set is None and interval is None:
         return Assumption("the ideal gains are theta/omega and k_0/omega")
-    inside = box is None or box.contains(gains.ideal(problem.plant.theta, omega))
+    inside = estimate_set is None or estimate_set.contains(gains.ideal(problem.plant.theta, omega))
     inside &= interval is None or interval.contains(gains.ideal_feedforward(omega))
     return Assumption(
         "the ideal gains theta/omega and k_0/omega lie in the sets that the estimates are projected onto",
@@ -165,7 +162,7 @@ def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
 
 def _all_reachable(problem: Problem, gains: ControlGains) -> Assumption:
     """Return a set that holds theta/omega for every theta of the known set; without an interval of omega, omega is 1."""
-    if gains.box is None or problem.known.gains is not None:
+    if gains.estimate_set is None or problem.known.gains is not None:
         return NUMBERS_ALONE
     apart = (_each_omega(problem) != 1).any()
     return Assumption(

@@ -1,23 +1,231 @@
 """The certificate of the MRAC with a network: bounded by its modification, with numbers where the case allows; Table 1's column.
 
-No weights are known to be the ideal ones, so nothing rests on how well the network approximates: see ``bounds.network``. For a
-plant that the model's feedback alone does not keep, no number is known.
+No weights are known to be the ideal ones, so nothing rests on how well the network approximates: see ``bounds``. For a plant
+that the model's feedback alone does not keep, no number is known.
+
+The modification bounds the weights, and e on the plant (1).
+
+With mu = b'P e, (m,), h = (1, tanh(z)), z = V_hat'x_bar, and |.| of a matrix the root of its entries' squares, the law makes
+U = |W_hat|^2/gamma + |V_hat|^2/gamma_v change by U' = 2 mu'W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2): x_bar drops out. What the
+network adds to (e'P e)' is -2 mu'W_hat'h, so that with e' = A e + b (f - W_hat'h), Q = -(P A + A'P) and L = e'P e + U
+
+    L' = -e'Q e + 2 mu'f - 2 w (|W_hat|^2 + |V_hat|^2):
+
+whatever the network has learnt, it never makes L grow. With |f_j| <= F_j, lambda = lambda_min(Q) > 0, p_j = |P b_j| and s = |e|,
+mu'f is at most p'F s, and L can grow only where lambda s^2 + 2 w omega^2 <= 2 mu'f, omega^2 = |W_hat|^2 + |V_hat|^2, so that it
+stays below its largest value there, or where it starts. For w = nu |mu|_1 the weights are bounded whatever the plant does: of
+a neuron's outer weights W_i, (m,), (|W_i|^2)' = 2 gamma (c_i mu'W_i - nu |mu|_1 |W_i|^2) with c_i = h_i - h_i' z_i in [-1, 1] is
+negative beyond |W_i| = 1/nu, since |mu| <= |mu|_1.
 """
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
 from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, START_TOGETHER, bounded_command, exact_plant, measured
-from barbalat.certificates.bounds.network import bounds, control_bound
+from barbalat.certificates.bounds.formulas import largest_square
+from barbalat.certificates.bounds.model import command_bounds, require_lyapunov, state_bounds
 from barbalat.certificates.cells import denied, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.quantities import Form, Quantity
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from barbalat.certificates.schemes.unregistered import add_linearised
 from barbalat.controllers.mrac_network import Equations, NetworkMrac
+from barbalat.linear.conditions import smallest_eigenvalue
+from barbalat.linear.enclosure import OUTWARD_FACTOR
+from barbalat.linear.l1_norms import l1_norm
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BoundedSignal
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError
+
+ROUNDING = 1e-12
+"""Of |P| |A|: far more than the few roundings of an entry of P A + A'P."""
+MOST_TRIALS = 100
+GROWTH = 1.02
+"""From one tried bound of e to the next, beyond what the last one gave: MOST_TRIALS of them span more than all that is of use."""
+
+
+NO_BOUND = (
+    "without weights that are known to approximate theta'phi, its proof needs that A_m outweighs theta'phi by itself, "
+    "and here it does not"
+)
+
+
+@dataclass(frozen=True)
+class WeightBounds:
+    """Bounds of every component of e, of a neuron's outer weights together, and of |V_hat|; None and the reason without one."""
+
+    error: float | None = None
+    W_hat: float | None = None
+    V_hat: float | None = None
+    why: str = NO_BOUND
+
+
+@dataclass(frozen=True, eq=False)
+class NetworkLaw:
+    """The numbers of a law's modification that the bounds need."""
+
+    gamma: float
+    gamma_v: float
+    rows: int  # of W_hat, 1 + N
+    start: float  # |V_hat(0)|^2/gamma_v, which is L(0) and U(0), rounded up
+    sigma: float | None  # of the sigma-modification
+    nu: float | None  # of the e-modification
+
+    @classmethod
+    def of(cls, equations: Equations) -> NetworkLaw:
+        leakage, size = equations.leakage, math.hypot(*equations.V_0.reshape(-1).tolist())  # its square may be infinite
+        return cls(
+            gamma=equations.gamma,
+            gamma_v=equations.gamma_v,
+            rows=1 + equations.neurons,
+            start=size * size / equations.gamma_v * OUTWARD_FACTOR,
+            sigma=leakage.largest if leakage.per_error is None else None,
+            nu=leakage.per_error,
+        )
+
+    def highest_level(self, F: Array, lowest: float, highest: float, p: Array) -> float:
+        """At least sup L, from |f_j| <= F_j, lambda_min(Q) >= ``lowest``, lambda_max(P) <= ``highest``, |P b_j| <= p_j."""
+        least, push, most = min(self.gamma, self.gamma_v), float(p @ F), float(F.max())
+        farthest = 2 * push / lowest  # |e|, beyond which L falls
+        if self.nu is not None:  # omega^2 <= (mu'f - lambda s^2/2)/(nu |mu|_1), mu'f <= most |mu|_1: convex in s, so at an end
+            left = max(0.0, most - push / float(p.sum()))  # for s = farthest
+            found = max(highest * farthest**2 + left / (self.nu * least), most / (self.nu * least))
+        else:  # omega^2 <= (2 push s - lambda s^2)/(2 sigma)
+            assert self.sigma is not None
+            found = _largest(highest - lowest / (2 * self.sigma * least), push / (self.sigma * least), farthest)
+        return max(self.start, found) * OUTWARD_FACTOR
+
+    @property
+    def whatever_acts(self) -> WeightBounds | None:
+        """Return the bounds of the weights that the e-modification gives whatever else acts on the loop."""
+        if self.nu is None:
+            return None
+        far = math.sqrt(self.rows) / self.nu  # U falls where omega^2 > far |W_hat|
+        level = max(self.start, _largest(1 / self.gamma - 1 / self.gamma_v, far / self.gamma_v, far))
+        return WeightBounds(W_hat=OUTWARD_FACTOR / self.nu, V_hat=math.sqrt(self.gamma_v * level) * OUTWARD_FACTOR**2)
+
+
+def _largest(a: float, b: float, end: float) -> float:
+    """max a s^2 + b s for 0 <= s <= end, with b >= 0."""
+    at = [end] if a >= 0 else [min(end, -b / (2 * a))]
+    return max(0.0, *(a * s * s + b * s for s in at))
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorBoundCase:
+    """The numbers of the problem that the bound of e needs."""
+
+    problem: Problem
+    law: NetworkLaw
+    x_m: Array  # (n,) bounds
+    d: float
+
+    @classmethod
+    def of(cls, problem: Problem, equations: Equations) -> ErrorBoundCase:
+        """InputError for signals without a bound."""
+        d, bound = problem.disturbance, 0.0
+        if d is not None:
+            if not isinstance(d, BoundedSignal):
+                raise InputError("the disturbance has no known bound")
+            bound = d.bound
+        return cls(problem, NetworkLaw.of(equations), np.array(state_bounds(problem)), bound)
+
+    def largest_matched(self, reach: float) -> Array:
+        """At least |theta_j'phi(x) + d_j| for each input, (m,), every |x_i| at most the model's bound plus ``reach``."""
+        plant, far = self.problem.plant, self.x_m + reach
+        theta = plant.theta.reshape(-1, plant.inputs)
+        if plant.is_linear:
+            return np.asarray((far @ np.abs(theta) + self.d) * OUTWARD_FACTOR)
+        square = largest_square(plant.regressor, -far, far)
+        return np.asarray((np.linalg.norm(theta, axis=0) * math.sqrt(square) + self.d) * OUTWARD_FACTOR)
+
+    @property
+    def columns(self) -> Array:
+        """b, (n, m)."""
+        return self.problem.known.b.reshape(self.problem.known.n, -1)
+
+    def level(self, A: Array, F: Array) -> float:
+        """At least sup L with |f_j| <= F_j and e' = A e + b (f - W_hat'h)."""
+        known = self.problem.known
+        P = known.P
+        require_lyapunov(known)
+        lowest = smallest_eigenvalue(-(P @ A + A.T @ P)) - ROUNDING * float(np.linalg.norm(P) * np.linalg.norm(A))
+        if not lowest > 0:
+            raise InputError("P A + A'P is not certainly negative definite")
+        highest = float(np.linalg.eigvalsh(P)[-1]) * OUTWARD_FACTOR
+        return self.law.highest_level(F, lowest, highest, np.linalg.norm(P @ self.columns, axis=0) * OUTWARD_FACTOR)
+
+    def error_of(self, level: float) -> float:
+        return math.sqrt(level / smallest_eigenvalue(self.problem.known.P)) * OUTWARD_FACTOR
+
+    def driven(self, A: Array, F: Array) -> float:
+        """A bound of e, the network's outputs taken as bounded disturbances; only the e-modification gives one."""
+        bound = self.law.whatever_acts
+        if bound is None or bound.W_hat is None:
+            return math.inf
+        n, largest = self.problem.known.n, F + self.law.rows * bound.W_hat
+        norms = [l1_norm(A, b[:, None], np.eye(n), np.zeros((n, 1))).upper for b in self.columns.T]
+        return float(np.dot(norms, largest)) * OUTWARD_FACTOR
+
+    def globally(self) -> tuple[float, float | None] | None:
+        """The bound of e, and of L where it follows from that, for phi(x) = x: the true A takes the place of A_m."""
+        A, F = self.problem.plant.A, self.largest_matched(0.0)
+        found: list[tuple[float, float | None]] = []
+        try:
+            level = self.level(A, F)
+            found.append((self.error_of(level), level))
+        except InputError:
+            pass
+        if np.linalg.eigvals(A).real.max() < 0:
+            found.append((self.driven(A, F), None))
+        finite = [each for each in found if math.isfinite(each[0])]
+        return min(finite, key=lambda each: each[0]) if finite else None
+
+    def trapped(self) -> tuple[float, float | None] | None:
+        """A bound E of e for any phi: as long as |e| <= E holds, |e| stays below E."""
+        A, reach = self.problem.known.A_m, 0.0
+        for _ in range(MOST_TRIALS):
+            F = self.largest_matched(reach)
+            if not np.isfinite(F).all():
+                return None
+            level = self.level(A, F)
+            by_level, by_norm = self.error_of(level), self.driven(A, F)
+            following = min(by_level, by_norm)
+            if following < reach:
+                return following, level if by_level <= by_norm else None
+            reach = GROWTH * following
+        return None
+
+
+def bounds(problem: Problem, equations: Equations) -> WeightBounds:
+    """All bounds that are found: of e, of the outer and of the inner weights."""
+    always = NetworkLaw.of(equations).whatever_acts
+    try:
+        case = ErrorBoundCase.of(problem, equations)
+        found = case.globally() if problem.plant.is_linear else case.trapped()
+    except InputError as refused:  # a command or a disturbance without a bound, an A_m too close to losing stability
+        return replace(always or WeightBounds(), why=str(refused))
+    error, level = found if found is not None else (None, None)
+    if always is not None:
+        return replace(always, error=error)
+    if level is None:
+        return WeightBounds(error=error)
+    W_hat, V_hat = (math.sqrt(gain * level) * OUTWARD_FACTOR for gain in (equations.gamma, equations.gamma_v))
+    return WeightBounds(error, W_hat, V_hat)
+
+
+def control_bound(problem: Problem, equations: Equations, W_hat: float) -> float:
+    """A bound of every entry of |u|, from that of a neuron's outer weights or, by the sigma-modification, of all together."""
+    together = equations.leakage.per_error is None
+    weights = math.sqrt(1 + equations.neurons) if together else 1 + equations.neurons
+    return (weights * W_hat + float(command_bounds(problem).max())) * OUTWARD_FACTOR**2
+
 
 OWN_QUANTITIES = {
     "W_hat_bound": Quantity("of every outer weight, and of the root of the sum of a neuron's squares, at all times"),
@@ -35,7 +243,7 @@ NOT_TO_ZERO = "its modification promises no convergence of the error to zero: it
 
 
 def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulation) -> Certificate:
-    """What its modification guarantees, and what its linearisations say."""
+    """The guarantees of the scheme's modification, and the findings of its linearisations."""
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     draft.note("the network never makes L = e'P e + |W_hat|^2/gamma + |V_hat|^2/gamma_v grow; that it helps is not proven")
     found, nominal, always = bounds(problem, equations), _nominal(problem), _of_the_weights(problem, controller)
@@ -44,8 +252,7 @@ def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulatio
     else:
         draft.guarantee("error_bound", found.error, *nominal)
     if found.W_hat is None:
-        for key in ("W_hat_bound", "V_hat_bound", "control_bound"):
-            draft.missing(key, NO_WEIGHTS)
+        draft.all_missing(("W_hat_bound", "V_hat_bound", "control_bound"), NO_WEIGHTS)
     else:
         draft.guarantee("W_hat_bound", found.W_hat, *always)
         draft.guarantee("V_hat_bound", found.V_hat, *always)

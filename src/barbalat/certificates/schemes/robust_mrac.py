@@ -6,17 +6,25 @@ What is guaranteed is Lemma 1's boundedness and convergence; its constants are n
 from __future__ import annotations
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
-from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, FROZEN_LAW, beyond_the_paper, bounded_command, departures
+from barbalat.certificates.assumptions import (
+    BEYOND_ONE_LINEAR_INPUT,
+    FROZEN_LAW,
+    MEAN_SQUARE,
+    beyond_the_paper,
+    bounded_command,
+    departures,
+    small_enough,
+)
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.cells import NONLINEAR, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.quantities import Quantity
-from barbalat.certificates.rounding import down
+from barbalat.certificates.rows import down
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
 from barbalat.certificates.schemes.unregistered import add_frozen
-from barbalat.certificates.step_limits import at_model, frozen_laws
+from barbalat.certificates.step_limits import any_regressor, frozen_laws
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.parametric_model import minimum_phase_model
 from barbalat.controllers.robust_mrac import Equations
@@ -33,7 +41,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     """The initial parameter error, the limits of the step, the margins at rest; with an auxiliary input the limit of tau."""
     equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
     error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.plant.theta)
-    draft.guarantee("initial_parameter_error", error, *(inside(problem, equations.box) or (NUMBERS_ALONE,)))
+    draft.guarantee("initial_parameter_error", error, *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)
@@ -42,7 +50,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
     limits = frozen_laws.of_parametric_model(problem, equations, simulation)
     draft.estimate(limits, FROZEN_LAW)
-    draft.estimate(at_model.of_parametric_model(problem, equations, simulation, limits), FROZEN_LAW)
+    draft.estimate(any_regressor.of_parametric_model_at_model(problem, equations, simulation, limits), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
     if controller.tau is not None:
         draft.advise({"tau_below": 1 / controller.normalization.delta_0})
@@ -54,14 +62,14 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
 
 def midpoint_form(problem: Problem, controller: NormalizedMrac | RobustMrac, _: float) -> midpoint.MidpointForm:
     """Say what the sampled form keeps: what its law's own implicit step keeps."""
-    return midpoint.of_law(controller.law, controller.bind(problem.known).box)
+    return midpoint.of_law(controller.law, controller.bind(problem.known).estimate_set)
 
 
 def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
-    box = controller.bind(problem.known).box
-    found = laws.guarantee_of(controller.law, box)
-    rests_on = (*of_the_case(problem, box), MINIMUM_PHASE, laws.bounds_the_parameters(found, problem.parameters))
+    estimate_set = controller.bind(problem.known).estimate_set
+    found = laws.guarantee_of(controller.law, estimate_set)
+    rests_on = (*of_the_case(problem, estimate_set), MINIMUM_PHASE, laws.bounds_the_parameters(found, problem.parameters))
     why = laws.kept_from_zero(found)
 
     def claimed(key: str, text: str, holds: bool) -> Entry:
@@ -116,22 +124,17 @@ def _estimates(found: Guarantee, linear: bool) -> str:
 
 
 def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found: Guarantee) -> Entry:
-    box = controller.bind(problem.known).box
+    estimate_set = controller.bind(problem.known).estimate_set
     if not found.bounded:
         return nothing("modelling_error", found.why)
     if problem.plant.inputs > 1:
         return nothing("modelling_error", SEVERAL_INPUTS)
     if controller.normalization.alpha_0 == 0:
         return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
-    if not projected(box) and not found.leaks:
+    if not projected(estimate_set) and not found.leaks:
         return nothing("modelling_error", "needs projection or leakage, and there is neither")
     present = ", ".join(departures(problem))
-    text = "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed"
-    small = Assumption(
-        "the case's own modelling error is small enough",
-        f"{present}: whether that is small enough is not known" if present else "",
-    )
     ceiling = () if controller.tau is None else (_below_the_ceiling(controller, controller.tau),)
     enough = laws.bounds_the_parameters(found, problem.parameters)
-    rests_on = (small, bounded_command(problem), *inside(problem, box), MINIMUM_PHASE, enough, *ceiling)
-    return statement("modelling_error", text, *rests_on)
+    rests_on = (small_enough(present), bounded_command(problem), *inside(problem, estimate_set), MINIMUM_PHASE, enough, *ceiling)
+    return statement("modelling_error", MEAN_SQUARE, *rests_on)

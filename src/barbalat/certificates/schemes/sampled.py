@@ -13,19 +13,18 @@ from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY
 from barbalat.certificates.cells import nothing, on_damping, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
-from barbalat.certificates.linear_loops import over_known_set, robustness
+from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import leaving_out
-from barbalat.certificates.schemes import HeldFile, LinearFile, SchemeFile, scheme_file, unregistered
+from barbalat.certificates.schemes import HeldFile, LinearFile, scheme_file, unregistered
 from barbalat.certificates.schemes.midpoint import MidpointFile
 from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop
 from barbalat.controllers import Sampled
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
 from barbalat.solvers import EULER
 from barbalat.solvers.simulation import Simulation
 
@@ -40,7 +39,13 @@ LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
 """Of the continuous law; a sampled one has its own, where they are known."""
 ERROR_BOUND_KEYS = {"error_bound", "error_bound_worst"}
 OF_THE_CONTINUOUS_LOOP = frozenset(
-    {*KEYS_OF_MARGINS.values(), *EACH_INPUT.values(), *robustness.KEYS, over_known_set.MARGINS_KEY, "delay_margin_adapting"}
+    {
+        *KEYS_OF_MARGINS.values(),
+        *EACH_INPUT.values(),
+        *over_known_set.MU_KEYS,
+        over_known_set.MARGINS_KEY,
+        "delay_margin_adapting",
+    }
 )
 """Keys that say what the closed loop tolerates."""
 OF_THE_CONTINUOUS_ONE = ", of the continuous controller"
@@ -56,11 +61,11 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
 
 
 def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simulation) -> Certificate:
-    """From the continuous controller's certificate at ``judged_at``."""
+    """The sampled controller's certificate, from that of the continuous one at ``judged_at``."""
     controller.bind(problem.known)  # refuses what has no sampled form
     scheme, T, judged = controller.controller, controller.sample_time, judged_at(controller, simulation)
     file = scheme_file(scheme)
-    linear = _linear_when(problem, scheme, file)
+    linear = file.linear_when(problem, scheme) if isinstance(file, LinearFile) else None
     with leaving_out(*(OF_THE_CONTINUOUS_LOOP if linear else ())):
         continuous = (file or unregistered).certificate(problem, scheme, judged)
     entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in LIMIT_KEYS_AT_MODEL]
@@ -91,12 +96,8 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     return on_damping(continuous.with_entries(tuple(draft.entries.values()), *draft.notes))
 
 
-def _linear_when(problem: TrackingProblem, scheme: Controller, file: SchemeFile | None) -> str | None:
-    return file.linear_when(problem, scheme) if isinstance(file, LinearFile) else None
-
-
 def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certificate, linear: str) -> Certificate:
-    """With the sampled loop's own stability and margins; a solver's or a law's step then decides nothing."""
+    """The certificate with the sampled loop's own stability and margins; a solver's or a law's step then decides nothing."""
     left = {entry.key: entry for entry in continuous.entries if entry.key not in LIMIT_KEYS}
     draft, found = Draft(left, list(continuous.notes), own=OF_SAMPLED_LOOPS), linearised(problem, controller)
     if add_loop(draft, problem, found, linear) and isinstance(problem, Problem) and problem.plant.inputs == 1:
@@ -115,7 +116,7 @@ def _unstable(step_max: float, whole_loop: bool) -> str:
 
 
 def _sampled(entry: Entry, controller: Sampled) -> Entry:
-    """What is left of a continuous controller's value when the controller acts at samples only."""
+    """The entry that is left of a continuous controller's when the controller acts at samples only."""
     if entry.kind == "guaranteed" and not entry.quantity.timeless:
         return replace(entry, kind="does not apply", why=f"sampled every {controller.sample_time:g} s")
     if entry.kind == "exact" or (entry.kind == "estimate" and entry.key in OF_THE_CONTINUOUS_LOOP):
@@ -130,7 +131,7 @@ def _sampled(entry: Entry, controller: Sampled) -> Entry:
 
 
 def column(problem: TrackingProblem, controller: Sampled, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
-    """What holds in continuous time is not claimed of a sampled controller, but what the midpoint rule keeps of V is."""
+    """The column of a sampled controller: it claims of the continuous one's only what the midpoint rule keeps of V."""
     name, continuous = (scheme_file(controller.controller) or unregistered).column(problem, controller.controller, certificate)
     why = f"sampled every {controller.sample_time:g} s"
     cells = {

@@ -8,14 +8,13 @@ import numpy as np
 
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised
-from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS, finite
+from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS, finite, in_the_loop
 from barbalat.certificates.quantities import EACH_INPUT, Form, Quantity
 from barbalat.certificates.requested_keys import is_needed
-from barbalat.linear.interconnections import complementary_sensitivity, sensitivity
 from barbalat.linear.margins import margins
 from barbalat.linear.peaks import peak_gain
-from barbalat.linear.sampled_loop import SampledLoop
-from barbalat.linear.sampled_margins import delay_margin, gain_margins
+from barbalat.linear.sampled_loop import SampledLoop, delay_margin, gain_margins
+from barbalat.linear.systems import complementary_sensitivity, sensitivity
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.validate import Array, InputError
 
@@ -32,10 +31,7 @@ OF_THE_LOOP = "from sample to sample with the true parameters, broken at the pla
 
 def name_of(problem: TrackingProblem) -> str:
     """The loop of the certificate's exact values."""
-    beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
-    lag = problem.sensor.lag if problem.sensor is not None else 0.0
-    lagged = f", with its sensor's lag of {lag:g} s" if lag > 0 else ""
-    return OF_THE_LOOP + beside + lagged + ("" if all(path.is_linear for path in problem.plant.paths) else ", without its limits")
+    return OF_THE_LOOP + in_the_loop(problem)
 
 
 def add_loop(draft: Draft, problem: TrackingProblem, found: Linearised, linear: str) -> bool:
@@ -125,8 +121,10 @@ def add_noise(draft: Draft, problem: TrackingProblem, found: Linearised, measure
             warnings.simplefilter("error", LinAlgWarning)
             covariance = solve_discrete_lyapunov(closed, N @ N.T)
     except (LinAlgError, LinAlgWarning):
-        for key in ("noise_in_sigma_hat", "noise_in_u"):
-            draft.missing(key, "the loop is too close to losing stability from sample to sample for its covariance")
+        draft.all_missing(
+            ("noise_in_sigma_hat", "noise_in_u"),
+            "the loop is too close to losing stability from sample to sample for its covariance",
+        )
         return
     deviation = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     values = {"noise_in_sigma_hat": deviation[rows["sigma_hat"]].tolist(), "noise_in_u": deviation[rows["u"]].tolist()}

@@ -16,8 +16,8 @@ from barbalat.certificates.assumptions import (
     theta_in_the_set,
 )
 from barbalat.certificates.bounds import laws, theorem_1
+from barbalat.certificates.bounds.formulas import largest_square
 from barbalat.certificates.bounds.model import ModelBounds, state_bounds
-from barbalat.certificates.bounds.regressor import largest_square
 from barbalat.certificates.cells import nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
@@ -25,7 +25,9 @@ from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.schemes.unregistered import add_frozen
-from barbalat.certificates.step_limits import any_regressor, at_model
+from barbalat.certificates.step_limits import any_regressor
+from barbalat.linear.conditions import smallest_eigenvalue
+from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.problem.known_set import EstimateSet
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
@@ -39,25 +41,25 @@ LARGEST_STATE = 1e12
 """Where a run counts as diverged: without a bound of e, phi is looked at up to there."""
 
 
-def of_the_case(problem: Problem, box: EstimateSet | None, error: float | None = None) -> tuple[Assumption, ...]:
+def of_the_case(problem: Problem, estimate_set: EstimateSet | None, error: float | None = None) -> tuple[Assumption, ...]:
     """What the bounds of Theorem 1 rest on: the plant (1) as it stands and, with projection, theta in the known set.
 
     ``error`` is the bound of |e_i| that would follow, where there is one.
     """
     regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, error))
-    return (*nominal(problem), *inside(problem, box), *regressor)
+    return (*nominal(problem), *inside(problem, estimate_set), *regressor)
 
 
 def of_the_lyapunov_law(problem: Problem, controller: laws.LyapunovScheme, certificate: Certificate) -> tuple[Assumption, ...]:
-    """What its V rests on; with a leakage or a dead zone V is bounded all the same."""
-    box, bound = controller.bind(problem.known).box, certificate.entry("error_bound")
-    case = of_the_case(problem, box, None if bound is None else bound.value)
-    return (*case, laws.keeps_V_in_corners(controller.gamma, box))
+    """The assumptions of a Lyapunov law's V; with a leakage or a dead zone V is bounded all the same."""
+    estimate_set, bound = controller.bind(problem.known).estimate_set, certificate.entry("error_bound")
+    case = of_the_case(problem, estimate_set, None if bound is None else bound.value)
+    return (*case, laws.keeps_V_in_corners(controller.gamma, estimate_set))
 
 
-def inside(problem: Problem, box: EstimateSet | None) -> tuple[Assumption, ...]:
+def inside(problem: Problem, estimate_set: EstimateSet | None) -> tuple[Assumption, ...]:
     """Theta in the set that is projected onto, where one is."""
-    return () if box is None else (projected_onto(problem, box),)
+    return () if estimate_set is None else (projected_onto(problem, estimate_set),)
 
 
 def bounded_regressor(problem: Problem, error: float | None) -> Assumption:
@@ -93,35 +95,40 @@ def unproven_robustness(problem: Problem, controller: laws.ModifiedScheme) -> En
     """The unnormalised law beside a modelling error: nothing is proven of x."""
     if controller.leakage is not None or controller.dead_zone is not None:
         why = "bounded estimates; that x stays bounded is known for bounded disturbances, not for Delta_m"
-    elif projected(controller.bind(problem.known).box):
+    elif projected(controller.bind(problem.known).estimate_set):
         why = "projection keeps the estimates in the known set; that x stays bounded is not known without normalisation"
     else:
         why = "the estimates may drift; that x stays bounded is not known without normalisation"
     return nothing("modelling_error", why)
 
 
-def projected(box: EstimateSet | None) -> bool:
+def projected(estimate_set: EstimateSet | None) -> bool:
     """Whether the estimates are kept in the known set."""
-    return box is not None and box.bounds_theta
+    return estimate_set is not None and estimate_set.bounds_theta
 
 
 def add_parameter_errors(draft: Draft, problem: Problem, equations: laws.Bound, closed: Known | None = None) -> None:
     """nu_0 for the case's theta, and for the worst theta in the known set, with P of ``closed``."""
-    theta_hat0 = equations.theta_hat0
     known, known_set = closed or problem.known, problem.uncertainty
-    error = theorem_1.initial_parameter_error(theta_hat0, problem.parameters)
-    draft.guarantee("nu_0", theorem_1.nu_0(error, known), *(inside(problem, equations.box) or (NUMBERS_ALONE,)))
+    _add_nu_0(draft, problem, equations, known)
     if known_set is not None and problem.input_gain is None:
-        worst = theorem_1.largest_parameter_error(theta_hat0, known_set)
+        worst = known_set.farthest(equations.theta_hat0) * OUTWARD_FACTOR
         draft.guarantee("nu_0_worst", theorem_1.nu_0(worst, known), theta_in_the_set(problem))
 
 
-def add_ingredients(draft: Draft, problem: Problem, box: EstimateSet | None, model: ModelBounds) -> None:
-    """What (9) and (10) are computed from, which no controller and no theta changes."""
-    values = theorem_1.ingredients(problem.known, None if box is None else problem.known.theta_set, model)
-    draft.advise({"P": values.pop("P")})
-    for key, value in values.items():
-        draft.guarantee(key, value, NUMBERS_ALONE)
+def _add_nu_0(draft: Draft, problem: Problem, equations: laws.Bound, known: Known) -> None:
+    error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.parameters)
+    draft.guarantee("nu_0", theorem_1.nu_0(error, known), *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
+
+
+def add_ingredients(draft: Draft, problem: Problem, estimate_set: EstimateSet | None, model: ModelBounds) -> None:
+    """Add what (9) and (10) are computed from, which no controller and no theta changes."""
+    known = problem.known
+    draft.advise({"P": known.P.tolist()})
+    draft.guarantee("lambda_min", smallest_eigenvalue(known.P), NUMBERS_ALONE)
+    if estimate_set is not None and known.theta_set is not None:
+        draft.guarantee("theta_max", known.theta_set.theta_max, NUMBERS_ALONE)
+    draft.guarantee("bounds", {"r": model.r, "x_m": model.x_m}, NUMBERS_ALONE)
 
 
 def of_lyapunov_law_beyond(
@@ -135,17 +142,16 @@ def of_lyapunov_law_beyond(
     problem, controller, draft = excited.problem, excited.controller, Draft()
     draft.note(BEYOND_ONE_LINEAR_INPUT)
     equations = controller.bind(problem.known)
-    error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.parameters)
-    draft.guarantee("nu_0", theorem_1.nu_0(error, problem.known), *(inside(problem, equations.box) or (NUMBERS_ALONE,)))
+    _add_nu_0(draft, problem, equations, problem.known)
     void = laws.why_no_bound(controller, problem) or no_bound
     if void:
         draft.missing("error_bound", void)
     else:
         bound = laws.error_level(problem, controller, draft["nu_0"])
-        draft.guarantee("error_bound", bound, *of_the_case(problem, equations.box, bound))
+        draft.guarantee("error_bound", bound, *of_the_case(problem, equations.estimate_set, bound))
     limits = any_regressor.of_lyapunov_law(excited, simulation, draft["nu_0"], filter_poles)
     draft.estimate(limits, FROZEN_LAW, ON_THE_BOX, *((ERROR_ASSUMED,) if void else ()))
-    draft.estimate(at_model.of_lyapunov_law(excited, simulation, filter_poles), FROZEN_LAW)
+    draft.estimate(any_regressor.of_lyapunov_law_at_model(excited, simulation, filter_poles), FROZEN_LAW)
     add_frozen(draft, problem, cast("Controller", controller))
     return draft.finish()
 

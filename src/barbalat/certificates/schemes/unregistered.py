@@ -18,7 +18,7 @@ from barbalat.certificates.linear_loops.margin_values import (
 )
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import is_needed
-from barbalat.certificates.step_limits.modes import largest_step
+from barbalat.certificates.step_limits.oscillator import largest_step
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -41,7 +41,7 @@ def certificate(problem: TrackingProblem, controller: Controller, simulation: Si
 def add_linearised(
     draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation, *, bent: str = ""
 ) -> None:
-    """What follows from the equations alone: margins, and the step that the modes bear.
+    """Add what follows from the equations alone: margins, and the step that the modes bear.
 
     ``bent`` says why the law has no slope where the loop rests.
     """
@@ -96,7 +96,7 @@ def add_frozen(draft: Draft, problem: TrackingProblem, controller: Controller) -
 
 
 def _add_frozen(draft: Draft, problem: TrackingProblem, loop: ClosedLoop, still: Rest | NotApplicable) -> bool:
-    """Whether it rests."""
+    """Add the margins with the estimates frozen; whether the loop rests."""
     if isinstance(still, NotApplicable):
         draft.missing("delay_margin", still.why)
         return False

@@ -1,7 +1,11 @@
 """The limits of the numerics for any regressor, several inputs and an unknown input gain, from a bound of |phi(x)| on a box.
 
 |x_i| <= |x_m,i| + |e|, and |e| <= nu_0/sqrt(Gamma) by (9), which holds for MRAC with every regressor; for L1-AC it is assumed.
-On that box |phi(x)|_2 is bounded by balls, and omega_a^2 <= Gamma |phi|_2^2 ||b'P b||. Source: docs/numerics.md.
+On that box |phi(x)|_2 is bounded by balls, and omega_a^2 <= Gamma |phi|_2^2 ||b'P b||.
+
+Oscillations are due from the limits with the plant at the model's own motion: there x = x_m, and u is what the parameters
+themselves would make it. A plant with an actuator, a limit or a disturbance does not move so, and has no such limits.
+Source: docs/numerics.md.
 """
 
 from __future__ import annotations
@@ -13,17 +17,28 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.certificates.assumptions import departures
 from barbalat.certificates.bounds import laws
-from barbalat.certificates.bounds.model import command_bounds, state_bounds
-from barbalat.certificates.bounds.regressor import largest_square
+from barbalat.certificates.bounds.formulas import largest_square
+from barbalat.certificates.bounds.model import command_bounds, motion_along_the_command, state_bounds
 from barbalat.certificates.entry import NotApplicable
-from barbalat.certificates.step_limits.frozen_laws import STEP_TOO_LONG, FrozenLaw, input_poles, with_modifications
-from barbalat.certificates.step_limits.oscillator import Oscillator
+from barbalat.certificates.requested_keys import is_needed
+from barbalat.certificates.step_limits.frozen_laws import (
+    KEYS_AT_MODEL,
+    STEP_TOO_LONG,
+    FrozenLaw,
+    under_the_solver,
+    with_modifications,
+)
+from barbalat.controllers import robust_mrac_several
+from barbalat.controllers.robust_mrac import Equations
+from barbalat.linear.driven_response import driven_response
 from barbalat.linear.largest import largest_from
+from barbalat.loop.packing import column, symbols
 from barbalat.problem.known_set import Gain
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array
+from barbalat.validate import Array, signal_values
 
 MOST_HALVINGS = 60
 """Gains that are tried below the largest one that could be borne, each half the one before."""
@@ -34,9 +49,7 @@ def of_lyapunov_law(
 ) -> dict[str, Any]:
     """adaptation_frequency, gamma_max, step_max under the contract's keys; ``None`` where there is no such limit."""
     problem, controller, gamma = excited.problem, excited.controller, excited.controller.gamma
-    if oscillator is None:
-        beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
-        oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(beside))
+    oscillator = oscillator or under_the_solver(problem, simulation, filter_poles)
     g = Gain(gamma).largest * excited.largest_square(laws.error_level(problem, controller, nu_0))
     if not math.isfinite(g):
         return {}
@@ -61,9 +74,7 @@ class Excited:
     divides_by_gain: bool
 
     def largest_square(self, error: float) -> float:
-        """phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``.|Return the largest
-        |phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``.|phi|_2^2, with u below
-        phi where its gain is unknown, while no component of e exceeds ``error``."""
+        """The largest |phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``."""
         problem = self.problem
         bounds = self._model + error
         phi = largest_square(problem.plant.regressor, -bounds, bounds)
@@ -87,7 +98,7 @@ class Excited:
         error = equations.theta_hat0 - problem.parameters
         largest = float(np.linalg.norm(theta) + np.linalg.norm(error))
         known_set = problem.uncertainty
-        if known_set is None or equations.box is None or not equations.box.bounds_theta:
+        if known_set is None or equations.estimate_set is None or not equations.estimate_set.bounds_theta:
             return largest
         return min(largest, known_set.farthest(np.zeros(known_set.size)))
 
@@ -112,3 +123,64 @@ def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | No
         f"no gain is shown to be borne: the bound of |phi| grows as the gain falls, so that Gamma |phi|^2 stays above the "
         f"{largest_g:.4g} that the step bears"
     )
+
+
+def of_lyapunov_law_at_model(
+    excited: Excited, simulation: Simulation, filter_poles: Array | None = None, oscillator: FrozenLaw | None = None
+) -> dict[str, Any]:
+    """gamma_max_at_model and step_max_at_model of the plain law; none of a modified one, nor where phi is no number."""
+    problem, gamma = excited.problem, excited.controller.gamma
+    if laws.is_modified(excited.controller) or departures(problem) or not is_needed(*KEYS_AT_MODEL.values()):
+        return {}
+    square = _largest_square_at_model(problem, simulation)
+    if not 0 < square < math.inf:
+        return {}
+    oscillator = oscillator or under_the_solver(problem, simulation, filter_poles)
+    values = {"step_max_at_model": oscillator.largest_step(Gain(gamma).largest * square)}
+    largest_g = oscillator.largest_g(simulation.dt)
+    return values if np.ndim(gamma) or largest_g == 0 else {"gamma_max_at_model": largest_g / square} | values
+
+
+def _largest_square_at_model(problem: Problem, simulation: Simulation) -> float:
+    """The largest |phi|_2^2, with the largest u_j^2 where gains are unknown; infinite where phi is not finite."""
+    import casadi as ca
+
+    known = problem.known
+    t, x_m = motion_along_the_command(problem, simulation)
+    state_column, x = symbols("x", known.n)
+    phi, matched = known.matched.regressor(x), known.matched.phi(x).T @ problem.plant.theta
+    parts = ca.Function("parts", [state_column], [column(phi), column(np.reshape(matched, -1))])
+    phi_m, matched_m = (np.array(part) for part in parts(x_m.T))
+    with np.errstate(over="ignore", invalid="ignore"):  # what is no number has no limit
+        squares = np.sum(phi_m**2, axis=0)
+    if known.gains is not None:
+        commands = np.stack([signal_values(signal, t) for signal in problem.commands])
+        gains = np.array([path.gain for path in problem.plant.paths])
+        u = (np.reshape(known.k_0, (known.inputs, -1)) @ commands - matched_m) / gains[:, None]
+        squares = squares + np.max(u**2, axis=0)
+    largest = float(squares.max())
+    return largest if math.isfinite(largest) else math.inf
+
+
+def of_parametric_model_at_model(
+    problem: Problem, equations: Equations | robust_mrac_several.Equations, simulation: Simulation, values: dict[str, Any]
+) -> dict[str, Any]:
+    """The gain limit of a law on (13) with the plant at the model's motion, from ``values``, which hold for |phi|^2 < m_s^2.
+
+    phi is x_m after the filters, m_s^2 = 1 + |phi|^2: the dynamic part is not counted, which makes the law slower yet.
+    """
+    gamma = values.get("gamma_max")
+    if not isinstance(equations, Equations) or not isinstance(gamma, float) or departures(problem):
+        return {}
+    if not is_needed(KEYS_AT_MODEL["gamma_max"]):
+        return {}
+    n, A_m = problem.known.n, problem.known.A_m
+    b = problem.known.b.reshape(n)
+    identity, zero = np.eye(n), np.zeros((n * n, n))
+    A = np.block([[A_m, zero.T], [np.kron(identity, b[:, None]), np.kron(identity, A_m)]])
+    B = np.concatenate([b * float(problem.known.k_0), np.zeros(n * n)])[:, None]
+    C = np.hstack([np.zeros((n, n)), np.kron(identity, equations.c_0[None])])
+    start = np.concatenate([problem.known.x0, np.zeros(n * n)])
+    _, phi = driven_response(A, B, C, start, problem.commands, simulation.t_end, simulation.steps)
+    square = float(np.max(np.sum(phi**2, axis=1)))
+    return {"gamma_max_at_model": gamma * (1 + square) / square} if square > 0 else {}

@@ -31,7 +31,7 @@ KEYS_AT_MODEL = {key: f"{key}_at_model" for key in ("gamma_max", "step_max")}
 
 
 class FrozenLaw(Protocol):
-    """What bears a frozen law: an Oscillator under a solver, a HeldOscillator from sample to sample."""
+    """A frozen law and what integrates it: an Oscillator under a solver, a HeldOscillator from sample to sample."""
 
     @property
     def bPb(self) -> float: ...
@@ -45,6 +45,12 @@ class FrozenLaw(Protocol):
         ...
 
 
+def under_the_solver(problem: Problem, simulation: Simulation, filter_poles: Array | None) -> Oscillator:
+    """The frozen law beside what is integrated with it: what lies before the plant's inputs, and C(s)."""
+    beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
+    return Oscillator(problem.known, simulation.solver, np.concatenate(beside))
+
+
 def of_lyapunov_law(
     problem: Problem,
     gamma: float | Array,
@@ -54,14 +60,12 @@ def of_lyapunov_law(
     filter_poles: Array | None = None,
     oscillator: FrozenLaw | None = None,
 ) -> dict[str, Any]:
-    """For a law theta_hat' = Gamma (e'P b) x and |x|_2 <= offset + factor/sqrt(Gamma); for a matrix by its extreme eigenvalues.
+    """Limits of a law theta_hat' = Gamma (e'P b) x, |x|_2 <= offset + factor/sqrt(Gamma), by a matrix' extreme eigenvalues.
 
     ``None`` for gamma_max where no gain is too large, which takes x = 0, and for a matrix; why not where none is shown to be
     borne.
     """
-    if oscillator is None:
-        beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
-        oscillator = Oscillator(problem.known, simulation.solver, np.concatenate(beside))
+    oscillator = oscillator or under_the_solver(problem, simulation, filter_poles)
     root_g = math.sqrt(Gain(gamma).largest) * (offset + factor / math.sqrt(least_gain(gamma)))  # of x'Gamma x
     largest_root = math.sqrt(oscillator.largest_g(simulation.dt))
     return {
@@ -78,10 +82,9 @@ def of_the_motion(
     oscillator: FrozenLaw | None = None,
     filter_poles: Array | None = None,
 ) -> dict[str, Any]:
-    """x| as large as the case's own command makes |x_m|, by keys of their own.|Return the limits, under keys of their own, with
-    |x| as large as the case's own command makes |x_m|.|x| as large as the case's own command makes |x_m|, by keys of their own.
+    """The limits with |x| as large as the case's own command makes |x_m|, under keys of their own.
 
-    Where the bound of |x| is far above what the command asks for, these are where oscillations are seen; the others are on the
+    Where the bound of |x| is far above what the command asks for, oscillations are seen at these limits; the others are on the
     safe side.
     """
     if not is_needed(*KEYS_AT_MODEL.values()):
@@ -129,7 +132,7 @@ def _largest_gain(root_g: float, offset: float, factor: float) -> float | NotApp
 def of_parametric_model(
     problem: Problem, equations: Equations | robust_mrac_several.Equations, simulation: Simulation
 ) -> dict[str, Any]:
-    """For a law on the parametric model (13), whose adaptation is a decay: the regressor does not depend on the estimates."""
+    """Limits of a law on the parametric model (13), whose adaptation is a decay: no estimate moves the regressor."""
     filters = [np.linalg.eigvals(problem.known.A_m), input_poles(problem), np.array([-equations.normalization.delta_0])]
     if equations.Q is not None:
         filters.append(np.linalg.eigvals(equations.Q.A))

@@ -2,7 +2,13 @@
 
 With x frozen, x_tilde' = A_m x_tilde - b theta_tilde'x, theta_tilde' = Gamma (x_tilde'P b) x moves along q = theta_tilde'x only:
 x_tilde' = A_m x_tilde - b q, q' = g b'P x_tilde, so that its modes depend on g = Gamma |x|^2 alone. With several inputs q has an
-entry for each, with any phi(x) its square takes the place of |x|^2. Source: docs/numerics.md.
+entry for each, with any phi(x) its square takes the place of |x|^2.
+
+Where MRAC's law takes Euler steps while the plant moves on with its input held, q and e go from sample to sample as
+
+    e_next = e^(A_m T) e - integral_0^T e^(A_m s) ds b q,   q_next = q + T g b'P e,   g = Gamma |x|^2,
+
+which is exact for the plant. What a solver of differential equations would bear plays no part. Source: docs/numerics.md.
 """
 
 from __future__ import annotations
@@ -12,45 +18,66 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.linear.largest import largest
+from barbalat.linear.largest import largest, largest_from
 from barbalat.problem.state_feedback import Known
 from barbalat.solvers import Tableau
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
+
+
+def largest_step(simulation: Simulation, modes: Array) -> float:
+    """The largest step up to which no mode is amplified by the solver alone."""
+    beyond = 2 * simulation.solver.reach / float(np.abs(modes).max())
+    return largest(lambda h: not amplifies(simulation, h, modes), 0.0, beyond)
+
+
+def amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
+    """Whether the method amplifies a mode: |R| exceeds max(1, |e^z|) by so much that it makes a factor e up to t_end."""
+    z = h * modes
+    with np.errstate(divide="ignore"):
+        spurious = np.log(np.abs(simulation.solver.amplification(z))) - np.maximum(z.real, 0)
+    return bool((spurious * simulation.t_end / h > 1).any())
+
 
 GAIN_FRACTIONS = np.geomspace(1e-16, 1.0, 600)
 """Fractions of the largest g that are looked at beside g = 0: a mode of A_m may leave the region before the oscillation does."""
 
 
 @dataclass(frozen=True, eq=False)
-class Oscillator:
+class FrozenErrorSystem:
+    """The error system of a problem with x, and so the regressor, frozen."""
+
+    known: Known
+
+    @property
+    def b(self) -> Array:
+        """(n, m)."""
+        return np.asarray(self.known.b.reshape(self.known.n, -1))
+
+    @property
+    def bPb(self) -> float:
+        """b'P b; with several inputs its largest eigenvalue, which is the fastest direction's."""
+        return float(np.linalg.eigvalsh(self.b.T @ self.known.P @ self.b)[-1])
+
+
+@dataclass(frozen=True, eq=False)
+class Oscillator(FrozenErrorSystem):
     """The frozen error system of a problem under a solver.
 
     beside   eigenvalues of what else is integrated and does not depend on g: the input filter, an actuator
     """
 
-    known: Known
     solver: Tableau
     beside: Array
 
-    @property
-    def bPb(self) -> float:
-        """b'P b; with several inputs its largest eigenvalue, which is the fastest direction's."""
-        b = self._b
-        return float(np.linalg.eigvalsh(b.T @ self.known.P @ b)[-1])
-
-    @property
-    def _b(self) -> Array:
-        """(n, m)."""
-        return np.asarray(self.known.b.reshape(self.known.n, -1))
-
     def modes(self, g: Array) -> Array:
         """Eigenvalues for g > 0, (K,) -> (K, n + m); q is scaled by sqrt(g), which keeps the matrix of one size."""
-        n, m = self._b.shape
+        n, m = self.b.shape
         root_g = np.sqrt(g)[:, None, None]
         matrices = np.zeros((len(g), n + m, n + m))
         matrices[:, :n, :n] = self.known.A_m
-        matrices[:, :n, n:] = -root_g * self._b
-        matrices[:, n:, :n] = root_g * (self._b.T @ self.known.P)
+        matrices[:, :n, n:] = -root_g * self.b
+        matrices[:, n:, :n] = root_g * (self.b.T @ self.known.P)
         return np.linalg.eigvals(matrices)
 
     @property
@@ -87,3 +114,41 @@ class Oscillator:
         """Whether a mode along the last axis grows, by more than an eigenvalue's rounding."""
         rounding = 10 * z.shape[-1] * np.finfo(float).eps * np.abs(z).max(axis=-1, keepdims=True)
         return np.asarray((self.solver.growth(z) > rounding).any(axis=-1))
+
+
+TRIAL_RATIO = 1.1
+"""Between two gains or sample times that are tried, upward from one that must be borne: the first exit counts."""
+HELD_FRACTIONS = np.geomspace(1e-6, 1.0, 40)
+"""Of the largest g, at all of which a sample time is tried."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOscillator(FrozenErrorSystem):
+    """The frozen error system from sample to sample."""
+
+    def largest_g(self, T: float) -> float:
+        """The largest g up to which no mode grows at the sample time T [s]."""
+        start = (1e-6 / T) ** 2 / self.bPb  # turns q by 1e-6 in a sample
+        return largest_from(lambda g: not self._grows(T, np.array([g])), start, factor=TRIAL_RATIO, least=start)
+
+    def largest_step(self, g: float) -> float:
+        """The largest sample time [s] up to which no mode grows for any gain from 0 to g > 0."""
+        rate = float(np.abs(np.linalg.eigvals(self.known.A_m)).max()) + math.sqrt(g * self.bPb)
+        start = 1e-6 / rate
+        return largest_from(lambda T: not self._grows(T, g * HELD_FRACTIONS), start, factor=TRIAL_RATIO, least=start)
+
+    def _grows(self, T: float, g: Array) -> bool:
+        """If |1 + T mu|^2 - 1 = T (2 Re mu + T |mu|^2) > 0 for an eigenvalue mu of (map - I)/T: nothing cancels against 1."""
+        from scipy.linalg import expm
+
+        known, n, b = self.known, self.known.n, self.b
+        size, eye = n + b.shape[1], np.eye(n)
+        mean = expm(T * np.block([[known.A_m, eye], [0 * eye, 0 * eye]]))[:n, n:] / T  # of e^(A_m s) over a sample
+        root_g = np.sqrt(g)[:, None, None]
+        moves = np.zeros((len(g), size, size))
+        moves[:, :n, :n] = known.A_m @ mean
+        moves[:, :n, n:] = -root_g * (mean @ b)
+        moves[:, n:, :n] = root_g * (b.T @ known.P)
+        mu = np.linalg.eigvals(moves)
+        rounding = 10 * size * np.finfo(float).eps * np.abs(mu).max(axis=1, keepdims=True)
+        return bool((2 * mu.real + T * np.abs(mu) ** 2 > rounding).any())

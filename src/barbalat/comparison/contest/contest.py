@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate
+from barbalat.budget import Estimate, Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.comparison.contest.entrant import Entrant, entrants_of, initial_estimates
@@ -27,19 +27,17 @@ from barbalat.comparison.contest.rule import (
 )
 from barbalat.comparison.contest.tuned import Qualified, qualify
 from barbalat.comparison.contest.validation import Draws, Remeasured, Validation, measure, measured_again
+from barbalat.comparison.search.aim import Plants
 from barbalat.comparison.search.search import least_trials
-from barbalat.comparison.search.trial import Plants
 from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.run.progress import Progress, part_of
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import EXAMINED
-from barbalat.study.delay_search import Criterion
+from barbalat.study.criteria import EXAMINED, REST_SENTENCE, ReferenceMotion
+from barbalat.study.delay_margin import Criterion
 from barbalat.study.finer_step import FINER_BY, refined
 from barbalat.study.ideal_benchmark import quiet
-from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.targets import CONTEST
 from barbalat.validate import InputError, Named, counted
 
@@ -80,7 +78,7 @@ def contest(
     whole = case if isinstance(case, Case) else load_case(case)
     problem = posed(whole.problem)
     margin = default_delay_margin(problem, whole.simulation) if delay_margin is None else delay_margin
-    rule = Rule(delay_margin=margin, gain_margin=gain_margin, until=criterion(until), plants=plants, trials=trials, seed=seed)
+    rule = Rule(delay_margin=margin, gain_margin=gain_margin, until=until, plants=plants, trials=trials, seed=seed)
     rule.require_steps(whole.simulation)
     held = margin if sample_time is None else sample_time
     noisy = with_noise(problem, noise, whole.simulation, held, seed)
@@ -98,15 +96,6 @@ def posed(problem: TrackingProblem) -> Problem:
     CONTEST.require(problem)
     assert isinstance(problem, Problem)
     return problem
-
-
-def criterion(name: str | Criterion) -> Criterion:
-    """By its name; InputError for another one."""
-    try:
-        return Criterion(name)
-    except ValueError:
-        known = " or ".join(one.value for one in Criterion)
-        raise InputError(f"until must be {known}, got {validate.show(name)}") from None
 
 
 def compete(

@@ -57,7 +57,7 @@ class Entrant(Settings):
         return self.knobs.make(**dict(zip(self.knobs.values, map(float, row), strict=True)))
 
     def starting_at(self, theta_hat0: Array) -> Entrant:
-        """The same with its estimates at ``theta_hat0`` (p,) at the start, where its class has a field of that name.
+        """The entrant with its estimates at ``theta_hat0`` (p,) at the start, where its class has a field of that name.
 
         What ``knobs`` has set to something else than the field's default stays.
         """
@@ -70,7 +70,7 @@ class Entrant(Settings):
         return replace(self, knobs=replace(self.knobs, make=made))
 
     def sampled(self, sample_time: float) -> Entrant:
-        """The same as a flight computer runs it."""
+        """The entrant as a flight computer runs it."""
         make = self.knobs.make
 
         def made(**tuning: float) -> Controller:
@@ -138,7 +138,8 @@ def entrants_of(
         if id(one) in outside and reach.theta_hat0 is not None:
             entrant = _from_the_middle(entrant, problem, reach.theta_hat0)
         try:
-            found.append(_taking(entrant, problem, sample_time))
+            by_nature = isinstance(bound(problem, _first(entrant)), SampledEquations)
+            found.append(entrant if by_nature or sample_time is None else entrant.sampled(sample_time))
         except InputError as error:
             left_out.append(f"{entrant.name} is left out: {error}")
     return found, left_out
@@ -177,16 +178,10 @@ def initial_estimates(problem: Problem, controller: Controller) -> Array:
 def start_of(problem: Problem, controller: Controller) -> Array | None:
     """(p,) where a controller's estimates of theta start; None where it has none, or none that are known to be theta's."""
     start = initial_estimates(problem, controller)
-    p, gains = len(problem.plant.theta), problem.known.inputs if problem.known.uncertainty.gain_unknown else 0
+    p, gains = len(problem.plant.theta), problem.known.inputs if problem.known.matched.gain_unknown else 0
     return start[:p] if len(start) in (p, p + gains) else None
 
 
 def _first(entrant: Entrant) -> Controller:
     """With the least of each knob."""
     return entrant.controller([values[0] for values in entrant.knobs.values.values()])
-
-
-def _taking(entrant: Entrant, problem: Problem, sample_time: float | None) -> Entrant:
-    """The entrant, sampled where that is asked; InputError where it does not take the problem."""
-    by_nature = isinstance(bound(problem, _first(entrant)), SampledEquations)
-    return entrant if by_nature or sample_time is None else entrant.sampled(sample_time)

@@ -15,9 +15,9 @@ from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_search import LARGEST_GAIN_ERROR, LONGEST_DELAY, Criterion
+from barbalat.study.criteria import ReferenceMotion
+from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, LONGEST_DELAY, Criterion
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import InputError
 
 DEFAULT_GAIN_MARGIN = 1.5
@@ -30,14 +30,13 @@ DELAY_KEYS = {Criterion.ONSET: "delay_onset_simulated", Criterion.LOSS: "delay_m
 GAIN_KEYS = {Criterion.ONSET: "gain_onset_simulated", Criterion.LOSS: "gain_margin_simulated"}
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, init=False)
 class Rule(Settings):
     """A scheme's tuning is the one with the least RMS |e| on the worst of the plants among those that keep both margins there.
 
     delay_margin  added at the plant's input [s]
     gain_margin   factor above 1: the input's effectiveness multiplied by it, and divided by it
-    until         what a loop that bears them does not do: ``Criterion.ONSET``, begin to oscillate, or ``Criterion.LOSS``, lose
-                  its motion
+    until         what a loop that bears them does not do: "onset", begin to oscillate, or "loss", lose its motion
     plants        the problem's own and so many less one of its known set
     trials        tunings that are tried of each scheme
     seed          of the plants, the searches, the held-out plants, commands and noise
@@ -50,13 +49,28 @@ class Rule(Settings):
     trials: int = DEFAULT_TRIALS
     seed: int = 0
 
+    def __init__(
+        self,
+        *,
+        delay_margin: float,
+        gain_margin: float = DEFAULT_GAIN_MARGIN,
+        until: Criterion | str = Criterion.ONSET,
+        plants: int = DEFAULT_PLANTS,
+        trials: int = DEFAULT_TRIALS,
+        seed: int = 0,
+    ) -> None:
+        validate.freeze(
+            self, delay_margin=delay_margin, gain_margin=gain_margin, until=Criterion.accept("until", until), plants=plants,
+            trials=trials, seed=seed,
+        )  # fmt: skip
+        self.__post_init__()
+
     def __post_init__(self) -> None:
         if not 0 < validate.number("delay_margin", self.delay_margin) <= LONGEST_DELAY:
             raise InputError(f"delay_margin must be above 0 and at most {LONGEST_DELAY:g} s, got {self.delay_margin:g} s")
         most = 1 + LARGEST_GAIN_ERROR
         if not 1 < validate.number("gain_margin", self.gain_margin) <= most:
             raise InputError(f"gain_margin must be a factor above 1 and at most {most:g}, such as 2, got {self.gain_margin:g}")
-        validate.instance("until", self.until, Criterion)
         validate.whole("plants", self.plants, least=1)
         validate.whole("seed", self.seed, least=0)
         validate.whole("trials", self.trials, least=least_trials(1))
@@ -69,7 +83,7 @@ class Rule(Settings):
 
     @property
     def aim(self) -> Aim:
-        """The same as what a tuning is for."""
+        """The rule as the aim of a tuning."""
         quantity = TunedQuantity(OBJECTIVE_FIGURE, larger_is_worse=True)
         return Aim(quantity=quantity, constraints=self.constraints, plants=self.plants, seed=self.seed)
 

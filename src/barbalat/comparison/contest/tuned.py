@@ -7,24 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.certificates.certify import certify
 from barbalat.comparison.contest.entrant import Entrant, VariedEntrant, start_of
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.ranges import Space
+from barbalat.comparison.search.aim import Plants, StepCheck, Trial
 from barbalat.comparison.search.probing import Probing
 from barbalat.comparison.search.quantity import PROBES
 from barbalat.comparison.search.search import least_trials, search
-from barbalat.comparison.search.step_check import StepCheck
-from barbalat.comparison.search.trial import Plants, Trial
 from barbalat.comparison.search.trials import Trials, in_one_kernel
-from barbalat.comparison.tune.chosen import best_of
+from barbalat.comparison.tune.result import best_of
 from barbalat.loop.binding import bound
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, SampledEquations
-from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import DelayMargins
-from barbalat.study.delay_search import Criterion
+from barbalat.study.delay_margin import Criterion, DelayMargins
 from barbalat.validate import Array
 
 EDGE_SHARE = 0.02
@@ -40,7 +38,7 @@ class Probed:
     gain_down: float
 
     def slack(self, rule: Rule) -> dict[str, float]:
-        """By which factor each is more than was asked."""
+        """The factor by which each is more than was asked."""
         return {
             "delay": self.delay / rule.delay_margin,
             "gain_up": self.gain_up / rule.gain_margin,
@@ -128,6 +126,7 @@ def qualify(
     best = best_of(trials)
     found = best.nearest
     controller = entrant.controller(found.row)
+    equations = bound(problem, controller)
     margins = _probed(trials, silent, controller, rule, simulation)
     return Qualified(
         entrant=entrant,
@@ -141,7 +140,7 @@ def qualify(
         at_edge=_at_edge(entrant, found.row),
         trials=len(trials.all),
         runs=trials.runs,
-        sample_time=_sample_time(problem, controller),
+        sample_time=equations.sample_time if isinstance(equations, SampledEquations) else None,
         start=start_of(problem, controller),
         step=best.check,
         refused=tuple(best.refused),
@@ -149,7 +148,7 @@ def qualify(
 
 
 def _try_tunings(trials: Trials, space: Space, rule: Rule, progress: Progress | None) -> None:
-    """As many as the rule says, and no fewer than the search needs; where there is no knob, the one tuning that there is."""
+    """Try as many tunings as the rule says, and no fewer than the search needs; where there is no knob, the only one."""
     if not len(space):
         trials.judged(np.zeros((1, 0)), np.inf)
         return
@@ -193,7 +192,7 @@ def _own(entrant: Entrant, problem: Problem, controller: Controller, simulation:
 
 
 def _settled(trials: list[Trial], rule: Rule) -> float | None:
-    """By which share the best of all is better than the best of the first half."""
+    """The share by which the best of all is better than the best of the first half."""
     scores = [trial.score if trial.meets(rule.aim) else np.inf for trial in trials]
     half, all_of_them = min(scores[: max(len(scores) // 2, 1)]), min(scores)
     return float(1 - all_of_them / half) if np.isfinite(half) and half > 0 else None
@@ -203,8 +202,3 @@ def _at_edge(entrant: Entrant, row: Array) -> tuple[str, ...]:
     shares = [one.share(float(value)) for one, value in zip(entrant.space.ranges.values(), row, strict=True)]
     near = [share is None or min(share, 1 - share) < EDGE_SHARE for share in shares]
     return tuple(name for name, close in zip(entrant.knobs.values, near, strict=True) if close)
-
-
-def _sample_time(problem: Problem, controller: Controller) -> float | None:
-    equations = bound(problem, controller)
-    return equations.sample_time if isinstance(equations, SampledEquations) else None

@@ -7,23 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified
-from barbalat.comparison.search.tolerated_delay import Question
+from barbalat.comparison.search.probing import Question
 from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BreakingSignal, Signal
-from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.metrics import Metrics
-from barbalat.run.progress import Progress
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import tail_error, tracks
+from barbalat.study.criteria import ReferenceMotion, tail_error, tracks
 from barbalat.study.finer_step import different, refined
 from barbalat.study.ideal_benchmark import Ideals, Member, quiet
-from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.sweeps.statistics import Median, Share
 from barbalat.validate import Array, counted
 
@@ -101,7 +99,7 @@ class Draws:
 
     @property
     def groups(self) -> list[Array]:
-        """Those of one command."""
+        """The runs of each command."""
         edges = np.flatnonzero(np.diff(self.commands, axis=0).any(axis=1)) + 1
         return np.split(np.arange(len(self)), edges)
 
@@ -156,7 +154,7 @@ class Validation:
 
     @property
     def quantiles(self) -> dict[str, float]:
-        """Of the errors of all runs; infinite where so many failed."""
+        """Quantiles of the errors of all runs; infinite where so many failed."""
         ordered = np.sort(self.error)
         upper = float(ordered[min(int(np.ceil(0.9 * len(ordered))), len(ordered)) - 1])
         return {"median": Median.of(self.error).value, "upper_tenth": upper, "worst": float(ordered[-1])}
@@ -175,7 +173,7 @@ class Remeasured:
     errors: int
 
     def sentence(self, name: str, dt: float) -> str:
-        """The same for people."""
+        """The finding as a sentence."""
         again = f"{name}: of {counted(self.runs, 'held-out run')} once more at h = {dt:g} s"
         if not (self.verdicts or self.errors):
             return f"{again} none has another verdict or another error"
@@ -234,7 +232,10 @@ def measure(
             parts[one.name].append(_measured(noisy, silent, streams, asked, simulation, threads))
             if progress is not None:
                 progress((g + (k + 1) / len(entrants)) / len(groups))
-    return {name: _joined(several) for name, several in parts.items()}
+    return {
+        name: Validation(**{field: np.concatenate([vars(part)[field] for part in several]) for field in vars(several[0])})
+        for name, several in parts.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,11 +270,12 @@ def _measured(
     alone = simulate_ensemble(silent, simulation, numbers=streams, threads=threads).metrics
     borne = {}
     for name, (size, ideals) in asked.errors.items():
-        _find(ideals, silent)
+        if new := [problem for problem, _ in silent if id(problem) not in ideals.known]:
+            ideals.find(new)  # side by side
         question = Question(silent, simulation, alone, size, asked.rule.until, streams, ideals, np.zeros(0), threads)
         borne[name] = question.bears(np.arange(len(members)), graded=False) >= size
     return Validation(
-        error=np.where(lost, np.inf, _relative(metrics, motion)),
+        error=np.where(lost, np.inf, np.linalg.norm(metrics.rms_e, axis=1) / motion.rms),
         diverged=np.isfinite(metrics.diverged_at),
         lost=lost,
         delay=~borne["delay"],
@@ -281,18 +283,3 @@ def _measured(
         gain_down=~borne["gain_down"],
         effort=metrics.max_abs_u.reshape(len(members), -1).max(axis=1),
     )
-
-
-def _find(ideals: Ideals, members: Sequence[Member]) -> None:
-    """What the loop that knows theta does on problems that were not looked at yet, side by side."""
-    new = [problem for problem, _ in members if id(problem) not in ideals.known]
-    if new:
-        ideals.find(new)
-
-
-def _relative(metrics: Metrics, motion: ReferenceMotion) -> Array:
-    return np.asarray(np.linalg.norm(metrics.rms_e, axis=1) / motion.rms)
-
-
-def _joined(parts: Sequence[Validation]) -> Validation:
-    return Validation(**{name: np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])})

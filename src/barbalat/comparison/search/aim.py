@@ -1,9 +1,12 @@
-"""What a tuning is for: one quantity, under constraints, over plants of the known set."""
+"""What a tuning is for: one quantity, under constraints, over plants of the known set; and what one tuning that was tried has."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
@@ -14,8 +17,12 @@ from barbalat.problem.labels import Labels
 from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.study.delay_search import LONGEST_DELAY
-from barbalat.validate import InputError
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.delay_margin import LONGEST_DELAY, SCANNED_DELAYS, gains_scanned, scanned
+from barbalat.study.finer_step import FINER_BY, PlainRun
+from barbalat.study.ideal_benchmark import Ideals
+from barbalat.validate import Array, InputError
 
 DEFAULT_PLANTS = 4
 """The case's own and three more, as in a trade-off."""
@@ -70,7 +77,7 @@ class Aim:
 
     @property
     def keys(self) -> frozenset[str]:
-        """Of a certificate, those that are asked for."""
+        """The keys of a certificate that are asked for."""
         return frozenset(one.key for one in self.quantities if one.origin is Origin.CERTIFICATE)
 
     @property
@@ -98,3 +105,113 @@ class Aim:
         if self.plants == 1 or not isinstance(problem, Problem) or problem.uncertainty is None:
             return [problem]
         return list(plants_of(problem, problem.uncertainty, self.plants, self.seed))
+
+
+@dataclass(eq=False)
+class Trial:
+    """One tuning.
+
+    value     the quantity; None where it was not looked at or the case can't be made
+    found     of each constraint, as far as it was looked at
+    complete  whether everything was
+    refused   why no case can be made of it
+    undelayed, quiet  figures without a modelling error, on the plants and on those of the probes
+    """
+
+    row: Array
+    case: Case | None = None
+    value: float | None = None
+    found: dict[Constraint, float | None] = field(default_factory=dict)
+    score: float = np.inf
+    complete: bool = False
+    refused: str = ""
+    undelayed: Metrics | None = None
+    quiet: Metrics | None = None
+
+    def meets(self, aim: Aim) -> bool:
+        """Every constraint, and the quantity has a value."""
+        whole = self.complete and self.value is not None and bool(np.isfinite(self.value))
+        return whole and all(one.holds(self.found[one]) for one in aim.constraints)
+
+
+@dataclass(eq=False)
+class Plants:
+    """The problems on which a case's controller is judged."""
+
+    problems: list[TrackingProblem]
+    ideals: dict[ModellingError, Ideals]
+    longest: float
+
+    @classmethod
+    def of(
+        cls,
+        case: Case,
+        aim: Aim,
+        problems: Sequence[TrackingProblem] | None = None,
+        sizes: Mapping[ModellingError, Array] | None = None,
+    ) -> Plants:
+        """The plants of the aim, or others; for modelling errors of any size, or of these ``sizes`` alone."""
+        given, simulation, longest = aim.family(case) if problems is None else list(problems), case.simulation, aim.longest
+        if sizes is None:
+            ideals = {error: _ideals(error, simulation, longest) for error in aim.errors}
+        else:
+            ideals = {error: Ideals(simulation, found, error) for error, found in sizes.items()}
+        for one in ideals.values():
+            one.find(given)
+        return cls(given, ideals, longest)
+
+
+def sizes_of(error: ModellingError, simulation: Simulation, longest: float) -> Array:
+    """The sizes that are tried first: delays up to ``longest``, or factors on the gain."""
+    return scanned(simulation, longest, SCANNED_DELAYS) if error == DelayError() else gains_scanned()
+
+
+def _ideals(error: ModellingError, simulation: Simulation, longest: float) -> Ideals:
+    if error == DelayError():
+        return Ideals.over(simulation, longest)
+    sizes = gains_scanned()
+    return Ideals(simulation, np.geomspace(sizes[0], sizes[-1], GAINS_EXPLAINED), error)
+
+
+GAINS_EXPLAINED = 16
+"""Factors with which the loop that knows theta is run, 40 % apart: its error bends less than over the delays."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepCheck:
+    """One tuning at a step FINER_BY times smaller.
+
+    dt       the finer step [s]
+    value    the aim's figure there; None where no run tells it
+    broken   sentences: constraints that it does not meet there
+    changed  sentences: figures that are other ones there
+    plain    the tuning's run without a modelling error at the step of the case
+    """
+
+    dt: float
+    value: float | None
+    broken: tuple[str, ...]
+    changed: tuple[str, ...]
+    plain: PlainRun
+
+    @property
+    def holds(self) -> bool:
+        """Whether every constraint is met at the finer step too."""
+        return not self.broken
+
+    @property
+    def sentences(self) -> list[str]:
+        """What the result is not; first of all, where nothing has changed, that."""
+        said = [*self.broken, *self.changed]
+        if not said and self.plain.settles:
+            said = [f"a step {FINER_BY} times smaller confirms it"]
+        return [*said, *self.plain.sentences]
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "dt": self.dt,
+            "value": self.value if self.value is not None and np.isfinite(self.value) else None,
+            "holds": self.holds,
+            "sentences": self.sentences,
+            **self.plain.as_json(),
+        }

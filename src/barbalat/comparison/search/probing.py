@@ -7,15 +7,87 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.comparison.search.aim import Plants, sizes_of
 from barbalat.comparison.search.quantity import Probe
-from barbalat.comparison.search.tolerated_delay import Question
-from barbalat.comparison.search.trial import Plants, sizes_of
-from barbalat.run.metrics import Metrics
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import DelayMargins, margins_ensemble
-from barbalat.study.delay_search import Criterion
-from barbalat.study.ideal_benchmark import Member
+from barbalat.study.delay_margin import Criterion, DelayMargins, margins_ensemble
+from barbalat.study.ideal_benchmark import Ideals, JudgedRuns, Member
 from barbalat.validate import Array
+
+
+@dataclass(eq=False)
+class Question:
+    """Do these loops bear ``limit`` of the modelling error of ``ideals``, a delay [s] for one, by one criterion?
+
+    Those of ``sizes`` below it are tried, and ``limit`` itself: where ``sizes`` are those of ``margins_ensemble``, a loop that
+    bears ``limit`` by that function bears it here. ``undelayed`` are the figures without an error; ``numbers`` as there.
+    """
+
+    members: Sequence[Member]
+    simulation: Simulation
+    undelayed: Metrics
+    limit: float
+    criterion: Criterion
+    numbers: Array
+    ideals: Ideals
+    sizes: Array
+    threads: int | None = None
+
+    def __post_init__(self) -> None:
+        self.judged = JudgedRuns(self.members, self.simulation, self.undelayed, self.numbers, self.ideals, threads=self.threads)
+        self.smaller = [size for size in map(float, self.sizes) if size < self.limit]
+
+    def bears(self, group: Array, *, graded: bool, below: bool = True, among: Array | None = None) -> Array:
+        """(M,) the largest size that is borne, up to ``limit``; 0 where none is, or where that is not looked for.
+
+        group   (M,) members of one number stand and fall together: where one is lost at ``limit``, the others are not run again
+        graded  whether it is looked for where ``limit`` is not borne: from there down, in the steps of the scan
+        below   whether those that bear ``limit`` are tried with less, too: they may be lost before, and saved again
+        among   (M,) whether a member is looked at; by default all are
+        """
+        found, lost = np.zeros(len(self.members)), np.ones(len(self.members), dtype=bool)
+        usable = self._usable() if among is None else np.intersect1d(self._usable(), np.flatnonzero(among))
+        lost[usable] = self._lost(usable, self.limit)
+        failing = np.isin(group, group[lost])
+        found[~lost] = self.limit
+        if below:
+            self._look_below(np.flatnonzero(~failing), found)
+        if graded:
+            self._descend(usable[lost[usable]], found)
+        return found
+
+    @property
+    def runs(self) -> int:
+        """Simulations made."""
+        return self.judged.runs
+
+    def _usable(self) -> Array:
+        """The members that follow their model without a delay, and don't swing where that is asked."""
+        well = self.judged.tracks
+        if self.criterion is Criterion.ONSET:
+            well = well & self.judged.quiet_tracks & ~self.judged.swings
+        return np.flatnonzero(well)
+
+    def _look_below(self, chosen: Array, found: Array) -> None:
+        """Try members that bear ``limit`` with less, from the smallest size on."""
+        for before, size in zip([0.0, *self.smaller], self.smaller, strict=False):
+            lost = self._lost(chosen, size)
+            found[chosen[lost]] = before
+            chosen = chosen[~lost]
+
+    def _descend(self, chosen: Array, found: Array) -> None:
+        for size in reversed(self.smaller):
+            lost = self._lost(chosen, size)
+            found[chosen[~lost]] = size
+            chosen = chosen[lost]
+
+    def _lost(self, chosen: Array, size: float) -> Array:
+        """Truth values for these members, each run with an error of that size."""
+        if not len(chosen):
+            return np.zeros(0, dtype=bool)
+        by_onset, by_loss = self.judged.lost(chosen, np.full(len(chosen), size), onset=self.criterion is Criterion.ONSET)
+        return by_loss if self.criterion is Criterion.LOSS else by_onset
 
 
 @dataclass(eq=False)
@@ -61,7 +133,7 @@ class Probing:
         return np.asarray(np.min(found, axis=0))
 
     def each_margin(self, probe: Probe, asked: float | None) -> list[DelayMargins]:
-        """Of each of the probe's errors, by both criteria."""
+        """The margins for each of the probe's errors, by both criteria."""
         found = []
         for error in probe.errors:
             sizes = sizes_of(error, self.simulation, self.plants.longest)

@@ -13,8 +13,8 @@ from barbalat import validate
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
-from barbalat.run.metrics import Metrics
-from barbalat.study.delay_search import Criterion
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.study.delay_margin import Criterion
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.study import columns_of
 from barbalat.validate import Array, InputError
@@ -83,7 +83,7 @@ class TunedQuantity:
 
     @property
     def key(self) -> str:
-        """Of a certificate, under which it stands, by itself or as a part."""
+        """The key of a certificate under which it stands, by itself or as a part."""
         return self.name.partition(".")[0]
 
     @property

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.run.progress import Progress
+from barbalat.budget import Progress
 from barbalat.validate import Array, InputError
 
 POPULATION = 32

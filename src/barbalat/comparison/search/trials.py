@@ -10,18 +10,16 @@ import numpy as np
 from barbalat.cases.build import Case
 from barbalat.certificates.certify import certify
 from barbalat.comparison.ranges import Space
-from barbalat.comparison.search.aim import Aim
+from barbalat.comparison.search.aim import Aim, Plants, StepCheck, Trial
 from barbalat.comparison.search.probing import Probing
 from barbalat.comparison.search.quantity import PROBES, Constraint, Origin, TunedQuantity
 from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, Judged
-from barbalat.comparison.search.step_check import StepCheck
-from barbalat.comparison.search.trial import Plants, Trial
 from barbalat.open_numbers.probe import Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.problem.modelling_error import ModellingError
-from barbalat.run.diagnosis.step_comparison import EQUAL_FIGURES_SHARE
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.metrics import Metrics
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.study.finer_step import PlainRun, different, refined
 from barbalat.study.ideal_benchmark import Member
 from barbalat.validate import Array, InputError
@@ -52,7 +50,7 @@ def in_one_kernel(varied: Varied, space: Space) -> bool:
 
 @dataclass(eq=False)
 class Trials:
-    """Of one controller of a case.
+    """The tunings of one controller of a case that were tried.
 
     together  whether they run side by side
     shared    the plants, where what is tuned changes none of them
@@ -182,7 +180,7 @@ class Trials:
         return float(quantity.over_plants(values, self.aim.quantile)[0])
 
     def _groups(self, trials: Sequence[Trial]) -> list[Sequence[Trial]]:
-        """Those that run side by side."""
+        """The trials in groups that run side by side."""
         return [trials] if self.together else [[trial] for trial in trials]
 
     def _asked(self, origin: Origin) -> bool:

@@ -11,9 +11,9 @@ import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.modelling_error import DelayError
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.grid import CHUNK_STEPS
-from barbalat.run.step import Rhythm
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.grid import CHUNK_STEPS
+from barbalat.run.kernel.step import Rhythm
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import SIZES_TRIED, Member, with_error
 
@@ -36,7 +36,7 @@ class Cost:
     @classmethod
     def measured(cls, members: Sequence[Member], simulation: Simulation) -> Cost:
         """From three ensembles: many members over two lengths, few over the shorter one."""
-        many, few = (_spread(members, size) for size in TIMED_MEMBERS)
+        many, few = (list(members[:: max(len(members) // size, 1)][:size]) for size in TIMED_MEMBERS)
         least = _fewest_steps(members[0], simulation)
         long = min(simulation.steps, max(2 * CHUNK_STEPS, 2 * least))
         short = max(long // 2, least)
@@ -52,17 +52,13 @@ class Cost:
         return cls(max(at_short - len(many) * (member + short * step), 0.0), member, step)
 
     def seconds(self, members: int, problems: int, steps: int) -> float:
-        """Of all rounds of a scheme with so many members on so many plants, the loops that know theta included."""
+        """The time of all rounds of a scheme with so many members on so many plants, with the loops that know theta."""
         runs = RUNS_EACH * members + 2 * SIZES_TRIED * problems
         return ENSEMBLES_EACH * self.call + runs * (self.member + steps * self.step)
 
 
-def _spread(members: Sequence[Member], size: int) -> list[Member]:
-    return list(members[:: max(len(members) // size, 1)][:size])
-
-
 def _fewest_steps(member: Member, simulation: Simulation) -> int:
-    """Of a run in which everything that happens at instants of its own, a controller's samples or new noise, happens once."""
+    """The steps of a run in which what happens at instants of its own, a controller's samples or new noise, happens once."""
     problem, controller = member
     rhythm = Rhythm.of(ClosedLoop.of(problem, controller), problem.noise, simulation)
     return max(3, rhythm.sample_every, rhythm.noise_hold)
@@ -96,7 +92,7 @@ class Forecast:
 
     @classmethod
     def of(cls, schemes: Mapping[str, Sequence[Member]], plants: int, simulation: Simulation) -> Forecast:
-        """Of each scheme's members on so many plants."""
+        """The forecast for each scheme's members on so many plants."""
         costs = {name: Cost.measured(members, simulation) for name, members in schemes.items()}
         return cls({name: cost.seconds(len(schemes[name]), plants, simulation.steps) for name, cost in costs.items()})
 

@@ -113,8 +113,5 @@ def _label_ends(axes: Axes, found: TradeOff, which: str, criterion: str) -> None
 
 def tuning_text(tuning: dict[str, float]) -> str:
     """A tuning in a few characters: Γ 1400, κ 0.02, P(0) 4.3·10⁶."""
-    return ", ".join(f"{SYMBOLS.get(name, name)} {_two_digits(value)}" for name, value in tuning.items())
-
-
-def _two_digits(value: float) -> str:
-    return in_symbols(f"{float(f'{value:.2g}'):g}")
+    two_digits = {name: in_symbols(f"{float(f'{value:.2g}'):g}") for name, value in tuning.items()}
+    return ", ".join(f"{SYMBOLS.get(name, name)} {text}" for name, text in two_digits.items())

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate
+from barbalat.budget import Estimate, Progress
 from barbalat.comparison.grids import default_knobs
 from barbalat.comparison.tradeoff.forecast import RUNS_EACH, Forecast
 from barbalat.controllers.tuning_grid import TuningGrid
@@ -20,13 +20,11 @@ from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.run.progress import Progress
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE, Lost, Onset
+from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE, REST_SENTENCE, Lost, Onset, ReferenceMotion
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
 from barbalat.study.finer_step import PlainRun, delays_confirmed, refined
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
-from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.targets import TRADE_OFF
 from barbalat.validate import Array, InputError
 
@@ -198,7 +196,7 @@ class FrontCheck:
 
     @property
     def sentence(self) -> str:
-        """The same for people."""
+        """The finding as a sentence."""
         count = validate.counted(len(self.tunings), "tuning")
         again = f"{self.scheme}: of {count} on the fronts of the case's own plant, run again at h = {self.dt:g} s,"
         if not self.tunings:
@@ -329,7 +327,7 @@ def _delay_margins(
     criteria: tuple[Onset, Lost],
     progress: Progress | None,
 ) -> DelayMargins:
-    """Of tunings on so many plants each; every tuning has the same noise on a plant."""
+    """The margins of tunings on so many plants each; every tuning has the same noise on a plant."""
     numbers, (onset, lost) = np.tile(np.arange(plants), len(members) // plants), criteria
     return delay_margins_ensemble(
         members, simulation, longest=longest, onset=onset, lost=lost, numbers=numbers, progress=progress

@@ -1,21 +1,25 @@
-"""What a tuning found: the chosen point with its certificate, its front, and how it fares on plants that it never saw."""
+"""What a tuning found, the chosen point with its certificate, its front, plants that it never saw; and how it is chosen."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from barbalat.budget import Progress
 from barbalat.cases.build import Case
 from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.certify import certify
 from barbalat.comparison.ranges import Space
-from barbalat.comparison.search.aim import Aim
-from barbalat.comparison.search.quantity import Constraint
-from barbalat.comparison.search.step_check import StepCheck
+from barbalat.comparison.search.aim import Aim, Plants, StepCheck, Trial
+from barbalat.comparison.search.quantity import Constraint, Origin
+from barbalat.comparison.search.trials import Trials
+from barbalat.comparison.tradeoff.tradeoff import pareto_front, plants_of
 from barbalat.open_numbers.path import FieldPath
 from barbalat.pictures.plotted import Plotted
+from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -94,7 +98,9 @@ class Tuned:
         return {
             "varied": {str(path): str(one) for path, one in self.space.ranges.items()},
             "meets": self.chosen is not None,
-            **{key: None if point is None else point.as_json() for key, point in self._points.items()},
+            "start": self.start.as_json(),
+            "chosen": None if self.chosen is None else self.chosen.as_json(),
+            "nearest": None if self.chosen else self.nearest.as_json(),
             "front": [point.as_json() for point in self.front],
             "held_out": None if self.held_out is None else self.held_out.as_json(),
             "certificate": None if self.certificate is None else self.certificate.as_json(),
@@ -103,10 +109,6 @@ class Tuned:
             "finer_step": None if self.step is None else self.step.as_json(),
             "refused_at_finer_step": [one.as_json() for one in self.refused],
         }
-
-    @property
-    def _points(self) -> dict[str, Point | None]:
-        return {"start": self.start, "chosen": self.chosen, "nearest": None if self.chosen else self.nearest}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -122,11 +124,9 @@ class Tuning(Plotted):
     seconds: float
 
     def __repr__(self) -> str:
-        found = (f"{name} {self._said(one)}" for name, one in self.controllers.items())
+        values = {name: None if one.chosen is None else one.chosen.value for name, one in self.controllers.items()}
+        found = (f"{name} {'none found' if value is None else f'{value:.4g}'}" for name, value in values.items())
         return f"<Tuning of {self.case.name!r} for {self.aim.quantity.name}: {'; '.join(found)}>"
-
-    def _said(self, one: Tuned) -> str:
-        return "none found" if one.chosen is None or one.chosen.value is None else f"{one.chosen.value:.4g}"
 
     def as_json(self) -> dict[str, Any]:
         """The document of ``tune --json``."""
@@ -157,3 +157,134 @@ class Tuning(Plotted):
 
 def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
+
+
+FRONT_TUNINGS = 16
+"""Tunings of which the first constraint's quantity is found in full for the front, from the best by the aim to the worst."""
+HELD_OUT_PLANTS = 32
+"""New plants: where one in ten fails, all of these are well with a chance of 3 %."""
+CANDIDATES_CHECKED = 8
+"""Of the best tunings, those that are looked at in full until one meets every constraint: delays beyond the required one can
+show a loss below it, which the search's own delays stepped over."""
+
+
+def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) -> Tuned:
+    """What is reported of one controller; ``own`` is the case as it stands."""
+    tell = progress or (lambda _: None)
+    best = best_of(trials)
+    chosen, nearest, wholes = best.chosen, best.nearest, best.wholes
+    tell(0.3)
+    front = _front(trials, [*wholes, *([own] if len(own.row) else [])])
+    tell(0.8)
+    made = None if chosen is None else chosen.case
+    assert own.case is not None
+    which = trials.controller
+    controller = own.case.controllers[which]
+    found = Tuned(
+        controller=controller.name,
+        space=space,
+        start=_point(trials, space, own),
+        chosen=None if chosen is None else _point(trials, space, chosen),
+        nearest=_point(trials, space, nearest),
+        front=tuple(_point(trials, space, one) for one in front),
+        held_out=None if made is None else _held_out(trials, made),
+        certificate=None if made is None else certify(made.problem, made.controllers[which], made.simulation)[controller.name],
+        trials=len(trials.all),
+        runs=trials.runs,
+        step=best.check,
+        refused=tuple(best.refused),
+    )
+    tell(1.0)
+    return found
+
+
+class Best(NamedTuple):
+    """The best tuning that meets every constraint, at a finer step too, where one does; the nearest to that; all that were looked
+    at in full.
+
+    check    what the finer step says of the nearest, which is the chosen one where there is one
+    refused  of better ones, that meet every constraint at the step of the case alone
+    """
+
+    chosen: Trial | None
+    nearest: Trial
+    wholes: list[Trial]
+    check: StepCheck | None
+    refused: list[StepCheck]
+
+
+def best_of(trials: Trials) -> Best:
+    """The best of the tunings that were tried."""
+    ordered = sorted((trial for trial in trials.all if trial.case is not None), key=lambda trial: trial.score)
+    wholes: list[Trial] = []
+    refused: list[tuple[Trial, StepCheck]] = []
+    meeting = [one for one in ordered if one.meets(trials.aim)]
+    for place in [2**k - 1 for k in range(CANDIDATES_CHECKED) if 2**k <= len(meeting)]:  # neighbours fail for the same reason
+        trial = meeting[place]
+        whole = trials.whole(trial.row)
+        if not whole.meets(trials.aim):
+            wholes.append(whole)
+            continue
+        check = trials.at_finer_step(whole)
+        if check.holds:
+            return Best(whole, whole, [*wholes, whole], check, [one for _, one in refused])
+        refused.append((whole, check))
+    if refused:
+        nearest, check = refused[0]
+        return Best(None, nearest, wholes, check, [one for _, one in refused])
+    nearest = trials.whole(ordered[0].row if ordered else trials.all[0].row)
+    return Best(None, nearest, wholes, None, [])
+
+
+def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:
+    """The tunings that no other beats; of what was tried, a spread is looked at."""
+    aim = trials.aim
+    if not aim.constraints:
+        return []
+    known = [trial for trial in trials.all if trial.value is not None and np.isfinite(trial.value)]
+    known.sort(key=lambda trial: aim.signed(trial.value or 0.0))
+    places = np.unique(np.linspace(0, len(known) - 1, min(FRONT_TUNINGS, len(known))).round().astype(int))
+    first = aim.constraints[0]
+    spread = [replace(known[i], found=dict(known[i].found)) for i in places]
+    if spread and first.quantity.origin is not Origin.RUN:
+        trials.measure(spread, first)
+    candidates = [
+        trial
+        for trial in (*wholes, *spread)
+        if trial.value is not None and np.isfinite(trial.value) and trial.found.get(first) is not None
+    ]
+    if not candidates:
+        return []
+    values = np.array([aim.signed(trial.value or 0.0) for trial in candidates])
+    reached = np.array([trial.found[first] or 0.0 for trial in candidates])
+    better = np.unique(-reached if first.quantity.larger_is_worse else reached, return_inverse=True)[1] + 1.0
+    return [candidates[i] for i in pareto_front(values, better)]
+
+
+def _point(trials: Trials, space: Space, trial: Trial) -> Point:
+    known = dict(zip(space.paths, map(float, trial.row), strict=True)) if len(trial.row) else {}
+    return Point(tuning=known, value=trial.value, found=trial.found, meets=trial.meets(trials.aim))
+
+
+def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
+    """On plants drawn by another seed; nothing where no run tells anything, or there is no set to draw from."""
+    problem, aim = made.problem, trials.aim
+    told = [one for one in aim.quantities if one.origin is not Origin.CERTIFICATE]
+    if not told or not isinstance(problem, Problem) or problem.uncertainty is None:
+        return None
+    others = plants_of(problem, problem.uncertainty, HELD_OUT_PLANTS + 1, aim.seed + 1)[1:]
+    plants = Plants.of(made, aim, others)
+    values = trials.on_other_plants(made, plants, told[0], None)
+    broken = {
+        one: one.requirement.broken(trials.on_other_plants(made, plants, one.quantity, one.requirement.limit))
+        for one in aim.constraints
+        if one.quantity in told
+    }
+    signs = values if told[0].larger_is_worse else -values
+    return UnseenPlants(
+        quantity=told[0].name,
+        thetas=np.array([other.parameters for other in others]),
+        values=values,
+        broken=broken,
+        worst=int(np.argmax(signs)),
+    )

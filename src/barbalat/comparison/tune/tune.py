@@ -10,20 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Estimate
+from barbalat.budget import Estimate, Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.certificates.certify import certify
 from barbalat.comparison.grids import output_reach_of, reach_of
 from barbalat.comparison.ranges import Range, Space, of_knobs
-from barbalat.comparison.search.aim import DEFAULT_PLANTS, Aim
+from barbalat.comparison.search.aim import DEFAULT_PLANTS, Aim, Plants
 from barbalat.comparison.search.quantity import LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
 from barbalat.comparison.search.search import least_trials, search
-from barbalat.comparison.search.trial import Plants
 from barbalat.comparison.search.trials import Trials, in_one_kernel
-from barbalat.comparison.tune.chosen import choose
-from barbalat.comparison.tune.result import Tuned, Tuning
-from barbalat.comparison.tune.written import with_numbers
+from barbalat.comparison.tune.result import Tuned, Tuning, choose
 from barbalat.controllers import Sampled
 from barbalat.controllers.tuning_grid import OutputTunable, Tunable, TuningGrid
 from barbalat.loop.closed_loop import ClosedLoop
@@ -34,8 +31,7 @@ from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.costs import of_members
-from barbalat.run.progress import Progress, part_of
+from barbalat.run.kernel.costs import of_members
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE
 from barbalat.study.finer_step import FINER_BY
@@ -102,7 +98,7 @@ class Tuner:
         return VariedObjects(self.case, paths) if self.text is None else VariedCase(self.text, paths)
 
     def space_of(self, controller: int) -> Space:
-        """By the scheme's own knobs; InputError where it has none."""
+        """The ranges of the scheme's own knobs; InputError where it has none."""
         settings = self.case.controllers[controller]
         scheme = settings.controller if isinstance(settings, Sampled) else settings
         problem = self.case.problem
@@ -270,8 +266,9 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
         said.append("only the case's own plant was looked at: it has no known set from which others of theta could be drawn")
     for name, one in found.items():
         if one.chosen is None:
+            also = f" at a step {FINER_BY} times smaller as well" if one.refused else ""
             said.append(
-                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint{_at_the_finer_step(one)}; "
+                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint{also}; "
                 "the case file keeps its own"
             )
         elif one.refused:
@@ -289,5 +286,11 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _at_the_finer_step(one: Tuned) -> str:
-    return f" at a step {FINER_BY} times smaller as well" if one.refused else ""
+def with_numbers(text: str, numbers: Mapping[FieldPath, float]) -> str:
+    """The TOML text with numbers at some places."""
+    import tomlkit
+
+    document = tomlkit.parse(text)
+    for path, value in numbers.items():
+        path.put(document, value)
+    return tomlkit.dumps(document)

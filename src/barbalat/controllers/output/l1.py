@@ -2,20 +2,53 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.l1 import require_low_pass
-from barbalat.controllers.output.l1_sampled import OutputPredictor
 from barbalat.controllers.settings import Scheme
+from barbalat.controllers.steps import Filter, SampledForm
 from barbalat.linear.systems import StateSpace, TransferFunction, strictly_proper
 from barbalat.problem.known_set import ParameterBox, limit, project
 from barbalat.problem.output_feedback import OutputKnown
-from barbalat.protocols import Value
+from barbalat.protocols import Sample, Value, kept
 from barbalat.validate import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class OutputPredictor(SampledForm):
+    """(21): predictor and sigma in one implicit step, for every gamma and T; the predictor is fed with sigma inside its bounds.
+
+    With y_next = y + T (-m y_mid + m (u + s) + w), s what sigma estimates, y_tilde = y - y_hat and sigma_tilde = sigma - s,
+    V = y_tilde^2 + m sigma_tilde^2/gamma changes by at most -2 m T y_tilde^2 + 2 T y_tilde w, y_tilde that at the end.
+    """
+
+    continuous: Equations
+    sample_time: float
+    filter: Filter
+    frozen: Value = None  # where it holds, sigma rests; None: it never does
+
+    explicit: ClassVar[bool] = False
+
+    @classmethod
+    def of(cls, equations: Equations, T: float) -> OutputPredictor:
+        return cls(equations, T, Filter.of(equations.C, T))
+
+    def freezing(self, frozen: Value) -> OutputPredictor:
+        return replace(self, frozen=frozen)
+
+    def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
+        c, T, m = self.continuous, self.sample_time, self.continuous.m
+        end = 1 / (1 + m * T)
+        at_rest = end * (state.y_hat + T * m * ((now.x - before.x) / 2 + u + state.theta_hat))  # y_hat, were sigma to rest
+        moved = T * c.gamma * (now.x - at_rest) / (1 + T**2 * m * c.gamma * end)
+        sigma = kept(self.frozen, state.theta_hat, limit(state.theta_hat + moved, c.estimate_set))
+        y_hat = at_rest + end * T * m * (sigma - state.theta_hat)
+        wanted = before.r - state.theta_hat[0], now.r - sigma[0]
+        return state._replace(theta_hat=sigma, y_hat=y_hat, filter=self.filter.end(state.filter, *wanted))
 
 
 class State(NamedTuple):
@@ -33,7 +66,7 @@ class Equations:
     m: float
     gamma: float
     C: StateSpace
-    box: ParameterBox | None
+    estimate_set: ParameterBox | None
 
     def initial(self) -> State:
         return State(np.zeros(1), np.zeros(1), np.zeros(self.C.order))
@@ -43,13 +76,13 @@ class Equations:
 
     def derivative(self, state: State, y: Value, y_m: Value, r: Value, u: Value) -> State:
         return State(
-            theta_hat=project(self.gamma * (y - state.y_hat), state.theta_hat, self.box),  # (21)
+            theta_hat=project(self.gamma * (y - state.y_hat), state.theta_hat, self.estimate_set),  # (21)
             y_hat=-self.m * state.y_hat + self.m * (u + state.theta_hat),  # (21)
             filter=self.C.derivative(state.filter, r - state.theta_hat[0]),
         )
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set))
 
     def sampled(self, T: float) -> OutputPredictor:
         return OutputPredictor.of(self, T)
@@ -103,8 +136,8 @@ class L1Output(Scheme):
                 f"den = {validate.show(known.W_m.den)}; l1-output-piecewise takes models of any order"
             )
         bound = self.sigma_bound
-        box = None if bound is None else ParameterBox(lower=[-bound], upper=[bound])
-        return Equations(m=self.m, gamma=self.gamma, C=self.filter.realise(), box=box)
+        estimate_set = None if bound is None else ParameterBox(lower=[-bound], upper=[bound])
+        return Equations(m=self.m, gamma=self.gamma, C=self.filter.realise(), estimate_set=estimate_set)
 
     @property
     def G_m(self) -> TransferFunction:

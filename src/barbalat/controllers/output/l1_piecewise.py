@@ -41,7 +41,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """From sample to sample; B = [b, b_um]."""
+    """The equations from sample to sample; B = [b, b_um]."""
 
     sample_time: float
     model: HeldSystem  # over a sample, with B
@@ -84,7 +84,7 @@ class Equations:
         return replace(self, frozen=frozen)
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
-        """What passes C(s): r - sigma_hat of the input, and sigma_hat beside it."""
+        """The signals that pass C(s): r - sigma_hat of the input, and sigma_hat beside it."""
         return np.concatenate([(r - sigma_hat[0]).reshape(1), sigma_hat[1:]])
 
 

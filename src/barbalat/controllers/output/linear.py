@@ -10,8 +10,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.controllers.settings import Scheme
-from barbalat.controllers.steps import LinearStep
-from barbalat.controllers.tustin import Tustin
+from barbalat.controllers.steps import LinearStep, Tustin
 from barbalat.linear.conditions import balance
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.output_feedback import OutputKnown

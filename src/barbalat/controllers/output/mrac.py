@@ -11,8 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from barbalat import validate
-from barbalat.adaptation.law import AdaptiveLaw, OutputErrorLaw, require_law
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.law import AdaptiveLaw, Normalization, OutputErrorLaw, require_law
 from barbalat.controllers.output import mrac_normalized, mrac_unnormalized
 from barbalat.controllers.output.matching import filter_polynomial, input_filter, is_strictly_positive_real, refuse_contradiction
 from barbalat.controllers.parametric_model import auxiliary_filter
@@ -110,11 +109,11 @@ class MracOutput(Scheme):
         refuse_contradiction(known.plant, self.order, self.relative_degree, self.sign)
         filters = input_filter(filter_polynomial(self.order, W_m, self.filter_poles))
         model_sign = float(np.sign(W_m.num[0]))
-        box = self._box(model_sign)
-        theta_hat0 = self._initial(box)
+        estimate_set = self._box(model_sign)
+        theta_hat0 = self._initial(estimate_set)
         if isinstance(self.law, OutputErrorLaw):
             self.law.require_size(len(theta_hat0))
-            return mrac_unnormalized.Equations(filters, self.sign * model_sign, self.law, theta_hat0, box)
+            return mrac_unnormalized.Equations(filters, self.sign * model_sign, self.law, theta_hat0, estimate_set)
         return mrac_normalized.Equations(
             regressor_filter=filters,
             W_m=W_m.realise(),
@@ -122,7 +121,7 @@ class MracOutput(Scheme):
             normalization=self.normalization,
             Q=None if self.tau is None else auxiliary_filter(W_m, self.tau),
             theta_hat0=theta_hat0,
-            box=box,
+            estimate_set=estimate_set,
             limits=limits_of_predictor(self.saturated_predictor, known),
         )
 
@@ -144,10 +143,10 @@ class MracOutput(Scheme):
             raise InputError(f"the known set must keep c_0 {'above' if sign > 0 else 'below'} zero; give c_0_min")
         return ParameterBox(lower=lower, upper=upper)
 
-    def _initial(self, box: ParameterBox | None) -> Array:
+    def _initial(self, estimate_set: ParameterBox | None) -> Array:
         zero = np.zeros(2 * self.order)
         if self.theta_hat0 is None:
-            return zero if box is None else np.clip(zero, box.lower, box.upper)
-        if box is not None and not box.contains(self.theta_hat0):
-            raise InputError(f"theta_hat0 must lie in the known set, {box}, got {validate.show(self.theta_hat0)}")
+            return zero if estimate_set is None else np.clip(zero, estimate_set.lower, estimate_set.upper)
+        if estimate_set is not None and not estimate_set.contains(self.theta_hat0):
+            raise InputError(f"theta_hat0 must lie in the known set, {estimate_set}, got {validate.show(self.theta_hat0)}")
         return self.theta_hat0

@@ -10,17 +10,51 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from barbalat.adaptation.law import AdaptiveLaw, Estimation
-from barbalat.adaptation.normalization import Normalization
-from barbalat.controllers.output.mrac_sampled import OutputEstimator
+from barbalat.adaptation import implicit
+from barbalat.adaptation.law import AdaptiveLaw, Estimation, Normalization
 from barbalat.controllers.output.mrac_unnormalized import REGRESSOR_FILTERS
-from barbalat.controllers.parametric_model import PARAMETRIC_MODEL
+from barbalat.controllers.parametric_model import PARAMETRIC_MODEL, Estimator
+from barbalat.controllers.steps import Filter, LinearStep
 from barbalat.controllers.windup import applied
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import ParameterBox, limit
-from barbalat.protocols import Value
+from barbalat.protocols import Sample, Value
 from barbalat.roles import Role, within
 from barbalat.validate import Array
+
+
+@dataclass(frozen=True, eq=False)
+class OutputEstimator(Estimator):
+    """The laws on the parametric model z = W_m[u] = theta'phi_p; ``regressors`` advances omega_1 and omega_2."""
+
+    continuous: Equations
+    regressors: LinearStep
+
+    @classmethod
+    def of(cls, equations: Equations, T: float) -> OutputEstimator:
+        law = implicit.require_sampled(equations.law, equations.estimate_set)
+        Q = None if equations.Q is None else Filter.of(equations.Q, T)
+        regressors, model = LinearStep.of(equations.regressor_filter.A, T), LinearStep.of(equations.W_m.A, T)
+        return cls(equations, T, law, model, Q, regressors)
+
+    def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
+        c = self.continuous
+        y, r, u = (before.x + now.x) / 2, (before.r + now.r) / 2, applied(u, c.limits)
+        g, W_m = c.regressor_filter.B, c.W_m
+        omega_1, omega_2 = self.regressors.middle(state.omega_1, g * u), self.regressors.middle(state.omega_2, g * y)
+        omega = np.concatenate([omega_1, omega_2, y.reshape(1), r.reshape(1)])
+        xi, Xi = self.model.middle(state.xi, W_m.B * u), self.model.middle(state.Xi, np.outer(W_m.B, omega))
+        phi = np.concatenate([(W_m.C @ Xi)[:-1], y.reshape(1)])
+        learnt = self.learnt(state, z=W_m.C @ xi, phi=phi, driven=u * u + y * y)
+        following = state._replace(
+            **learnt._asdict(),
+            omega_1=2 * omega_1 - state.omega_1,
+            omega_2=2 * omega_2 - state.omega_2,
+            xi=2 * xi - state.xi,
+            Xi=2 * Xi - state.Xi,
+        )
+        following = following._replace(swapping=self.swapped(state, following, Xi))
+        return following._replace(filter=self.filtered(state, following, before, now))
 
 
 class State(NamedTuple):
@@ -47,7 +81,7 @@ class Equations:
     normalization: Normalization
     Q: StateSpace | None
     theta_hat0: Array
-    box: ParameterBox | None
+    estimate_set: ParameterBox | None
     limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
 
     @property
@@ -96,7 +130,7 @@ class Equations:
 
     def derivative(self, state: State, y: Value, y_m: Value, r: Value, u: Value) -> State:
         omega, u = self.omega(state, y, r), applied(u, self.limits)
-        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, y), self.box)
+        rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, y), self.estimate_set)
         swapping, filter_dot = state.swapping, state.filter
         if self.Q is not None:
             swapping = self.W_m.A @ state.swapping + state.Xi @ rates.theta_hat
@@ -114,7 +148,7 @@ class Equations:
         )
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box), memory=self.law.limit(state.memory))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set), memory=self.law.limit(state.memory))
 
     def sampled(self, T: float) -> OutputEstimator:
         return OutputEstimator.of(self, T)

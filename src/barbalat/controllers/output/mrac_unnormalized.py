@@ -41,7 +41,7 @@ class Equations:
     sign: float  # of k_p/k_m
     law: OutputErrorLaw
     theta_hat0: Array
-    box: ParameterBox | None
+    estimate_set: ParameterBox | None
 
     roles: ClassVar[Mapping[str, Role]] = REGRESSOR_FILTERS
 
@@ -61,13 +61,13 @@ class Equations:
 
     def derivative(self, state: State, y: Value, y_m: Value, r: Value, u: Value) -> State:
         return State(
-            self.law.rate(state.theta_hat, self.omega(state, y, r), y - y_m, self.sign, self.box),
+            self.law.rate(state.theta_hat, self.omega(state, y, r), y - y_m, self.sign, self.estimate_set),
             self.regressor_filter.derivative(state.omega_1, u),
             self.regressor_filter.derivative(state.omega_2, y),
         )
 
     def limit(self, state: State) -> State:
-        return state._replace(theta_hat=limit(state.theta_hat, self.box))
+        return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set))
 
     def sampled(self, T: float) -> SampledEquations:
         raise InputError(

@@ -22,8 +22,8 @@ export function pythonOf(data, setting) {
     const text = caseFileOf(data, setting).replaceAll("\\", "\\\\").replaceAll('"""', '\\"\\"\\"');
     const imports = `from barbalat import simulate\nfrom barbalat.cases.load import parse_case\n`;
     if (!data.own_file) return `${imports}\ncase = parse_case("""\\\n${text}""")\n${tail}`;
-    const own = `own=outside.run(${JSON.stringify(data.own_file)})`;
-    return `from barbalat.cases import outside\n${imports}\ncase = parse_case("""\\\n${text}""", ${own})\n${tail}`;
+    const own = `own=user_controllers.run(${JSON.stringify(data.own_file)})`;
+    return `from barbalat.cases import user_controllers\n${imports}\ncase = parse_case("""\\\n${text}""", ${own})\n${tail}`;
   }
   const said = data.numbers.flatMap((number, i) => (
     setting.values[i] === number.value ? [] : [`    ${JSON.stringify(number.path)}: ${numberText(setting.values[i], number.whole)},`]

@@ -37,7 +37,7 @@ class Unit:
 
     @property
     def step_size(self) -> float:
-        """Of which a communication step has a whole number [s]."""
+        """The step of which a communication step has a whole number [s]."""
         if self.controller or self.made is None:
             return self.printed.contents.sample_time
         return self.made.plant.opened.members.simulation.dt

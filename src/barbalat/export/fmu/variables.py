@@ -30,7 +30,7 @@ class Variable:
 
     @property
     def settable(self) -> str:
-        """Of a real one, for ``fmu_instance.h``: i always, any value; t always; s before the start; n never."""
+        """When a real variable may be set, for ``fmu_instance.h``: i always, any value; t always; s before the start; n never."""
         if self.causality == "input":
             return "i"
         return {"tunable": "t", "fixed": "s"}.get(self.variability, "n") if self.causality == "parameter" else "n"
@@ -59,7 +59,7 @@ class Variables:
 
     @property
     def units(self) -> tuple[str, ...]:
-        """Those that are used, each once."""
+        """The units that are used, each once."""
         return tuple(dict.fromkeys(["s", *(one.unit for one in self.reals if one.unit)]))
 
 

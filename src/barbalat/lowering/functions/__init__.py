@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 
-from barbalat.lowering.functions import arctangent, exponential, normal, power, trigonometric
+from barbalat.lowering.functions import exponential, normal, power, trigonometric
 from barbalat.lowering.functions.formats import DOUBLE, Format
 from barbalat.lowering.functions.trace import traced
 from barbalat.lowering.operations import Program
@@ -44,5 +44,5 @@ def function(name: str, of: Format = DOUBLE) -> Function:
         case "ndtri":
             return Function(1, traced(normal.central, 1, of), traced(normal.tail, 1, of))
         case _:
-            formula = {"exp": exponential.exp, "log": exponential.log, "tanh": exponential.tanh, "atan": arctangent.atan}[name]
+            formula = {"exp": exponential.exp, "log": exponential.log, "tanh": exponential.tanh, "atan": trigonometric.atan}[name]
             return Function(1, traced(formula, 1, of))

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import math
 
-from barbalat.lowering.functions.exact import Double, fast_two_sum, rounded, split, two_sum
 from barbalat.lowering.functions.formats import DOUBLE, SINGLE, whole
-from barbalat.lowering.functions.trace import TracedNumber
+from barbalat.lowering.functions.trace import Double, TracedNumber, fast_two_sum, rounded, split, two_sum
 
 P = (
     1.66666666666666019037e-01, -2.77777777770155933842e-03, 6.61375632143793436117e-05,

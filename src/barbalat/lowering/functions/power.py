@@ -8,10 +8,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from barbalat.lowering.functions.exact import Double, rounded, split
 from barbalat.lowering.functions.exponential import P as EXP
 from barbalat.lowering.functions.formats import DOUBLE, SINGLE, Format, whole
-from barbalat.lowering.functions.trace import TracedNumber
+from barbalat.lowering.functions.trace import Double, TracedNumber, rounded, split
 
 L = (
     5.99999999999994648725e-01, 4.28571428578550184252e-01, 3.33333329818377432918e-01,

@@ -2,20 +2,134 @@
 
 The step's outputs become its inputs again ("carry"). Part of the carry, the accumulators, is reset at the start of every
 block of steps and written out at its end, so that figures over all steps cost no memory. The kernel knows nothing else.
+
+A quantity may be watched: every window of steps keeps its largest value, and the state and the step where it occurred. It is
+looked at before every WATCH_EVERY-th step, counted from t = 0. Windows have nothing to do with blocks. What is no number is
+never the largest.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from barbalat.lowering.llvm.external_function import ExternalFunction
-from barbalat.lowering.llvm.functions import definitions
-from barbalat.lowering.llvm.loads import count, due, noise_loads, row_number, signal_loads
-from barbalat.lowering.llvm.past import lag_loads, past_loads, remember
-from barbalat.lowering.llvm.printer import Printer
-from barbalat.lowering.llvm.watch import LAST_BLOCK, LONGEST_INSIDE, called, keep_largest, keep_largest_values
+from barbalat.lowering.llvm.loads import count, due, lag_loads, noise_loads, past_loads, remember, row_number, signal_loads
+from barbalat.lowering.llvm.printer import Printer, definitions
 from barbalat.lowering.operations import Program
-from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, LoopShape
+from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, WATCH_EVERY, LoopShape
+
+
+@dataclass(frozen=True, slots=True)
+class ExternalFunction:
+    """``void function(double *numbers, int64_t step)`` at an address of this process, called at every sample.
+
+    given  rows of the state as the list makes them at this sample: they stand first in ``numbers``
+    kept   rows whose old values follow there, and whose new values the function leaves in their places
+    """
+
+    address: int
+    given: tuple[int, ...]
+    kept: tuple[int, ...]
+
+    @property
+    def room(self) -> str:
+        """On the loop's stack, which is reserved once."""
+        return f"  %outside = alloca [{len(self.given) + len(self.kept)} x double], align 8"
+
+    def call(self, sampled: Sequence[str]) -> tuple[list[str], list[str]]:
+        """Lines of LLVM IR, and the names of the state's values afterwards: ``sampled``, but for those that are kept."""
+        numbers = [*(sampled[row] for row in self.given), *(f"%x{row}.held" for row in self.kept)]
+        lines, after = [], list(sampled)
+        for i, value in enumerate(numbers):
+            lines.append(f"  %outside.{i} = getelementptr double, ptr %outside, i64 {i}")
+            lines.append(f"  store double {value}, ptr %outside.{i}, align 8")
+        lines.append(f"  call void inttoptr (i64 {self.address} to ptr)(ptr %outside, i64 %now)")
+        for i, row in enumerate(self.kept, start=len(self.given)):
+            lines.append(f"  %outside.new{i} = load double, ptr %outside.{i}, align 8")
+            after[row] = f"%outside.new{i}"
+        return lines, after
+
+
+LAST_BLOCK = "kept"
+"""The last basic block of a step that has a watch."""
+
+LONGEST_INSIDE = 4000
+"""Operations of a quantity that is compiled with the step. LLVM takes minutes for some 30,000 in one block."""
+
+
+def called(lines: list[str], quantity: str, used: list[str]) -> tuple[list[str], list[str], list[str]]:
+    """A long quantity as a function of its own, which LLVM translates as it stands; its room on the stack; its call.
+
+    ``used`` are the values of the loop that its ``lines`` read. The operations and their order, so every bit, are the same.
+    """
+    reads, passes = [], []
+    for i, name in enumerate(used):
+        place = f"getelementptr double, ptr %looked.at, i64 {i}"
+        reads += [f"  {name}.at = {place}", f"  {name} = load double, ptr {name}.at, align 8"]
+        passes += [f"  %looked.at{i} = {place}", f"  store double {name}, ptr %looked.at{i}, align 8"]
+    function = [
+        "define internal double @barbalat_look(ptr noalias %looked.at) noinline optnone {",
+        "entry:", *reads, *lines, f"  ret double {quantity}", "}",
+    ]  # fmt: skip
+    room = [f"  %looked.at = alloca double, i64 {max(len(used), 1)}, align 8"]
+    return function, room, [*passes, "  %looked = call double @barbalat_look(ptr %looked.at)"]
+
+
+def keep_largest(states: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
+    """``lines`` compute the quantity, ``due`` has %watch.due from %watch.phase.
+
+    A new largest value is rare: a branch, not a selection for every entry of the state.
+    """
+    stores = []
+    for i in range(states):
+        stores += [
+            f"  %kept{i}.to = getelementptr double, ptr %watch.row, i64 {1 + i}",
+            f"  store double %x{i}, ptr %kept{i}.to, align 8",
+        ]
+    return [
+        f"  %watch.phase = urem i64 %now, {WATCH_EVERY}",
+        *due,
+        f"  br i1 %watch.due, label %watch, label %{LAST_BLOCK}",
+        "watch:",
+        "  %watch.since = sub i64 %now, %watch.first",
+        "  %watch.at = udiv i64 %watch.since, %watch.window",
+        f"  %watch.offset = mul i64 %watch.at, {states + 2}",
+        "  %watch.row = getelementptr double, ptr %watched, i64 %watch.offset",
+        "  %best = load double, ptr %watch.row, align 8",
+        *lines,
+        f"  %better = fcmp ogt double {quantity}, %best",
+        f"  br i1 %better, label %keep, label %{LAST_BLOCK}",
+        "keep:",
+        f"  store double {quantity}, ptr %watch.row, align 8",
+        *stores,
+        "  %kept.step = sitofp i64 %now to double",
+        f"  %kept.step.to = getelementptr double, ptr %watch.row, i64 {states + 1}",
+        "  store double %kept.step, ptr %kept.step.to, align 8",
+        f"  br label %{LAST_BLOCK}",
+        f"{LAST_BLOCK}:",
+    ]
+
+
+def keep_largest_values(lanes: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
+    """The same for members side by side, each of which keeps its own largest value."""
+    vector, mask = f"<{lanes} x double>", f"<{lanes} x i1>"
+    return [
+        f"  %watch.phase = urem i64 %now, {WATCH_EVERY}",
+        *due,
+        f"  br i1 %watch.due, label %watch, label %{LAST_BLOCK}",
+        "watch:",
+        "  %watch.since = sub i64 %now, %watch.first",
+        "  %watch.at = udiv i64 %watch.since, %watch.window",
+        f"  %watch.row = getelementptr {vector}, ptr %watched, i64 %watch.at",
+        f"  %best = load {vector}, ptr %watch.row, align 8",
+        *lines,
+        f"  %better = fcmp ogt {vector} {quantity}, %best",
+        f"  %largest = select {mask} %better, {vector} {quantity}, {vector} %best",
+        f"  store {vector} %largest, ptr %watch.row, align 8",
+        f"  br label %{LAST_BLOCK}",
+        f"{LAST_BLOCK}:",
+    ]
+
 
 HEAD = (
     f"define void @{ENTRY}(i64 %blocks, i64 %steps, ptr noalias %state, ptr noalias %parameters, "
@@ -47,7 +161,7 @@ def loop(
                 stands there first is the past
     noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0, the first row that of ``start``
 
-    watched     rows of ``watch``, see ``watch.keep_largest``; then the first step of the first and the steps of each
+    watched     rows of ``watch``, see ``keep_largest``; then the first step of the first and the steps of each
     at last     ``sample_every`` and ``noise_hold``, read where the shape leaves them open
 
     Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state. ``watch`` is a quantity whose

@@ -14,7 +14,7 @@ import numpy as np
 from llvmlite.binding.newpassmanagers import NewPassManager
 
 from barbalat.lowering.llvm import ir
-from barbalat.lowering.llvm.external_function import ExternalFunction
+from barbalat.lowering.llvm.ir import ExternalFunction
 from barbalat.lowering.operations import Program
 from barbalat.lowering.registers import few_waiting
 from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, WATCH_EVERY, LoopShape, require_count

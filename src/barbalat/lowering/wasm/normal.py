@@ -6,8 +6,7 @@ count of its own; counts begin with 1, as NumPy's do, and their upper 192 bits a
 
 from __future__ import annotations
 
-from barbalat.lowering.llvm.functions import definitions
-from barbalat.lowering.llvm.printer import constant
+from barbalat.lowering.llvm.printer import constant, definitions
 from barbalat.lowering.wasm.module import module
 
 ENTRY = "barbalat_normal"

@@ -2,21 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
+
+import numpy as np
 
 from barbalat.adaptation.laws import LeastSquares
+from barbalat.budget import Progress, part_of
 from barbalat.cases.load import load_case
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
+from barbalat.controllers.parametric_model import State
+from barbalat.controllers.robust_mrac import Equations
 from barbalat.linear.systems import input_filter
-from barbalat.papers.jafari_2013.printed_sign import PrintedSign
-from barbalat.problem.state_feedback import Problem
-from barbalat.protocols import Controller
-from barbalat.run.check_numerics import check_numerics
-from barbalat.run.progress import Progress, part_of
-from barbalat.run.result import Result
-from barbalat.run.simulate import simulate
+from barbalat.papers.claim import Listing, table
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.problem.state_feedback import Known, Problem
+from barbalat.protocols import Controller, Signal, Value
+from barbalat.run.engine.check_numerics import check_numerics
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.run.results.result import Result
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
 
 T_END = 60.0
 COARSE_STEP, FINE_STEP = 1e-4, 1e-5
@@ -94,3 +106,70 @@ def run(progress: Progress | None = None) -> Runs:
         coarse=check_numerics(runs.coarse, progress=part_of(progress, 0.4, 0.2)),
         fine=check_numerics(runs.fine, progress=part_of(progress, 0.6, 0.4)),
     )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class AsPrinted(Equations):
+    """The equations with the sign of W_c0 that the paper prints."""
+
+    def auxiliary_input_argument(self, state: State, x: Value) -> Value:
+        estimation = self.estimation(state, x)
+        return estimation.epsilon * estimation.m_s_squared - self.c_0 @ state.swapping
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class PrintedSign:
+    """A robust MRAC, with the sign as printed."""
+
+    controller: RobustMrac
+
+    @property
+    def name(self) -> str:
+        return self.controller.name
+
+    def bind(self, known: Known) -> AsPrinted:
+        return AsPrinted(**vars(self.controller.bind(known)))
+
+
+def variant(
+    *,
+    theta: Any = None,
+    reference: Signal | None = None,
+    k_0: float | None = None,
+    box: ParameterBox | None = None,
+    input: PlantInput | None = None,
+) -> Problem:
+    """The problem of Section V; what is given replaces what the paper has."""
+    given = problem()
+    plant = given.plant
+    return Problem(
+        plant=Plant(A_m=plant.A_m, b=plant.b, theta=plant.theta if theta is None else theta, x0=plant.x0, input=input),
+        reference_model=given.reference_model if k_0 is None else ReferenceModel(k_0=k_0),
+        reference=given.reference if reference is None else reference,
+        uncertainty=given.uncertainty if box is None else box,
+    )
+
+
+def figures(members: Sequence[tuple[Problem, Controller]], t_end: float, dt: float) -> Metrics:
+    """The figures of an ensemble over [0, t_end] with RK4."""
+    return simulate_ensemble(members, Simulation(t_end=t_end, dt=dt)).metrics
+
+
+def at_instants(t: Array, instants: Sequence[float]) -> Array:
+    """The places of recorded instants, (k,) of (K,); ValueError for one that was not recorded."""
+    at = np.array([np.abs(t - instant).argmin() for instant in instants])
+    if not np.allclose(t[at], instants, rtol=1e-9, atol=1e-9):  # roundings of a time's own product
+        raise ValueError(f"not recorded: {instants}, nearest {t[at]}")
+    return at
+
+
+def by_component(caption: str, runs: Mapping[str, Metrics]) -> Listing:
+    """For each scheme the tail's error and the variation of the estimates, by component; Section V has two of either."""
+    errors = {f"|e_{i + 1}|, tail": [run.tail_max_abs_e[0, i] for run in runs.values()] for i in range(2)}
+    rates = {f"theta_hat_{i + 1} moves [1/s]": [run.theta_hat_variation_rate[0, i] for run in runs.values()] for i in range(2)}
+    return table(caption, {"scheme": list(runs), **errors, **rates})
+
+
+def local_exponents(values: Array, settings: Array) -> Array:
+    """From each setting to the next, (k - 1,) for (k,)."""
+    return np.asarray(np.diff(np.log(values)) / np.diff(np.log(settings)))

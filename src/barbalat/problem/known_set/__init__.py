@@ -13,10 +13,9 @@ from __future__ import annotations
 
 from typing import Protocol, TypeAlias, runtime_checkable
 
-from barbalat.problem.known_set.ball import ParameterBall
+from barbalat.problem.known_set.ball import ParameterBall, ParameterProduct
 from barbalat.problem.known_set.box import UNREACHED_BOUND, ParameterBox
 from barbalat.problem.known_set.gain import UNIT_GAIN, Gain
-from barbalat.problem.known_set.product import ParameterProduct
 from barbalat.protocols import Value
 
 __all__ = [
@@ -43,7 +42,7 @@ class Projecting(Protocol):
     """Equations that may keep their estimates in a set."""
 
     @property
-    def box(self) -> EstimateSet | None: ...
+    def estimate_set(self) -> EstimateSet | None: ...
 
 
 def project(rate: Value, theta_hat: Value, known_set: EstimateSet | None, gain: Gain = UNIT_GAIN) -> Value:

@@ -1,4 +1,4 @@
-"""A ball as the known set."""
+"""A ball as the known set, also beside intervals of unknown input gains."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from barbalat import validate
+from barbalat.problem.known_set import cone
+from barbalat.problem.known_set.box import UNREACHED_BOUND, ParameterBox
 from barbalat.problem.known_set.gain import UNIT_GAIN, Gain
 from barbalat.protocols import Value
 from barbalat.settings import Settings
@@ -17,7 +19,6 @@ from barbalat.validate import Array
 
 if TYPE_CHECKING:
     from barbalat.problem.known_set.box import ParameterBox
-    from barbalat.problem.known_set.product import ParameterProduct
 
 ROUNDED_UP = 1 + 1e-12
 """Room for the roundings of a sum of fewer than thousands of numbers."""
@@ -123,8 +124,6 @@ class ParameterBall(Settings):
 
     def with_gains(self, gains: ParameterBox) -> ParameterProduct:
         """Return the set of these parameters followed by the input gains."""
-        from barbalat.problem.known_set.product import ParameterProduct
-
         return ParameterProduct(self, gains)
 
     def of_theta(self, count: int) -> ParameterBall:
@@ -164,7 +163,7 @@ class ParameterBall(Settings):
         return np.where(outside, self.center + g * (reach / np.sqrt(np.where(outside, g @ g, 1.0))), theta_hat)
 
     def nearest(self, theta_hat: Value, gain: Gain) -> Value:
-        """The same: only a scalar gain is asked for."""
+        """The nearest point of the set: only a scalar gain is asked for."""
         return self.limit(theta_hat)
 
     def _reach(self, slack: float) -> Value:
@@ -203,3 +202,112 @@ class ParameterBall(Settings):
             missing = np.maximum(np.sqrt(distance) / self.radius - 1, 0.0)
             mu = mu + missing * distance / np.where(slope > 0, slope, 1.0)
         return self.center + along / (mu + k) + across / mu
+
+
+BOX_ONLY = (
+    "discretization = 'midpoint' takes a gain matrix and an unknown input gain together only with a box: give "
+    "uncertainty.lower and .upper, a diagonal gain, or discretization = 'euler'"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class ParameterProduct:
+    """Every theta in a ball, or any theta at all, with every input gain in its interval: two sets, each with its own projection.
+
+    A box of theta is no factor here: with the intervals it is one ``ParameterBox``, see ``with_gains``.
+    """
+
+    theta: ParameterBall | None  # None where nothing is known of theta, or it is not to be projected
+    gains: ParameterBox  # (m,) the last m of what is estimated
+
+    def __str__(self) -> str:
+        theta = "" if self.theta is None else f"theta {self.theta}, "
+        return f"{theta}the input gains {self.gains}"
+
+    def parts(self, values: Value) -> tuple[Value, Value]:
+        """theta and the input gains of all that is estimated."""
+        theta = values.shape[0] - self.gains.size
+        return values[:theta], values[theta:]
+
+    def contains(self, values: Array) -> bool:
+        theta, gains = self.parts(values)
+        return self.gains.contains(gains) and (self.theta is None or self.theta.contains(theta))
+
+    def reached_by(self, estimates: Array) -> bool:
+        """Whether one of the estimates (K, n) is at the boundary of its set."""
+        theta, gains = np.split(estimates, [estimates.shape[1] - self.gains.size], axis=1)
+        return self.gains.reached_by(gains) or (self.theta is not None and self.theta.reached_by(theta))
+
+    @property
+    def extent(self) -> tuple[Array, Array]:
+        """The least and the largest value of each component that the set bounds."""
+        if self.theta is None:
+            return self.gains.extent
+        lower, upper = (np.concatenate(ends) for ends in zip(self.theta.extent, self.gains.extent, strict=True))
+        return lower, upper
+
+    def within(self, bound: Fraction) -> bool:
+        """Whether |theta|_2 + |omega|_1 <= bound throughout, in exact arithmetic: a little more than |(theta, omega)|_2 asks."""
+        bound = bound - sum((Fraction(value) for value in self.gains.upper.tolist()), Fraction(0))
+        return bound >= 0 and (self.theta is None or self.theta.within(bound))
+
+    def of_theta(self, count: int) -> ParameterBall | None:
+        """Return the set of theta alone."""
+        return self.theta
+
+    @property
+    def intervals(self) -> ParameterBox:
+        """The intervals of the last components of the estimate."""
+        return self.gains
+
+    @property
+    def sphere(self) -> ParameterBall | None:
+        """The ball of the first components of the estimate."""
+        return self.theta
+
+    @property
+    def bounds_theta(self) -> bool:
+        """Whether anything is known of theta."""
+        return self.theta is not None
+
+    @property
+    def cuts_corners(self) -> bool:
+        """Whether with a gain matrix the limit may cut off what does not keep the proof: one or two intervals follow a ball."""
+        return self.gains.cuts_corners or self.theta is not None
+
+    @property
+    def steps_cut_corners(self) -> bool:
+        """Whether projecting at the end of a step cuts corners: a gain matrix has no implicit step here."""
+        return self.cuts_corners
+
+    def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
+        """A scalar or diagonal gain does not couple sphere and intervals; with a matrix the intervals follow the sphere."""
+        first = rate.shape[0] - self.gains.size
+        if gain.is_matrix:
+            along = rate if self.theta is None else self.theta.project(rate, theta_hat, gain)
+            return cone.onto_the_cone(along, theta_hat, self.gains, gain.value, first)
+        theta = rate[:first]
+        if self.theta is not None:
+            theta = self.theta.project(theta, theta_hat[:first], gain.of_first(first))
+        return np.concatenate([theta, self.gains.project(rate[first:], theta_hat[first:])])
+
+    def limit(self, theta_hat: Value) -> Value:
+        """The nearest point of the set, up to the last few bits for a ball."""
+        theta, gains = self.parts(theta_hat)
+        return np.concatenate([theta if self.theta is None else self.theta.limit(theta), self.gains.limit(gains)])
+
+    def nearest(self, theta_hat: Value, gain: Gain) -> Value:
+        """The nearest point of the set: no gain matrix is asked for."""
+        return self.limit(theta_hat)
+
+    def why_no_step(self, gain: Gain) -> str | None:
+        """Why no implicit step is known for such a gain."""
+        if gain.is_matrix:
+            return BOX_ONLY
+        return None if self.theta is None else self.theta.why_no_step(gain)
+
+    def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBox:
+        """What an implicit step of ``size`` estimates keeps to: the intervals of the input gains."""
+        lower, upper = (np.full(size, -UNREACHED_BOUND), np.full(size, UNREACHED_BOUND))
+        lower[-self.gains.size :], upper[-self.gains.size :] = self.gains.extent
+        return ParameterBox(lower=lower, upper=upper).kept_by_steps(size, leaking=leaking)

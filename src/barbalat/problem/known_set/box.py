@@ -207,7 +207,7 @@ class ParameterBox(Settings):
         return self.limit(theta + gain.times(phi) * np.where(error > 0, largest, -largest))
 
     def _step_of_several_inputs(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
-        """With the components on a face guessed, s solves a linear system; the step without a set where no guess is right."""
+        """The step for several inputs: with the components on a face guessed, s solves a linear system; without a set else."""
         inputs, moves = phi.shape[1], gain.as_matrix(phi.shape[0]) @ phi
         free = gain.implicit_step(theta, phi, coupling, error)
         wanted = free

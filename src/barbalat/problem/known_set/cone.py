@@ -21,7 +21,7 @@ CONE_PASSES = 3
 
 
 def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value, first: int = 0) -> Value:
-    """For a gain matrix: the nearest rate in the metric of Gamma^-1 that does not leave the box of the components from ``first``.
+    """The nearest rate in the metric of Gamma^-1, a matrix, that does not leave the box of the components from ``first``.
 
     That is rate - Gamma g, g = sum of s_i lambda_i e_i over the faces that theta_hat is on, s_i their outward sides, lambda >= 0,
     and with M = S Gamma S and b = S rate on these faces M lambda >= b, lambda_i = 0 where that is strict, which makes it unique
@@ -50,7 +50,7 @@ def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
 
 
 def _face_by_face(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value, first: int) -> Value:
-    """For one or two faces: rate - Gamma g max(0, g'rate)/(g'Gamma g) on each in turn.
+    """The projection for one or two faces: rate - Gamma g max(0, g'rate)/(g'Gamma g) on each in turn.
 
     On one face nothing is left that points outward. In a corner of two what is left of the first, r > 0, is cut off by the limit,
     without harm to V: it is left only if Gamma_12 < 0 between the outward sides, so that Gamma^-1 (r, 0) >= 0.

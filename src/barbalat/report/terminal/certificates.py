@@ -6,11 +6,11 @@ from collections.abc import Mapping
 
 from barbalat.certificates.cells import PROPERTIES, Column, counts_on_damping
 from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.certificates import Table1
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.quantities import ON_DAMPING
 from barbalat.certificates.rows import rows_of
 from barbalat.certificates.summary import five, measured
-from barbalat.certificates.table_1 import Table1
 from barbalat.pictures.symbols import held
 from barbalat.report.terminal.layout import Screen
 

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import get_args
 
 from barbalat.papers.claim import Claim, Listing, Verdict
-from barbalat.papers.paper import Paper
-from barbalat.papers.paper_figure import ADDED_FIGURE, PaperFigure
+from barbalat.papers.paper import ADDED_FIGURE, Paper, PaperFigure
 from barbalat.pictures.symbols import held
 from barbalat.report.terminal.layout import Screen, capitalized
 

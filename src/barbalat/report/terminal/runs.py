@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from barbalat.judge.verdict import Class
-from barbalat.pictures.numbers import number_text
+from barbalat.pictures.symbols import number_text
 from barbalat.problem.labels import Labels, bracketed
 from barbalat.report.terminal.layout import Screen, capitalized, grouped
-from barbalat.run.diagnosis.adapting import Adapting
-from barbalat.run.estimates import estimates_of
-from barbalat.run.outcome import about_u
-from barbalat.run.result import Result
+from barbalat.run.results.adapting import Adapting
+from barbalat.run.results.estimates import estimates_of
+from barbalat.run.results.outcome import about_u
+from barbalat.run.results.result import Result
 from barbalat.validate import counted
 
 LABEL_COLUMNS = 24

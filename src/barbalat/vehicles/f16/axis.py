@@ -13,8 +13,7 @@ import numpy as np
 
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
 from barbalat.signals import Steps
@@ -69,7 +68,7 @@ class Followed:
 
     @property
     def places(self) -> tuple[int, ...]:
-        """Of the states in a ``Motion``."""
+        """Places of the states in a ``Motion``."""
         return tuple(Motion._fields.index(name) for name in self.states)
 
 
@@ -177,7 +176,7 @@ class Axis:
 
     @property
     def sample_time(self) -> float:
-        """That of the flight computer [s]."""
+        """The flight computer's sample time [s]."""
         return SAMPLE_TIME
 
     @property

@@ -40,7 +40,7 @@ class Dispersion:
 
     @property
     def scales(self) -> dict[str, float]:
-        """By the names of ``f16.SCALED``."""
+        """Factors of the coefficients by the names of ``f16.SCALED``."""
         return {name: value for name, value in vars(self).items() if name in SCALED}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True, kw_only=True)
 class Equipment:
-    """Of one axis: its surface, and the sensors of what is fed back. By default the elevator's.
+    """The actuator of an axis' surface and the sensors of what is fed back; by default the elevator's.
 
     actuator_lag     [s] of the first-order actuator: 20.2 rad/s
     rate_limit       [deg/s]

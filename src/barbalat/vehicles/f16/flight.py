@@ -32,7 +32,7 @@ T, COMMANDED, MODEL, RATE, ALPHA, BETA, N_Z, COMMAND, SURFACE, PITCH, BANK, ALTI
 
 
 def figures_of(followed: Followed) -> dict[str, str]:
-    """Of a flight, with their units; e is the followed rate less the model's, travel how far the surface moves in a second."""
+    """A flight's figures with units; e is the followed rate less the model's, travel how far the surface moves in a second."""
     surface = followed.surface
     return {
         "rms_e": "deg/s",

@@ -2,27 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
-import numpy as np
-
-from barbalat.controllers import KnownParameters, LinearFeedback, Mrac, Sampled
+from barbalat.controllers import KnownParameters, Mrac, Sampled
 from barbalat.controllers.windup import ModifiedError
 from barbalat.design import hinf_feedback, pi_feedback
-from barbalat.linear.systems import StateSpace
 from barbalat.vehicles.f16.axis import SAMPLE_TIME, Axis
-from barbalat.vehicles.schemes import (
-    ROBUST,
-    Numbers,
-    OnLoop,
-    Scheme,
-    adaptive_gain,
-    adrc,
-    l1,
-    l1_piecewise,
-    l1_piecewise_flown,
-    robust_mrac,
-)
+from barbalat.vehicles.schemes import ROBUST, Numbers, OnLoop, Scheme, adaptive_gain, on_every_vehicle, protected
 
 
 def _lqr(axis: Axis, _: Numbers) -> OnLoop:
@@ -30,22 +14,17 @@ def _lqr(axis: Axis, _: Numbers) -> OnLoop:
     return OnLoop(problem, Sampled(KnownParameters(theta=axis.gain, name="LQR"), SAMPLE_TIME, discretization="euler"))
 
 
-def _sampled(axis: Axis, linear: LinearFeedback) -> OnLoop:
-    """With its integral protected against windup: what a missing control weighs is K's own gain at the crossover."""
-    K = StateSpace.accept("controller", linear.controller)
-    gain = float(abs(K.response(np.array([axis.followed.crossover]))[0]))
-    return OnLoop(axis.linear_problem, Sampled(replace(linear, anti_windup=gain), SAMPLE_TIME))
-
-
 def _linear(axis: Axis, numbers: Numbers) -> OnLoop:
     """SIMC's PI on the model-following error, with a crossover of ``bandwidth``."""
     delay = 1 / (2 * numbers["bandwidth"])
-    return _sampled(axis, pi_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="LQR with PI"))
+    linear = pi_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="LQR with PI")
+    return protected(axis, linear, axis.followed.crossover)
 
 
 def _hinf(axis: Axis, numbers: Numbers) -> OnLoop:
     delay = 1 / (2 * numbers["bandwidth"])
-    return _sampled(axis, hinf_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="H-infinity"))
+    linear = hinf_feedback(axis.linear_problem.known, unmodelled_delay=delay, nominal=axis.gain, name="H-infinity")
+    return protected(axis, linear, axis.followed.crossover)
 
 
 def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
@@ -61,12 +40,7 @@ SCHEMES: dict[str, Scheme] = {
     "lqr": Scheme(_lqr, {}, counterpart="geometric"),
     "linear": Scheme(_linear, BANDWIDTH_RANGE, counterpart="geometric-integral"),
     ROBUST: Scheme(_hinf, BANDWIDTH_RANGE),
-    "adrc": Scheme(adrc, BANDWIDTH_RANGE),
-    "mrac": Scheme(_mrac, ADAPTATION_RANGE),
-    "robust-mrac": Scheme(robust_mrac, {**BANDWIDTH_RANGE, "covariance": (1e-3, 1e2)}),
-    "l1": Scheme(l1, {**BANDWIDTH_RANGE, **ADAPTATION_RANGE}),
-    "l1-piecewise": Scheme(l1_piecewise, BANDWIDTH_RANGE),
-    "l1-piecewise-flown": Scheme(l1_piecewise_flown, BANDWIDTH_RANGE),
+    **on_every_vehicle(_mrac, bandwidth=BANDWIDTH_RANGE, adaptation=ADAPTATION_RANGE),
 }
 """The registry, by the names of the command line."""
 TUNED: dict[str, dict[str, Numbers]] = {

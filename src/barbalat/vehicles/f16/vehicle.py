@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.run.sampled_step import SampledList
-from barbalat.run.stepwise import Step
+from barbalat.run.kernel.sampled_controller import SampledList, Step
 from barbalat.validate import Array, require_extra
 from barbalat.vehicles.f16.airframe import CONDITIONS, INTEGRATOR, STEP, FlightCondition
 from barbalat.vehicles.f16.axis import AXES, SAMPLE_TIME, Axis, Followed

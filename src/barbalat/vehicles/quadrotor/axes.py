@@ -14,8 +14,7 @@ import numpy as np
 
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.plant import Plant
-from barbalat.problem.reference_model import ReferenceModel
+from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.regressors import Polynomial
 from barbalat.problem.state_feedback import Problem
 from barbalat.signals import Constant

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.run.stepwise import Agreement, Resumable, Step
+from barbalat.run.kernel.sampled_controller import Agreement, Resumable, Step
 from barbalat.validate import Array
 from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, POSITION_SAMPLE, Axes, Axis
 from barbalat.vehicles.quadrotor.geometry import (
@@ -30,7 +30,7 @@ OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)
 
 
 class Memory(NamedTuple):
-    """Of a whole controller between two samples; nothing in it is changed in place."""
+    """What a whole controller keeps between two samples; nothing in it is changed in place."""
 
     states: tuple[Array, ...]
     wanted: Array
@@ -53,7 +53,7 @@ class Control:
         self.reset(np.eye(3), np.zeros(3))
 
     def reset(self, attitude: Array, rates: Array) -> None:
-        """As it must be whenever control is handed to it: the laws before their first sample, the model where the vehicle is."""
+        """Put the laws before their first sample and the model where the vehicle is, as control is handed to it."""
         for _, step in (*self._attitude, *self._position):
             step.reset()
         self._wanted, self._commanded = wanted_thrust(np.zeros(3)), np.eye(3)
@@ -93,7 +93,7 @@ class Control:
         return allocated(self._mixer, self._hover, self.vehicle.thrust, float(self._wanted @ (R @ UP)), turning)
 
     def agreement(self) -> Agreement | None:
-        """Of all six axes since it was last asked for: those of one flight."""
+        """How the exported C of all six axes agrees since this was last asked for: the samples of one flight."""
         told = [(axis.name, step.agreement()) for axis, step in (*self._attitude, *self._position)]
         named = [
             replace(one, difference=f"{name}: {one.difference}") if one.difference else one

@@ -5,18 +5,18 @@ from __future__ import annotations
 import copy
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.validate import Array
 from barbalat.vehicles.flight import NO_NUMBER, Timing
-from barbalat.vehicles.quadrotor.air import Air
-from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, Axes
+from barbalat.vehicles.quadrotor.axes import ATTITUDE_SAMPLE, Axes, Electronics
 from barbalat.vehicles.quadrotor.body import STANDING, STEP
 from barbalat.vehicles.quadrotor.control import OUTER_EVERY, Control, Memory
 from barbalat.vehicles.quadrotor.dispersions import NOMINAL, Dispersion
 from barbalat.vehicles.quadrotor.failures import Failure
 from barbalat.vehicles.quadrotor.flight import TIMING, QuadrotorFlight
-from barbalat.vehicles.quadrotor.sensing import Sensing
 from barbalat.vehicles.quadrotor.simulator import ROTORS, Motion
 from barbalat.vehicles.quadrotor.trajectory import CLIMBS, TAKES_OFF, path
 
@@ -152,3 +152,75 @@ def _lost(row: list[float], motion: Motion) -> str:
     if row[0] > TAKES_OFF + CLIMBS and motion.position[2] < LEAST_HEIGHT:
         return "it came down to the ground"
     return ""
+
+
+GUSTS_SHARE = 0.1
+"""Standard deviation of gusts along the wind over its mean: what MIL-F-8785C (3.7.3) has for vertical ones near the ground.
+Its ones along the wind are 1.9 times as large 10 m above it."""
+GUST_LENGTH = 68.0
+"""[m]: the scale of gusts along the wind 10 m above the ground, from the same section."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Air:
+    """How it moves.
+
+    velocity  (K, 3) [m/s] at the samples of the attitude
+    moves     whether it does at all
+    """
+
+    velocity: Array
+    moves: bool
+
+    @classmethod
+    def drawn(cls, dispersion: Dispersion, samples: int) -> Air:
+        """What blows all the time."""
+        away = np.deg2rad(dispersion.wind_from)
+        towards = -np.array([np.cos(away), np.sin(away), 0.0])
+        speed = _speed(dispersion.wind, samples, SEED + 2 * dispersion.number + 1)
+        return cls(velocity=np.outer(speed, towards), moves=dispersion.wind > 0)
+
+    def failing(self, failure: Failure, dispersion: Dispersion, samples: int) -> Air:
+        """With the wind of a failure, from the left."""
+        speed = _speed(failure.wind, samples, SEED + 2 * dispersion.number)
+        added = np.outer(speed, np.array([0.0, -1.0, 0.0]))
+        return Air(velocity=self.velocity + added, moves=self.moves or failure.wind > 0)
+
+
+def _speed(mean: float, samples: int, seed: int) -> Array:
+    """[m/s] at the samples: Dryden's longitudinal gusts, a first-order process, around a mean; exact and stationary."""
+    if not mean:
+        return np.zeros(samples)
+    random = np.random.default_rng(seed)
+    deviation, decay = GUSTS_SHARE * mean, np.exp(-ATTITUDE_SAMPLE * mean / GUST_LENGTH)
+    gusts, gust = np.empty(samples), deviation * random.standard_normal()
+    for k, drawn in enumerate(random.standard_normal(samples)):
+        gusts[k] = gust
+        gust = decay * gust + deviation * np.sqrt(1 - decay**2) * drawn
+    return mean + gusts
+
+
+SEED = 2010
+"""Of sensors' noise and of gusts."""
+
+
+class Sensing:
+    """From motions to measurements, sample by sample; a copy goes its own way."""
+
+    def __init__(self, electronics: Electronics, samples: int, number: int) -> None:
+        from scipy.spatial.transform import Rotation
+
+        position, turn, velocity, rates = np.random.default_rng(SEED + 2 * number).standard_normal((4, samples, 3))
+        self._turns = Rotation.from_rotvec(electronics.attitude_noise * turn).as_matrix()
+        self._position, self._velocity = electronics.position_noise * position, electronics.velocity_noise * velocity
+        self._rates = electronics.rate_noise * rates
+        lag = electronics.rate_lag
+        self._share = -float(np.expm1(-ATTITUDE_SAMPLE / lag)) if lag > 0 else None
+        self._lagging = np.zeros(3)
+
+    def __call__(self, motion: Motion, k: int) -> Motion:
+        rates = motion.rates + self._rates[k]
+        if self._share is not None:
+            self._lagging = rates = self._lagging + self._share * (rates - self._lagging)
+        position, velocity = motion.position + self._position[k], motion.velocity + self._velocity[k]
+        return Motion(position, motion.attitude @ self._turns[k], velocity, rates)

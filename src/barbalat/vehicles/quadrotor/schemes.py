@@ -5,26 +5,13 @@ The numbers are in units of the axis, so that one range is that of all axes.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from barbalat.controllers import KnownParameters, LinearFeedback, Mrac, Sampled
 from barbalat.design import hinf_feedback
-from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.linear.systems import TransferFunction
 from barbalat.vehicles.quadrotor.axes import CROSSOVER, Axis
-from barbalat.vehicles.schemes import (
-    ROBUST,
-    Numbers,
-    OnLoop,
-    Scheme,
-    adaptive_gain,
-    adrc,
-    l1,
-    l1_piecewise,
-    l1_piecewise_flown,
-    robust_mrac,
-)
+from barbalat.vehicles.schemes import ROBUST, Numbers, OnLoop, Scheme, adaptive_gain, on_every_vehicle, protected
 
 
 def _geometric(axis: Axis, _: Numbers) -> OnLoop:
@@ -50,9 +37,7 @@ def _hinf(axis: Axis, numbers: Numbers) -> OnLoop:
         nominal=np.zeros(2),
         name="H-infinity",
     )
-    K = StateSpace.accept("controller", linear.controller)
-    gain = float(abs(K.response(np.array([CROSSOVER * axis.frequency]))[0]))
-    return OnLoop(axis.linear_problem, Sampled(replace(linear, anti_windup=gain), axis.sample_time))
+    return protected(axis, linear, CROSSOVER * axis.frequency)
 
 
 def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
@@ -72,12 +57,7 @@ SCHEMES: dict[str, Scheme] = {
     "geometric": Scheme(_geometric, {}, counterpart="lqr"),
     "geometric-integral": Scheme(_integral, CORNER, counterpart="linear"),
     ROBUST: Scheme(_hinf, DESIGN_BANDWIDTH),
-    "adrc": Scheme(adrc, BANDWIDTH),
-    "mrac": Scheme(_mrac, ADAPTATION),
-    "robust-mrac": Scheme(robust_mrac, {**BANDWIDTH, "covariance": (1e-3, 1e2)}),
-    "l1": Scheme(l1, {**BANDWIDTH, **ADAPTATION}),
-    "l1-piecewise": Scheme(l1_piecewise, BANDWIDTH),
-    "l1-piecewise-flown": Scheme(l1_piecewise_flown, BANDWIDTH),
+    **on_every_vehicle(_mrac, bandwidth=BANDWIDTH, adaptation=ADAPTATION),
 }
 """The registry, by the names of the command line."""
 TUNED: dict[str, dict[str, Numbers]] = {

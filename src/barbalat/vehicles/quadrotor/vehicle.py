@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.run.sampled_step import SampledList
+from barbalat.run.kernel.sampled_controller import SampledList
 from barbalat.validate import Array, InputError, require_extra
 from barbalat.vehicles.flight import Timing
 from barbalat.vehicles.isolated import STARTING_SECONDS, isolated

@@ -3,13 +3,13 @@
 import pytest
 
 from barbalat.cases.load import load_case
+from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.table_1 import table_1
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.measurement import Noise, Sensor
-from barbalat.problem.output_plant import OutputPlant
-from barbalat.run.simulate import simulate
+from barbalat.problem.output_feedback import OutputPlant
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant
 from certificates.output_problems import SIMULATION, TF, l1, problem
 

@@ -5,10 +5,9 @@ import numpy as np
 import pytest
 
 from barbalat import Mrac, Simulation, certify
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
-from barbalat.linear.interconnections import series
+from barbalat.certificates.linear_loops.ideal import around_equilibrium
 from barbalat.linear.margins import margins
-from barbalat.linear.systems import TransferFunction
+from barbalat.linear.systems import TransferFunction, series
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.filter import adapting_margins, gain_margins
 

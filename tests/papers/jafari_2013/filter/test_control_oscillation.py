@@ -6,7 +6,7 @@ import pytest
 from barbalat.controllers import Mrac
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.filter import control_oscillation
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 
 

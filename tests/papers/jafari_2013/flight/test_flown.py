@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from barbalat.papers.jafari_2013.flight import flown
-from barbalat.papers.jafari_2013.flight.stored_flights import ADAPTIVE_SCHEMES, ERROR, LINEAR_SCHEMES, LOSS, Flights, stored
+from barbalat.papers.jafari_2013.flight.flown import ADAPTIVE_SCHEMES, ERROR, LINEAR_SCHEMES, LOSS, Flights, stored
 
 PAGE = Path(__file__).parents[4] / "docs" / "guides" / "aircraft.md"
 LEAST_LOST = ("MRAC", "L1 piecewise, as flown", "Robust MRAC", "ADRC")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from barbalat.linear.systems import input_filter
-from barbalat.papers.jafari_2013.linear.l1_against_pi import second_order_filter
+from barbalat.papers.jafari_2013.linear.linear_design import second_order_filter
 
 
 def test_one_slope_and_two():

@@ -6,20 +6,18 @@ import numpy as np
 import pytest
 
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.numerics import stiff, stiff_settings
+from barbalat.papers.jafari_2013.numerics import stiff
 from barbalat.papers.jafari_2013.numerics.stiff_methods import SolverPath
 from barbalat.papers.jafari_2013.numerics.stiff_runs import StiffRow
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 
 
 def test_a_code_at_a_loose_tolerance_rings_several_times_too_much():
     """CVODES' estimates swing by 1.8 within 10 ms, those of RK4 at h = 1e-6 s by 0.4."""
-    (row,) = stiff_settings.PAPER_SETTING.automatic(
-        {}, tolerance=stiff_settings.LOOSE_TOLERANCES[0], t_end=stiff_settings.LOOSE_END
-    )
-    assert not row.boxed.lost and row.boxed.reached == stiff_settings.LOOSE_END
-    simulation = Simulation(t_end=stiff_settings.LOOSE_END, dt=1e-6, record_points=4000)
+    (row,) = stiff.PAPER_SETTING.automatic({}, tolerance=stiff.LOOSE_TOLERANCES[0], t_end=stiff.LOOSE_END)
+    assert not row.boxed.lost and row.boxed.reached == stiff.LOOSE_END
+    simulation = Simulation(t_end=stiff.LOOSE_END, dt=1e-6, record_points=4000)
     (run,) = simulate(section_v.problem(), [section_v.l1("L1", 1e4)], simulation).values()
     late = slice(-100, None)  # as many windows of 1 ms; ten of them are one of the row's
     most, least = (

@@ -8,7 +8,7 @@ from scipy.linalg import expm
 
 from barbalat.linear.systems import TransferFunction
 from barbalat.papers.jafari_2013.robustness import delta_2
-from barbalat.papers.jafari_2013.variants import figures, variant
+from barbalat.papers.jafari_2013.section_v import figures, variant
 from barbalat.problem.actuation import PlantInput
 from papers import by_hand
 

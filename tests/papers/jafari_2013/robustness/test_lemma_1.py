@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from barbalat import Constant, LeastSquares, Normalization, PlantInput, RobustMrac, Simulation, TransferFunction
-from barbalat.papers.jafari_2013.robustness.lemma_1_runs import along
-from barbalat.papers.jafari_2013.variants import variant
+from barbalat import RobustMrac, Simulation, TransferFunction
+from barbalat.laws import LeastSquares, Normalization
+from barbalat.papers.jafari_2013.robustness.lemma_1 import along
+from barbalat.papers.jafari_2013.section_v import variant
+from barbalat.plants import PlantInput
+from barbalat.signals import Constant
 
 SIMULATION = Simulation(t_end=10.0, dt=1e-3, record_points=500)
 

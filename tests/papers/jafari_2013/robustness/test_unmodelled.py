@@ -8,8 +8,8 @@ from scipy.linalg import expm
 
 from barbalat.controllers import Mrac
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.robustness import rohrs_state, unmodelled
-from barbalat.papers.jafari_2013.variants import figures, variant
+from barbalat.papers.jafari_2013.robustness import unmodelled
+from barbalat.papers.jafari_2013.section_v import figures, variant
 from barbalat.problem.actuation import PlantInput
 from barbalat.signals import Sine
 
@@ -78,13 +78,13 @@ def test_the_size_that_small_gain_bears():
 
 def test_rohrs_frozen_loop():
     """Routh: s^3 + 31 s^2 + 259 s + 229 + 458 k is stable up to 31 x 259 = 229 + 458 k."""
-    assert rohrs_state.largest_gain(None) == pytest.approx((31 * 259 - 229) / 458, rel=1e-8)
-    assert rohrs_state.largest_gain(0.02) < rohrs_state.largest_gain(None)
+    assert unmodelled.largest_gain(None) == pytest.approx((31 * 259 - 229) / 458, rel=1e-8)
+    assert unmodelled.largest_gain(0.02) < unmodelled.largest_gain(None)
 
 
 def test_rohrs_plant_is_his():
     """2/(s + 1) 229/(s^2 + 30 s + 229), and the model 3/(s + 3)."""
-    plant = rohrs_state.problem(20.0, Sine(1.0, 1.0)).plant
+    plant = unmodelled.problem(20.0, Sine(1.0, 1.0)).plant
     assert plant.A_m[0, 0] + plant.b[0] * plant.theta[0] == -1.0
     assert plant.b[0] * plant.paths[0].dynamics.dc_gain == pytest.approx(2.0)
-    np.testing.assert_allclose(np.polymul([1, 1], rohrs_state.UNMODELLED.den), [1, 31, 259, 229])
+    np.testing.assert_allclose(np.polymul([1, 1], unmodelled.UNMODELLED.den), [1, 31, 259, 229])

@@ -5,13 +5,13 @@ import pytest
 
 from barbalat.controllers import Mrac
 from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.section_v import figures, variant
 from barbalat.papers.jafari_2013.tracking import any_command
-from barbalat.papers.jafari_2013.variants import figures, variant
 from barbalat.problem.actuation import PlantInput
-from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Sines
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.reference_motion import ReferenceMotion
+from barbalat.study.criteria import ReferenceMotion
 from papers import by_hand
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.section_v import figures
 from barbalat.papers.jafari_2013.tracking import does_better
 from barbalat.papers.jafari_2013.tracking.does_better import Respect
-from barbalat.papers.jafari_2013.variants import figures
 from barbalat.solvers import RK4
 from papers import by_hand
 

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.bounds.slopes import steepest_seen
+from barbalat.certificates.bounds.formulas import steepest_seen
 from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import add_margins, finite, margins_of
 from barbalat.certificates.quantities import Form, Quantity
-from barbalat.certificates.rounding import up
+from barbalat.certificates.rows import up
 from barbalat.certificates.schemes.output_feedback import (
     LINEAR_LOOP,
     OF_LINEAR_LOOPS,
@@ -104,8 +104,7 @@ def _add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output, simu
             f"inside its bounds sigma may need {found.sigma:.6g}, more than sigma_bound = {limit:g}, and what holds when the "
             "projection acts is not known"
         )
-        for key in ("sigma_needed", "output_bound", "error_bound"):
-            draft.missing(key, why)
+        draft.all_missing(("sigma_needed", "output_bound", "error_bound"), why)
         return
     draft.guarantee("sigma_needed", found.sigma, *SMALL_GAIN)
     add_bounds(draft, problem, found)
@@ -175,7 +174,7 @@ def _bears(solver: Tableau, h: float, m: float, gamma: float) -> bool:
 
 
 def linear_when(_problem: OutputProblem, _controller: L1Output) -> str | None:
-    """Inside the bounds of sigma, as in continuous time."""
+    """The controller is linear inside the bounds of sigma, as in continuous time."""
     return f"{LINEAR_LOOP}; sigma is inside its bounds"
 
 

@@ -32,7 +32,7 @@ def certificate(problem: OutputProblem, controller: LinearOutput, simulation: Si
 
 
 def linear_when(_problem: OutputProblem, _controller: LinearOutput) -> str | None:
-    """Always; f(t, y) is left out of its margins, as in continuous time."""
+    """The controller is always linear; f(t, y) is left out of its margins, as in continuous time."""
     return LINEAR_LOOP
 
 

@@ -8,16 +8,13 @@ import numpy as np
 
 from barbalat.adaptation.laws import Gradient
 from barbalat.controllers import Mrac, NormalizedMrac
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.section_v import Runs
-from barbalat.papers.jafari_2013.variants import at_instants, variant
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import table
+from barbalat.papers.jafari_2013.section_v import Runs, at_instants, variant
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
-from barbalat.run.result import Result
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.result import Result
 from barbalat.signals import Sines
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array

@@ -13,12 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
+from barbalat.certificates.linear_loops.ideal import around_equilibrium
 from barbalat.controllers import L1Adaptive, Mrac
-from barbalat.linear.interconnections import complementary_sensitivity
 from barbalat.linear.margins import Margins, margins
 from barbalat.linear.peaks import peak_gain
-from barbalat.linear.systems import StateSpace
+from barbalat.linear.systems import StateSpace, complementary_sensitivity
 from barbalat.papers.claim import ChartAxis, Curve, Map, Reading, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.validate import Array, InputError

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.papers.claim import Claim, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Measurement, Reading, of_readings, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.figures.figure_checks import DRAWN_SHARE
-from barbalat.papers.jafari_2013.variants import figures, local_exponents, variant
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import table
+from barbalat.papers.jafari_2013.section_v import figures, local_exponents, variant
 from barbalat.signals import Constant
 from barbalat.validate import Array
 
 EXPONENT_TOLERANCE = 0.02
 """How far from one a local exponent may be."""
+DRAWN_SHARE = 0.1
+"""Share of an amplitude within which it counts as proportional to a setting where a figure is described: a caption says what is
+seen of a curve, no more, and the row ``bias-kappa`` takes the same word for a law."""
 LASTING_ERROR = 1e-3
 """Share of the error beside Section V's sine above which an error beside a constant command counts as one that stays."""
 

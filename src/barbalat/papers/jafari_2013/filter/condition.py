@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 from barbalat.certificates.bounds import theorem_1
-from barbalat.certificates.rounding import down, up
+from barbalat.certificates.rows import down, up
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.systems import input_filter
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import table
 from barbalat.problem.state_feedback import Known
 
 THETA_MAX = 10.0

@@ -9,12 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.controllers import Mrac
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span, table
-from barbalat.run.result import Result
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.result import Result
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 

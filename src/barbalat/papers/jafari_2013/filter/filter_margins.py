@@ -8,27 +8,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from barbalat.certificates.linear_loops.around_equilibrium import around_equilibrium
-from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
+from barbalat.certificates.linear_loops.ideal import around_equilibrium, fast_adaptation, known_parameters
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.filter.adapting_margins import GAINS, KAPPAS, MODERATE_KAPPA, filter_effect
 from barbalat.papers.jafari_2013.filter.adapting_margins import METHOD as EXACT
-from barbalat.papers.jafari_2013.variants import variant
-from barbalat.papers.measurement import Measurement
+from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
-from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset
+from barbalat.study.criteria import Lost, Onset, ReferenceMotion
 from barbalat.study.delay_margin import delay_margins_ensemble
 from barbalat.study.ideal_benchmark import ideal_errors, without_error
-from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
 SIMULATION = Simulation(t_end=40.0, dt=2e-4)

@@ -7,10 +7,9 @@ import numpy as np
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import input_filter
-from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Reading, of_readings, verdict
+from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Measurement, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.filter.adapting_margins import DOWNWARDS, GAINS, MARGINS, METHOD, UPWARDS, scan
-from barbalat.papers.measurement import Measurement
 from barbalat.validate import Array
 
 SHOWN_KAPPAS = (0.005, section_v.KAPPA, 0.05)

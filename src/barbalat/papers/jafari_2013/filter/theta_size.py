@@ -9,11 +9,9 @@ from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.controllers import Mrac
 from barbalat.linear.largest import largest
 from barbalat.linear.systems import input_filter
-from barbalat.papers.claim import ChartAxis, Claim, Curve, Map, Reading, of_readings, verdict
+from barbalat.papers.claim import ChartAxis, Claim, Curve, Map, Measurement, Reading, numbers, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import figures, variant
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import numbers
+from barbalat.papers.jafari_2013.section_v import figures, variant
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.signals import Constant

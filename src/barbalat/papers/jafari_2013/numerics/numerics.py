@@ -5,12 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from barbalat.controllers import Mrac
-from barbalat.papers.claim import Claim, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Measurement, Reading, numbers, of_readings, span, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.section_v import Runs
-from barbalat.papers.jafari_2013.variants import by_component, figures
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import numbers, span, table
+from barbalat.papers.jafari_2013.section_v import Runs, by_component, figures
 from barbalat.solvers import RK4
 from barbalat.validate import Array
 

@@ -7,14 +7,11 @@ from collections.abc import Callable
 import numpy as np
 
 from barbalat.controllers import Mrac
-from barbalat.papers.claim import ChartAxis, Claim, Curve, Map, verdict
+from barbalat.papers.claim import ChartAxis, Claim, Curve, Map, Measurement, span, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.section_v import Runs
-from barbalat.papers.jafari_2013.variants import figures
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span, table
+from barbalat.papers.jafari_2013.section_v import Runs, figures
 from barbalat.protocols import Controller
-from barbalat.run.result import Result
+from barbalat.run.results.result import Result
 from barbalat.solvers import RK4
 from barbalat.validate import Array
 

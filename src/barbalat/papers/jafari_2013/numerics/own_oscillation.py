@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.papers.claim import Claim, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Measurement, Reading, numbers, of_readings, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.numerics.stiff_methods import RINGING_WINDOW
-from barbalat.papers.jafari_2013.numerics.stiff_runs import rk4
-from barbalat.papers.jafari_2013.numerics.stiff_settings import (
+from barbalat.papers.jafari_2013.numerics.stiff import (
     AUTOMATIC_END,
     CONVERGED_STEPS,
     LATE_WINDOW,
@@ -16,8 +14,8 @@ from barbalat.papers.jafari_2013.numerics.stiff_settings import (
     T_END,
     TAIL_WINDOW,
 )
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import numbers, table
+from barbalat.papers.jafari_2013.numerics.stiff_methods import RINGING_WINDOW
+from barbalat.papers.jafari_2013.numerics.stiff_runs import rk4
 from barbalat.validate import Array
 
 

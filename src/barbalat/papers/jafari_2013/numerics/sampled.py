@@ -8,14 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from barbalat.controllers import Mrac, Sampled
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import figures, variant
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span, table
+from barbalat.papers.jafari_2013.section_v import figures, variant
 from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 

@@ -25,7 +25,7 @@ from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.processes import undisturbed
+from barbalat.processes import undisturbed
 from barbalat.signals import Sine
 from barbalat.validate import Array
 

@@ -22,8 +22,8 @@ from barbalat.papers.jafari_2013.numerics.stiff_methods import (
 )
 from barbalat.problem.known_set import ParameterBox
 from barbalat.protocols import Controller
-from barbalat.run.grid import CHUNK_STEPS
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.kernel.grid import CHUNK_STEPS
 from barbalat.solvers.simulation import Simulation
 
 AGREEMENT_FACTOR = 1.25

@@ -6,22 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat.adaptation.modifications.dead_zone import DeadZone
-from barbalat.adaptation.output_lyapunov import LyapunovLaw
+from barbalat.adaptation.lyapunov import LyapunovLaw
+from barbalat.adaptation.modifications import DeadZone
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
-from barbalat.papers.jafari_2013.variants import at_instants
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span, table
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.jafari_2013.section_v import at_instants
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputProblem
-from barbalat.run.ensemble import simulate_ensemble
-from barbalat.run.result import Result
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.result import Result
 from barbalat.signals import Step
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array

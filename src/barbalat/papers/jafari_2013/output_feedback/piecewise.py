@@ -10,11 +10,9 @@ from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.controllers import L1PiecewiseConstant
 from barbalat.controllers.l1_piecewise import realisation, started
-from barbalat.papers.claim import Claim, Reading, of_readings, verdict
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import table
+from barbalat.papers.claim import Claim, Measurement, Reading, of_readings, table, verdict
 from barbalat.problem.state_feedback import Problem
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Step
 from barbalat.solvers.simulation import Simulation
 

@@ -7,19 +7,16 @@ from functools import partial
 
 import numpy as np
 
+from barbalat.adaptation.law import Normalization
 from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
-from barbalat.adaptation.modifications.switching_sigma import SwitchingSigma
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.modifications import SwitchingSigma
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.systems import TransferFunction
-from barbalat.papers.claim import Claim, Reading, of_readings, verdict
-from barbalat.papers.jafari_2013.variants import local_exponents
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span, table
+from barbalat.papers.claim import Claim, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.jafari_2013.section_v import local_exponents
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.output_feedback import OutputProblem
-from barbalat.problem.output_plant import OutputPlant, OutputReferenceModel
-from barbalat.run.simulate import simulate
+from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
+from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array

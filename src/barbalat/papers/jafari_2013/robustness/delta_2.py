@@ -12,15 +12,13 @@ from functools import partial
 
 import numpy as np
 
-from barbalat.adaptation.normalization import Normalization
+from barbalat.adaptation.law import Normalization
 from barbalat.controllers import RobustMrac
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import TransferFunction
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import figures, local_exponents, variant
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span, table
+from barbalat.papers.jafari_2013.section_v import figures, local_exponents, variant
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
 from barbalat.protocols import Signal

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.papers.claim import Claim, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Measurement, Reading, of_readings, span, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import figures, local_exponents
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span, table
+from barbalat.papers.jafari_2013.section_v import figures, local_exponents
 
 EQUAL_NU_FACTOR = 1.05
 """Up to which factor two values of max |e|/tau count as one."""

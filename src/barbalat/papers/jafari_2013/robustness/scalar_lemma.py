@@ -11,9 +11,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from barbalat.papers.claim import Listing, Reading, verdict
+from barbalat.papers.claim import Listing, Reading, span, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.wording import span, table
 from barbalat.validate import Array
 
 BIASED_TIMES = (10.0, 100.0, 1000.0)

@@ -9,9 +9,8 @@ import numpy as np
 
 from barbalat.certificates.linear_loops.frozen import BorneSizes, FrozenLoops, borne
 from barbalat.linear.systems import TransferFunction
-from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Map, verdict
+from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Map, Measurement, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.measurement import Measurement
 from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.tau_limit import Grown, TauLimits, TauStudy

@@ -9,16 +9,14 @@ from functools import partial
 import numpy as np
 
 from barbalat.controllers import Mrac
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import variant
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span
+from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.protocols import Controller, Signal
-from barbalat.run.ensemble import simulate_ensemble
+from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Chirp, Constant, Recorded, Sines, Square, Steps
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.reference_motion import ReferenceMotion
+from barbalat.study.criteria import ReferenceMotion
 from barbalat.validate import Array
 
 SEED = 20130820  # any fixed number: the draws are the same on every machine

@@ -14,16 +14,15 @@ from functools import partial
 
 import numpy as np
 
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, verdict
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.numerics.onset import SWEEP_RATE
-from barbalat.papers.jafari_2013.variants import figures
-from barbalat.papers.measurement import Measurement
+from barbalat.papers.jafari_2013.section_v import figures
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
-from barbalat.run.metrics import Metrics
-from barbalat.run.simulate import simulate
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import delay_margins_ensemble

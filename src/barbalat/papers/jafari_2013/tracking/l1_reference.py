@@ -7,17 +7,15 @@ from functools import partial
 
 import numpy as np
 
-from barbalat.certificates.bounds import l1_reference, theorem_1
+from barbalat.certificates.bounds import theorem_1
 from barbalat.controllers import L1Adaptive
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import TransferFunction, input_filter, transfer_function
-from barbalat.papers.claim import Claim, Listing, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import local_exponents
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import span, table
-from barbalat.run.result import Result
-from barbalat.run.simulate import simulate
+from barbalat.papers.jafari_2013.section_v import local_exponents
+from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.result import Result
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -52,11 +50,11 @@ def bounds() -> ReferenceBounds:
     condition = theorem_1.filter_condition(known, realised, THETA_MAX)
     nu_0 = theorem_1.nu_0(theorem_1.initial_parameter_error(np.zeros(2), theta), known)
     farthest = 2 * float(np.hypot(5.0, 5.0))  # the book's theta_max is 4 max |theta|^2
-    exact = l1_reference.exact_gain(known, realised, theta) * nu_0
+    exact = theorem_1.exact_gain(known, realised, theta) * nu_0
     return ReferenceBounds(
         condition=condition,
-        book=l1_reference.reference_error_bound(theorem_1.nu_0(farthest, known), condition, realised),
-        case=l1_reference.reference_error_bound(nu_0, condition, realised),
+        book=theorem_1.reference_error_bound(theorem_1.nu_0(farthest, known), condition, realised),
+        case=theorem_1.reference_error_bound(nu_0, condition, realised),
         exact=exact,
         control=control_constant(C, theta, nu_0, exact),
     )
@@ -67,7 +65,7 @@ def control_constant(C: TransferFunction, theta: Array, nu_0: float, of_state: f
     known, c_0 = section_v.problem().known, np.array(section_v.C_0)
     W_m = transfer_function(c_0, known.A_m, known.b)
     through = TransferFunction(np.polymul(C.num, W_m.den), np.polymul(C.den, W_m.num))
-    behind_theta = l1_reference.filter_norm(C.realise()) * float(np.abs(theta).sum())
+    behind_theta = theorem_1.filter_norm(C.realise()) * float(np.abs(theta).sum())
     return l1_norm(through).upper * float(np.abs(c_0).sum()) * nu_0 + behind_theta * of_state
 
 

@@ -10,11 +10,9 @@ from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.linear.systems import input_filter
-from barbalat.papers.claim import Claim, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Measurement, Reading, numbers, of_readings, short, table, verdict
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.variants import by_component, figures, variant
-from barbalat.papers.measurement import Measurement
-from barbalat.papers.wording import numbers, short, table
+from barbalat.papers.jafari_2013.section_v import by_component, figures, variant
 from barbalat.problem.actuation import PlantInput
 from barbalat.signals import Constant
 from barbalat.validate import Array

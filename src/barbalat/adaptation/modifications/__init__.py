@@ -1,1 +1,0 @@
-"""Modifications of a law, one per file: leakage and dead zones."""

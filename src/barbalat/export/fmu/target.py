@@ -1,0 +1,40 @@
+"""``--target fmu2`` and ``--target fmu3``."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from barbalat.export.target import Request, Target
+
+
+def _units(asked: Request, version: int) -> dict[str, bytes]:
+    from barbalat.export.fmu.archive import units
+
+    return units(
+        asked.problem,
+        asked.controller,
+        asked.simulation,
+        version=version,
+        float32=asked.float32,
+        closed_loop=asked.closed_loop,
+        compiled=not asked.sources_only,
+        place=asked.place,
+    )
+
+
+def _check(folder: str, closed_loop: bool) -> str:
+    if closed_loop:
+        return f'for unit in {folder}/*.fmu; do fmpy validate "$unit"; done'  # it takes one at a time
+    return f"fmpy validate {folder}/*.fmu"
+
+
+TARGETS = tuple(
+    Target(
+        name=f"fmu{version}",
+        help=f"a unit for Co-Simulation by FMI {version}.0, whose gains, limits and initial estimates are parameters",
+        files=partial(_units, version=version),
+        check=_check,
+        compiles=True,
+    )
+    for version in (2, 3)
+)

@@ -1,0 +1,5 @@
+"""Controllers as source for flight computers and as FMUs, and that source in the loop of simulations and flights."""
+
+from barbalat.public_names import public
+
+__getattr__, __dir__, __all__ = public(__name__)

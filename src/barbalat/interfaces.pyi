@@ -1,0 +1,11 @@
+from .controllers.tuning_grid import TuningGrid as TuningGrid
+from .controllers.tuning_grid import TuningScale as TuningScale
+from .loop.binding import check_controller as check_controller
+from .problem.known_set import EstimateSet as EstimateSet
+from .problem.output_feedback import OutputKnown as OutputKnown
+from .problem.state_feedback import Known as Known
+from .protocols import Controller as Controller
+from .protocols import Equations as Equations
+from .protocols import SampledEquations as SampledEquations
+from .protocols import Value as Value
+from .roles import Role as Role

@@ -1,0 +1,17 @@
+from .adaptation.law import AdaptiveLaw as AdaptiveLaw
+from .adaptation.law import Normalization as Normalization
+from .adaptation.laws import Gradient as Gradient
+from .adaptation.laws import IntegralCost as IntegralCost
+from .adaptation.laws import LeastSquares as LeastSquares
+from .adaptation.laws import LeastSquaresBounded as LeastSquaresBounded
+from .adaptation.laws import LeastSquaresBoundedGain as LeastSquaresBoundedGain
+from .adaptation.laws import LeastSquaresForgetting as LeastSquaresForgetting
+from .adaptation.laws import LeastSquaresResetting as LeastSquaresResetting
+from .adaptation.learning import CompositeLearning as CompositeLearning
+from .adaptation.lyapunov import LyapunovLaw as LyapunovLaw
+from .adaptation.modifications import DeadZone as DeadZone
+from .adaptation.modifications import EpsilonModification as EpsilonModification
+from .adaptation.modifications import FixedSigma as FixedSigma
+from .adaptation.modifications import SwitchingSigma as SwitchingSigma
+from .controllers.piecewise_predictor import AsFlown as AsFlown
+from .controllers.windup import ModifiedError as ModifiedError

@@ -1,0 +1,8 @@
+"""What lies before a plant's input and behind its state, the names of its quantities, and what is known of its parameters.
+
+``Plant``, ``OutputPlant``, the reference models and ``ParameterBox``, the usual known set, are in ``barbalat`` itself.
+"""
+
+from barbalat.public_names import public
+
+__getattr__, __dir__, __all__ = public(__name__)

@@ -1,0 +1,179 @@
+"""Many runs at once: members that differ in any number of the plant, the settings or what follows from them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from barbalat import budget, validate
+from barbalat.budget import Progress, part_of
+from barbalat.judge.judged import Judged
+from barbalat.judge.settings import Judge
+from barbalat.pictures.plotted import Plotted
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.engine.engine import Batch, run
+from barbalat.run.engine.judging import Terms, judged, watched_in_sweeps
+from barbalat.run.kernel import costs, delay
+from barbalat.run.kernel.breaks import LostOrder, lost_along, lost_order
+from barbalat.run.kernel.grid import CHUNK_STEPS
+from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError
+
+MEMBERS_AT_ONCE = 2**16
+"""Members that run side by side: enough for every core, and few enough that what each needs during its run fits into memory."""
+READING_STEPS = 1000
+"""Steps of a member's run that take about as long as reading it does."""
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class EnsembleResult(Plotted):
+    """Figures of M members, in the order given; ``varied`` counts the numbers in which they differ.
+
+    quarters  (M, 4, n) the largest |e| in each quarter of the run, t_end left out, where they were asked for; NaN for a member
+              that diverged
+    lost      what jumps and corners inside of steps cost all members, as of a single run's ``Result``
+    judged    the verdicts, where a judge was asked
+    """
+
+    simulation: Simulation
+    metrics: Metrics
+    varied: int
+    quarters: Array | None = None
+    lost: LostOrder | None = None
+    judged: Judged | None = None
+
+    def __repr__(self) -> str:
+        diverged, M = int(np.isfinite(self.metrics.diverged_at).sum()), len(self)
+        e = self.metrics.tail_max_abs_e
+        worst = ", ".join(f"{value:.4g}" for value in np.nanmax(e, axis=0)) if diverged < M else "-"
+        size = f"{validate.counted(M, 'member')}, {validate.counted(self.varied, 'number')} varied"
+        return f"<EnsembleResult: {size}, {diverged} diverged; worst |e| in the tail {worst}>"
+
+    def plot(self, *, shown: bool = True) -> Figure:
+        """Which share of the members has at most an error, in all and in the tail, as a Matplotlib figure.
+
+        shown  to a person at once, by pyplot where that is in use
+        """
+        from barbalat.pictures.shares import Shares, draw
+
+        found, M = self.metrics, len(self)
+        panels = [
+            Shares(title=title, axis=title, values={f"$e_{i + 1}$": np.abs(e[:, i]) for i in range(e.shape[1])})
+            for title, e in (("largest |e|", found.max_abs_e), ("largest |e| in the tail", found.tail_max_abs_e))
+        ]
+        diverged = int(np.isfinite(found.diverged_at).sum())
+        note = validate.counted(M, "run") + (
+            f"; {diverged} diverged and have no error, so that the share stays below 1" if diverged else ""
+        )
+        return draw(panels, note, shown=shown)
+
+    def __len__(self) -> int:
+        return len(self.metrics.diverged_at)
+
+
+def simulate_ensemble(
+    members: Iterable[tuple[TrackingProblem, Controller]],
+    simulation: Simulation,
+    *,
+    numbers: Sequence[int] | Array | None = None,
+    quarters: bool = False,
+    judge: Judge | None = None,
+    threads: int | None = None,
+    lanes: int | None = None,
+    progress: Progress | None = None,
+) -> EnsembleResult:
+    """Run every (problem, controller) and return the figures over all steps; no trajectory is kept.
+
+    All members have one structure (scheme, dimensions, projection or not, signals) and may differ in every number:
+    theta, x0, gamma, kappa, the box, A_m and with it P, ... Numbers that are the same for all are compiled in.
+
+    members         read once, in their order, and not kept: a generator does, and a million members take little memory then
+    numbers         with the seed they fix each member's measurement noise; by default 0, 1, ... in the order given. Members
+                    with one number and one seed have the same noise
+    quarters        keep the largest |e| of each quarter of the run too; at least eight steps
+    judge           gives a verdict on every member; by default none is given. Model, signals and labels are the first member's
+    threads, lanes  only speed depends on them, not a single bit of the results
+    progress        reading members counts as a part of the work where their number is known beforehand
+    """
+    count = _require(members, simulation, quarters, lanes)
+    reading = 0.0 if count is None else READING_STEPS / (READING_STEPS + simulation.steps)
+
+    def taken(i: int) -> None:
+        if progress is not None:
+            progress(reading * min(i / (count or i), 1.0))
+
+    watched = None if judge is None else watched_in_sweeps(judge)
+    read = Members.read(_checked(members), simulation, watched=watched, first="member 1: ", taken=taken)
+    if numbers is not None:
+        if len(numbers) != len(read):
+            raise InputError(f"numbers must have {validate.counted(len(read), 'entry')}, one for each member, got {len(numbers)}")
+        read = replace(read, numbers=np.array([validate.whole("numbers", number, least=0) for number in numbers]))
+    budget.require("members", len(read), lambda count: costs.of_members([read.loop], simulation.steps, count), what="an ensemble")
+    delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), MEMBERS_AT_ONCE), simulation.dt)
+    points = 4 * int(
+        np.ceil(simulation.steps / (4 * CHUNK_STEPS))
+    )  # each quarter has a whole number of blocks, if steps allow it
+    blocks = replace(simulation, record_points=points) if quarters else simulation
+    found, verdicts = [], []
+    for first in range(0, len(read), MEMBERS_AT_ONCE):
+        which = slice(first, min(first + MEMBERS_AT_ONCE, len(read)))
+        batch = Batch.part(read, which, record=quarters, lanes=lanes)
+        done, width = (reading + (1 - reading) * first / len(read), (1 - reading) * (which.stop - first) / len(read))
+        run([batch], read.signals, blocks, threads=threads, progress=part_of(progress, done, width))
+        found.append((batch.metrics(simulation), _quarters(batch, blocks) if quarters else None))
+        if judge is not None and read.problem is not None:
+            verdicts.append(judged(batch, simulation, Terms.of(read.problem, simulation, judge), threads=threads))
+    metrics, by_quarters = zip(*found, strict=True)
+    largest = np.concatenate([part.max_abs_u.reshape(len(part.max_abs_u), -1) for part in metrics])
+    lost = lost_order(read.signals, simulation, delayed=read.loop.delayed, bends=delay.brings_bends(read.loop))
+    return EnsembleResult(
+        simulation=simulation,
+        metrics=Metrics.together(metrics),
+        varied=len(read.parameters),
+        quarters=np.concatenate(by_quarters) if quarters else None,
+        lost=lost_along(lost, read.loop, simulation, None if len(read.parameters) else largest),
+        judged=Judged.together(verdicts) if verdicts else None,
+    )
+
+
+def _require(members: Any, simulation: Simulation, quarters: bool, lanes: int | None) -> int | None:
+    """InputError for what no ensemble can be made of; how many members there are, where that is known beforehand."""
+    if lanes is not None and (validate.whole("lanes", lanes, least=1) & (lanes - 1)):
+        raise InputError(f"lanes must be a power of two, got {lanes}")
+    if not isinstance(members, Iterable) or isinstance(members, (str, bytes, Mapping)):
+        raise InputError(f"members must be a list of pairs (problem, controller), got {validate.show(members)}")
+    validate.instance("simulation", simulation, Simulation)
+    if quarters and simulation.steps < 8:
+        raise InputError(f"quarters need at least eight solver steps, got {simulation.steps}")
+    return len(members) if isinstance(members, Sized) else None
+
+
+def _checked(members: Iterable[Any]) -> Iterator[tuple[TrackingProblem, Controller]]:
+    """The members one by one; InputError for what is none, and where there is none."""
+    i = 0
+    for i, member in enumerate(members, start=1):
+        if not (isinstance(member, tuple) and len(member) == 2 and isinstance(member[0], TrackingProblem)):
+            raise InputError(f"member {i} must be a pair (problem, controller), got {validate.show(member)}")
+        yield member
+    if not i:
+        raise InputError("an ensemble needs at least one member, got none")
+
+
+def _quarters(batch: Batch, simulation: Simulation) -> Array:
+    """(M, 4, n) from the recorded blocks: each belongs to the quarter in which its middle lies."""
+    blocks = batch.blocks(simulation)
+    quarter = (4 * (blocks.starts + 0.5 * blocks.lengths) / simulation.steps).astype(int)
+    e = np.maximum(-blocks.figure("e", "min"), blocks.figure("e", "max"))
+    found = np.full((4, *e.shape[1:]), -np.inf)
+    np.maximum.at(found, quarter, e)
+    found[:, :, ~np.isnan(batch.diverged_step)] = np.nan
+    return np.moveaxis(found, 2, 0)

@@ -1,0 +1,158 @@
+"""Simulate controllers on a problem, each alone on its own kernel, all side by side, with a record of their motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.budget import Progress
+from barbalat.judge.settings import Judge
+from barbalat.loop.binding import numbered
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import flatten
+from barbalat.loop.user_errors import named
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.engine.engine import Batch, Blocks, run
+from barbalat.run.engine.judging import Terms, finer_by_along, judged, watched_in_runs
+from barbalat.run.engine.stability_label import MOST_WINDOWS, Run, stiffness_along
+from barbalat.run.kernel import costs, delay
+from barbalat.run.kernel.breaks import lost_along, lost_order
+from barbalat.run.kernel.delay import brings_bends
+from barbalat.run.kernel.grid import CHUNK_STEPS, signal_table
+from barbalat.run.kernel.portable import at_instants
+from barbalat.run.kernel.sampled_controller import initial_acting
+from barbalat.run.kernel.step import output_function
+from barbalat.run.results.result import Envelope, Result, Results
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+
+def simulate(
+    problem: TrackingProblem,
+    controllers: Controller | Iterable[Controller],
+    simulation: Simulation,
+    *,
+    judge: Judge | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Results:
+    """Run every controller on the problem; results by the controllers' names, of which equal ones are numbered.
+
+    judge     what counts as following, as lost and as a limit cycle; by default derived from the model's motion
+    threads   all cores by default; results do not depend on it
+    progress  called with the fraction done
+
+    Raises InputError for a controller that doesn't fit the problem, with its name, and for runs beyond the budget. A run that
+    diverges is a result.
+    """
+    validate.instance("problem", problem, TrackingProblem)
+    validate.instance("simulation", simulation, Simulation)
+    controllers, judge = numbered(controllers), Judge() if judge is None else judge
+    validate.instance("judge", judge, Judge)
+    judge.require(problem)
+    delay.require_memory(problem.delay, len(problem.history), len(controllers), simulation.dt)
+    loops = []
+    for controller in controllers:
+        with named(controller.name):
+            loops.append(ClosedLoop.of(problem, controller))
+    costs.require_runs(problem, loops, simulation)
+    batches = []
+    for controller in controllers:
+        with named(controller.name):
+            watched = watched_in_runs(judge, problem)
+            batches.append(Batch.of([(problem, controller)], simulation, record=True, windows=MOST_WINDOWS, watched=watched))
+    run(batches, problem.signals, simulation, threads=threads, progress=progress)
+    runs = zip(controllers, batches, strict=True)
+    return Results((c.name, result_of(problem, c, simulation, batch, judge)) for c, batch in runs)
+
+
+def result_of(
+    problem: TrackingProblem, controller: Controller, simulation: Simulation, batch: Batch, judge: Judge | None = None
+) -> Result:
+    """The result of a recorded batch of one member, after its run; without a ``judge`` there is no verdict."""
+    loop, blocks, stop = batch.loop, batch.blocks(simulation), np.inf
+    steps = np.append(blocks.starts, simulation.steps)
+    states = np.vstack([blocks.states[:, :, 0], batch.final_states.T])
+    metrics = batch.metrics(simulation)
+    if not np.isnan(metrics.diverged_at[0]):
+        stop = batch.diverged_step[0]
+        kept = int(np.searchsorted(steps, stop))  # the instants before it
+        steps, states = steps[:kept], states[:kept]
+    made = Run(problem, simulation, batch, steps, states, stop)
+    t, signals, states = simulation.time(steps), made.signals(steps), made.acted(steps, states)
+    e, u, theta_hat, x, x_m, y = (value.T for value in at_instants(output_function(loop), simulation, states.T, signals))
+    return Result(
+        problem=problem,
+        controller=controller,
+        simulation=simulation,
+        t=t,
+        x=x,
+        x_m=x_m,
+        y=y[:, 0] if loop.measured_outputs else None,
+        e=e,
+        u=u[:, 0] if loop.inputs == 1 else u,
+        r=signals[0] if loop.commands is None else signals[: loop.commands].T,
+        theta_hat=theta_hat,
+        states=states,
+        envelope=_envelope(blocks, max(len(steps) - 1, 0)),
+        metrics=metrics,
+        stiffness=stiffness_along(made),
+        judge=judge,
+        finer_by=finer_by_along(batch, simulation),
+        judged=None if judge is None else judged(batch, simulation, Terms.of(problem, simulation, judge)).verdict(0),
+        lost=lost_along(
+            lost_order(problem.signals, simulation, delayed=loop.delayed, bends=brings_bends(loop)),
+            loop,
+            simulation,
+            metrics.max_abs_u.reshape(1, -1),
+            theta_hat,
+        ),
+    )
+
+
+def _envelope(blocks: Blocks, intervals: int) -> Envelope:
+    """The first member's extrema between the recorded instants."""
+    extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
+    return Envelope(
+        **{f"{quantity}_{side}": blocks.figure(quantity, side)[:intervals, :, 0] for quantity, side in extrema},
+        theta_hat_path=blocks.figure("variation", "sum")[:intervals, :, 0],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """K samples from t = 0 on.
+
+    measured   (K, n) or (K, 1), as the controller got it, with its noise and lag
+    commands   (K, q)
+    states     (K, S) the controller's flat state after each sample, as of ``loop.sampling.Acting``
+    """
+
+    loop: ClosedLoop
+    measured: Array
+    commands: Array
+    states: Array
+
+
+def recorded(problem: TrackingProblem, controller: Controller, simulation: Simulation, samples: int) -> Recording:
+    """The first samples of the run that ``simulate`` makes, at most ``samples``; InputError where the controller does not fit."""
+    batch = Batch.of([(problem, controller)], simulation, lanes=1)
+    (group,), every = batch.groups, batch.rhythm.sample_every
+    assert every, "only a sampled controller has samples"
+    in_pieces, kept = batch.program.shape.in_pieces, []
+    count = min(samples, -(-simulation.steps // every))
+    at_once = max(1, CHUNK_STEPS // every)
+    for first in range(0, count, at_once):
+        blocks = min(at_once, count - first)
+        start, length = first * every, every
+        table = signal_table(problem.signals, simulation, start, blocks * length, in_pieces=in_pieces)
+        kept.append(group.call(start, blocks, length, group.state, table)[:, : batch.program.shape.states, 0])
+    # a block begins before its sample: what a sample made of the state stands at the next one's beginning
+    flat = np.vstack([*kept, group.state.T])[1:]
+    own = len(flatten(initial_acting(batch.loop)))
+    held = batch.loop.unpack(np.arange(batch.loop.size)).held
+    return Recording(batch.loop, flat[:, held.measured.reshape(-1)], flat[:, held.r.reshape(-1)], flat[:, -own:])

@@ -1,0 +1,1 @@
+"""Making the kernel of a loop: its step as operations, its numbers, its time grid, and what it adds up."""

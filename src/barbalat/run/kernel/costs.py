@@ -1,0 +1,87 @@
+"""What runs take by estimate, from the sizes of their loops, and their refusal where that is beyond the budget."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from barbalat import budget
+from barbalat.budget import Estimate
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.signals import Sines
+from barbalat.solvers.simulation import Simulation
+
+RECORD_COPIES = 5
+"""Of what is recorded: as the kernel left it, as columns, joined, and as the result has it."""
+TERM_SECONDS = 3e-8
+"""Of a sine at a step."""
+MEMBER = Estimate(memory=200.0, seconds=1.2e-5)
+"""Of a member of an ensemble beside its states and its steps: read, put into columns, looked at."""
+
+
+def require_states(loop: ClosedLoop) -> None:
+    """InputError, before its equations are traced, for a loop with too many states."""
+    dense, size = _plant_states(loop), loop.size
+    budget.require(
+        "the closed loop", size, lambda states: budget.of_kernel(states, dense), given=f"has {size} states, and its equations",
+        fits=lambda most: f"at most {most} states", what=f"the equations of {size} states",
+    )  # fmt: skip
+
+
+def require_runs(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulation: Simulation) -> None:
+    """InputError, before anything is traced, for recorded runs side by side with too many points, or too many steps."""
+    made, steps = _made(loops), simulation.steps
+
+    def room(points: float) -> Estimate:
+        return sum((_of_record(loop, points) for loop in loops), Estimate(memory=made.memory))
+
+    beside = f"for {len(loops)} controllers" if len(loops) > 1 else "for its controller"
+    asked = simulation.record_points
+    budget.require(
+        "simulation.record_points", min(steps, asked), room, least=min(2, steps), given=f"= {asked} {beside}",
+    )  # fmt: skip
+    rest = room(min(steps, asked)) + Estimate(seconds=made.seconds)
+    given = f"= {simulation.t_end:g} s has {simulation.steps:.3g} steps of {simulation.dt:g} s, which {beside}"
+    budget.require(
+        "simulation.t_end", steps, lambda count: rest + of_steps(problem, loops, count), given=given,
+        fits=lambda most: f"a t_end of {simulation.t_end / steps * most:.6g} s with this step", what="simulating",
+    )  # fmt: skip
+
+
+def steps_within(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulation: Simulation, most: int) -> int:
+    """Steps of a further run, ``most`` at most, that the budget allows; 0 where it allows none."""
+
+    def fits(steps: int) -> bool:
+        points = min(steps, simulation.record_points)
+        cost = _made(loops) + of_steps(problem, loops, steps)
+        return budget.in_force().allows(sum((_of_record(loop, points) for loop in loops), cost))
+
+    return most if fits(most) else budget.largest(fits, 1, most) or 0
+
+
+def of_steps(problem: TrackingProblem, loops: Sequence[ClosedLoop], steps: float) -> Estimate:
+    """What the steps of single runs cost, with the signals that all of them share."""
+    counted = sum(budget.operations(loop.size, _plant_states(loop)) for loop in loops)
+    terms = sum(len(signal.amplitudes) if isinstance(signal, Sines) else 1 for signal in problem.signals)
+    return Estimate(seconds=steps * (counted * budget.STEP_OPERATION_SECONDS + terms * TERM_SECONDS))
+
+
+def of_members(loops: Sequence[ClosedLoop], steps: float, members: float) -> Estimate:
+    """What an ensemble of each loop costs, without records."""
+    counted = sum(budget.operations(loop.size, _plant_states(loop)) for loop in loops)
+    each = Estimate(8.0 * sum(loop.size for loop in loops), steps * counted * budget.MEMBER_OPERATION_SECONDS)
+    return (MEMBER + each).times(members)
+
+
+def _made(loops: Sequence[ClosedLoop]) -> Estimate:
+    return sum((budget.of_kernel(loop.size, _plant_states(loop)) for loop in loops), Estimate())
+
+
+def _of_record(loop: ClosedLoop, points: float) -> Estimate:
+    """What the record of so many instants takes: states, extrema of e, u and the estimates, sums."""
+    numbers = loop.size + 4 * loop.errors + 3 * loop.parameters + 2 * loop.inputs
+    return Estimate(memory=8.0 * RECORD_COPIES * numbers * points)
+
+
+def _plant_states(loop: ClosedLoop) -> int:
+    return int(loop.plant.x0.size)

@@ -1,0 +1,256 @@
+"""Members of one structure, read one after another: what their one kernel is made of, and the numbers that each brings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.judge.beside import Watched
+from barbalat.loop.binding import Bindings
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.structure import comes_from_outside, structure
+from barbalat.lowering.llvm.machine import Watch
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller, Signal
+from barbalat.run.kernel import breaks, costs, delay
+from barbalat.run.kernel.grid import window_of
+from barbalat.run.kernel.step import LARGEST_WATCHED_STATE, Rhythm, StepProgram, step_program, traced_once
+from barbalat.run.kernel.template import Columns, Member, StructureError, Template, argument_numbers, with_grid
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """What the kernel of M members is and what it needs: weights and lags of the delay, history, streams of noise, rhythm.
+
+    loop     the first member's; states (size, M), parameters (p, M)
+    lags     (M,) for a step with a delay, see ``delay.lag``, and history (m, M), what each of its m inputs was before t = 0
+    seeds    (M,) and numbers (M,) for one with noise: which stream each member has
+    windows  of the run, at most, in which the kernel of a single member keeps what is watched; 0: none, as of a large loop
+    """
+
+    loop: ClosedLoop
+    program: StepProgram
+    states: Array
+    parameters: Array
+    rhythm: Rhythm
+    signals: tuple[Signal, ...]
+    simulation: Simulation
+    numbers: Array
+    lags: Array | None = None
+    history: Array | None = None
+    seeds: Array | None = None
+    longest_delay: float = 0.0  # [s]
+    windows: int = 0
+    problem: TrackingProblem | None = None  # the first member's
+
+    @classmethod
+    def read(
+        cls,
+        members: Iterable[tuple[TrackingProblem, Controller]],
+        simulation: Simulation,
+        *,
+        windows: int = 0,
+        adjustable: bool = False,
+        watched: Watched | None = None,
+        first: str = "",
+        taken: Callable[[int], None] | None = None,
+    ) -> Members:
+        """Take up the members once, in their order; none of them is kept.
+
+        adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one serves them all. A step
+                    takes 6 to 9 % longer and differs in the last bits; for sweeps over them. Always so without fused
+                    multiply-adds, where the members' numbers are arguments too: no bit depends on which of them vary
+        watched     what the judge keeps; None for runs that nobody judges
+        first       begins what is said of the first member; each of the others is named by its number
+        taken       called with how many have been read, now and then
+
+        Raises InputError, with the member's number, where one can't be used or has another structure than the first.
+        """
+        given = iter(members)
+        one = next(given)
+        try:
+            reader = Reader.of(one, simulation, adjustable=adjustable, watched=watched)
+        except InputError as error:
+            if not first:
+                raise
+            raise InputError(f"{first}{error}") from error
+        for i, member in enumerate(given, start=2):
+            try:
+                reader.add(*member)
+            except StructureError:
+                raise InputError(
+                    f"all members must have one structure (scheme, sizes, projection, delay), but member {i} differs; "
+                    "whole numbers belong to it: write 2.0 for a number that varies"
+                ) from None
+            except InputError as error:
+                raise InputError(f"member {i}: {error}") from error
+            if taken is not None and i % TOLD_EVERY == 0:
+                taken(i)
+        return reader.members(windows)
+
+    def __len__(self) -> int:
+        return int(self.states.shape[1])
+
+    def watch(self) -> Watch | None:
+        """The windows in which the kernel of one member keeps what is watched; None where nothing is."""
+        steps = self.simulation.steps
+        return Watch(self.program.shape.states, 0, steps + 1, window_of(steps, self.windows)) if self.windows else None
+
+
+class OtherRhythmError(InputError):
+    """A member that acts at other instants."""
+
+
+TOLD_EVERY = 1000
+"""Members read between two words on the progress: some hundredths of a second."""
+
+
+@dataclass(eq=False)
+class Reader:
+    """Takes up members that are like the first in all but numbers."""
+
+    simulation: Simulation
+    adjustable: bool
+    problem: TrackingProblem  # the first member's, with its controller and its loop
+    controller: Controller
+    loop: ClosedLoop
+    rhythm: Rhythm
+    bind: Bindings
+    columns: Columns
+    initial: Columns
+    weights: Columns | None = None
+    delays: list[float] = field(default_factory=list)
+    lags: list[int] = field(default_factory=list)
+    history: list[Array] = field(default_factory=list)
+    seeds: list[int] = field(default_factory=list)
+    known_delays: dict[float, tuple[int, Array]] = field(default_factory=dict)
+    watched: Watched | None = None
+
+    @classmethod
+    def of(
+        cls,
+        first: tuple[TrackingProblem, Controller],
+        simulation: Simulation,
+        *,
+        adjustable: bool,
+        watched: Watched | None = None,
+    ) -> Reader:
+        problem, controller = first
+        adjustable = adjustable or not simulation.fused
+        bind = Bindings()
+        loop = ClosedLoop.of(problem, controller, bind=bind)
+        costs.require_states(loop)
+        rhythm = Rhythm.of(loop, problem.noise, simulation)
+        initial = Columns(loop.initial())
+        reader = cls(simulation, adjustable, problem, controller, loop, rhythm, bind, Columns(()), initial, watched=watched)
+        weights = reader._apart(problem)
+        reader.columns = Columns(Member(loop, None if adjustable else weights))
+        reader.weights = None if weights is None else Columns(weights)
+        return reader
+
+    def add(self, problem: TrackingProblem, controller: Controller) -> None:
+        """InputError or StructureError for a member that can't be read beside the first."""
+        if problem.signals != self.problem.signals:
+            raise InputError(f"all members must share their signals, this one has {validate.show(problem.signals)}")
+        self.take(problem, controller)
+
+    def take(self, problem: TrackingProblem, controller: Controller, equations: Any = None) -> None:
+        """Take up a member, whatever its signals, with its equations where they are known; errors as of ``add``."""
+        loop = ClosedLoop.of(problem, controller, bind=self.bind if equations is None else lambda _, __: equations)
+        noise, first_noise = problem.noise, self.problem.noise
+        if noise is not None and first_noise is not None and noise.sample_time != first_noise.sample_time:
+            raise OtherRhythmError("all members must share the noise's sample time")
+        if loop.sampled and loop.sample_time != self.loop.sample_time:
+            raise OtherRhythmError("all members must share the controller's sample time")
+        if loop.delayed != self.loop.delayed:
+            raise StructureError
+        weights = self._apart(problem)
+        self.columns.add(Member(loop, None if self.adjustable else weights))
+        self.initial.add(loop.initial())
+        if self.weights is not None:
+            self.weights.add(weights)
+
+    def _apart(self, problem: TrackingProblem) -> Array | None:
+        """Keep what is no part of the loop; the weights of the delay."""
+        self.delays.append(problem.delay)
+        if problem.noise is not None:
+            self.seeds.append(problem.noise.seed)
+        if not self.loop.delayed:
+            return None
+        lag, weights = self._delayed(problem.delay)
+        self.lags.append(lag)
+        self.history.append(problem.history)
+        return weights
+
+    def _delayed(self, time: float) -> tuple[int, Array]:
+        """Lag and weights of a delay [s]; many members have the same one."""
+        if time not in self.known_delays:
+            dt, solver = self.simulation.dt, self.simulation.solver
+            self.known_delays[time] = delay.lag(time, dt), delay.weights(time, dt, solver, fused=self.simulation.fused)
+        return self.known_delays[time]
+
+    def arguments(self) -> Array:
+        """(N,) which of all numbers of a member the kernel is handed."""
+        return argument_numbers(self.columns, opened=not self.simulation.fused)
+
+    def chosen(self, which: Array, rounding: float = 0.0) -> Array:
+        """(p, M) what it is handed where those are ``which``; StructureError where members differ in others beyond rounding."""
+        found = self.columns.chosen(which, rounding)
+        return with_grid(found, self.simulation.dt, self.weights) if self.adjustable else found
+
+    def members(self, windows: int, *, many_delays: bool = False) -> Members:
+        """What was read; with ``many_delays`` the kernel takes each member's own, whatever those were that were read."""
+        windows = windows if self.loop.size <= LARGEST_WATCHED_STATE else 0
+        simulation, signals, which = self.simulation, self.problem.signals, self.arguments()
+        lags = np.array(self.lags) if self.loop.delayed else None
+        how = {
+            "lag_per_member": lags is not None and (many_delays or bool((lags != lags[0]).any())),
+            "adjustable": self.adjustable,
+            "watch": windows > 0,
+            "in_pieces": not self.loop.delayed and breaks.can_be_split(signals, simulation),
+            "fused": simulation.fused,
+        }
+        program = traced_once(self._traced_by(which, how), self.columns.first, lambda: self._trace(how))
+        return Members(
+            self.loop,
+            program,
+            self.initial.everything(),
+            self.chosen(which),
+            self.rhythm,
+            signals,
+            simulation,
+            np.arange(self.columns.count),
+            lags,
+            np.column_stack(self.history) if self.loop.delayed else None,
+            np.array(self.seeds) if self.loop.signals.noise else None,
+            max(self.known_delays, default=0.0),
+            windows,
+            self.problem,
+        )
+
+    def _trace(self, how: dict[str, bool]) -> StepProgram:
+        simulation = self.simulation
+        template = Template.of(self.columns, opened=not simulation.fused)
+        if self.adjustable:
+            template = template.adjustable(simulation.dt, self.weights)
+        dt, weights = simulation.dt if template.dt is None else template.dt, template.delay_weights
+        loop, column, method, rhythm = template.loop, template.column, simulation.solver, self.rhythm
+        program = step_program(loop, method, dt, column, delay_weights=weights, rhythm=rhythm, **how)
+        return program if self.watched is None else program.judged(loop, self.watched, dt, column)
+
+    def _traced_by(self, which: Array, how: dict[str, bool]) -> Hashable | None:
+        """All that the step's program depends on: what is no number, and the numbers that are no arguments."""
+        member: Member = self.columns.first
+        if comes_from_outside(member.loop):  # what a function of somebody else's does may depend on anything
+            return None
+        constants = self.columns.first_numbers()[~which].tobytes()
+        times = self.simulation.dt, self.rhythm.sample_every, self.rhythm.noise_hold
+        taps = None if self.weights is None else self.weights.first.shape
+        own = self.simulation.solver, self.watched
+        return *structure(member), which.tobytes(), constants, *how.values(), times, taps, *own

@@ -1,0 +1,107 @@
+"""Signals, outputs and noise of a run, computed outside its kernel, with the same bits on every computer.
+
+They use the operation lists that kernels use: NumPy's own sine, like the C library's, depends in its last bits on the library and
+on the processor's instructions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from barbalat.lowering.compiled import evaluate, tabulator
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    import casadi
+
+LIST_NAMES: dict[np.ufunc, str] = {
+    np.sin: "sin", np.cos: "cos", np.tan: "tan", np.exp: "exp", np.log: "log", np.tanh: "tanh", np.arctan: "atan",
+    np.power: "pow", np.float_power: "pow",
+}  # fmt: skip
+"""NumPy's other functions stay its own: signals that use them may differ in the last bits from one computer to another."""
+
+
+def instants(simulation: Simulation, step: Array | float) -> Array:
+    """The times [s] of steps, or of fractions between two, as signals are given them."""
+    return run_times(simulation, simulation.time(step))
+
+
+def run_times(simulation: Simulation, t: Array) -> Array:
+    """Times [s] as a run's signals are given them."""
+    return t if simulation.fused else t.view(Portable)
+
+
+def at_instants(function: casadi.Function, simulation: Simulation, *columns: Array) -> list[Array]:
+    """The results (rows, K) of a function of columns, at K instants of a run."""
+    if simulation.fused:
+        return [np.asarray(value) for value in function.call(list(columns))]
+    return tabulator(function)(*columns)
+
+
+class Portable(np.ndarray):
+    """An array that hands NumPy's elementary functions to ``LIST_NAMES``; arrays that follow from it are such arrays too."""
+
+    def __array_ufunc__(
+        self,
+        ufunc: np.ufunc,
+        method: Literal["__call__", "reduce", "reduceat", "accumulate", "outer", "at"],
+        *inputs: Any,
+        out: tuple[Array, ...] = (),
+        **options: Any,
+    ) -> Any:
+        plain = [_plain(value) for value in inputs]
+        if ufunc in LIST_NAMES and method == "__call__" and not options and all(value.dtype.kind in "biuf" for value in plain):
+            found = evaluate(LIST_NAMES[ufunc], *plain)
+        else:
+            found = super().__array_ufunc__(ufunc, method, *plain, **options)
+        if not out:
+            return _portable(found)
+        out[0][...] = found
+        return out[0]
+
+    def __array_function__(self, *call: Any) -> Any:
+        return _portable(super().__array_function__(*call))
+
+
+def _plain(value: Any) -> Any:
+    return value.view(np.ndarray) if isinstance(value, Portable) else np.asarray(value)
+
+
+def _portable(found: Any) -> Any:
+    return found.view(Portable) if isinstance(found, np.ndarray) else found
+
+
+NUMBERS_PER_BLOCK = 4
+"""Numbers that one count of a Philox counter makes."""
+
+
+def standard_normal(seed: int, member: int, first: int, rows: int, channels: int) -> Array:
+    """Rows first ... first + rows - 1 of a member's standard Gaussian numbers, (rows, channels).
+
+    They are those of the operation list that pages have too: no library's logarithm is in them, and their bits are the same on
+    every computer.
+    """
+    return _drawn(seed, member, [(first, rows)], channels)
+
+
+def standard_normal_at(seed: int, member: int, rows: Array, channels: int) -> Array:
+    """A member's standard Gaussian numbers of these rows, in any order, (K, channels)."""
+    needed, place = np.unique(rows, return_inverse=True)
+    return _drawn(seed, member, [(int(row), 1) for row in needed], channels)[place]
+
+
+def _drawn(seed: int, member: int, parts: Sequence[tuple[int, int]], channels: int) -> Array:
+    """The parts (first row, rows), in rising order, one after another."""
+    counts = -(-channels // NUMBERS_PER_BLOCK)  # every row starts on a count of its own
+    generator = np.random.Philox(key=np.array([seed, member], dtype=np.uint64))
+    raw, passed = [], 0
+    for first, rows in parts:
+        generator.advance((first - passed) * counts)
+        raw.append(generator.random_raw(rows * counts * NUMBERS_PER_BLOCK).reshape(rows, -1)[:, :channels])
+        passed = first + rows
+    uniform = ((np.concatenate(raw) >> np.uint64(11)) + 0.5) * 2.0**-53
+    return evaluate("ndtri", uniform)

@@ -1,0 +1,259 @@
+"""A sampled controller's own operations: before a step of a simulation, or by themselves, one sample a call, to fly.
+
+The controller's list is the same wherever it runs, in a simulation and on a flight computer: it has no fused multiply-adds, which
+targets have or lack, and it is optimised by itself, so that nothing of the plant is mixed into it. A step that flies has no plant
+and no clock in it, so that any simulator can be the plant; its bits are those of the exported C, which is the same list.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import column, flatten, symbols, unflatten
+from barbalat.loop.sampling import Acting
+from barbalat.lowering.llvm.machine import Kernel
+from barbalat.lowering.operations import Operation, Program, following, read
+from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import LoopShape
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.validate import Array, InputError
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+STATE, MEASURED, PARAMETER, COMMAND, FREEZE = range(5)
+"""Arguments of a controller's list; its one output is the state one sample later."""
+
+
+def controller_program(loop: ClosedLoop, parameters: ca.SX | None = None) -> Program:
+    """The controller of a sampled loop from sample to sample: of its state, the measurement, the command, the freeze switch."""
+    import casadi as ca
+
+    assert loop.computer is not None
+    template = initial_acting(loop)
+    y = loop.plant.output(loop.plant.x0)
+    state_column, state = symbols("state", len(flatten(template)))
+    measured_column, measured = symbols("measured", y.size)
+    command_column, command = symbols("command", loop.commands or 1)
+    freeze_column, freeze = symbols("freeze", 1)
+    acting, _ = unflatten(template, state, 0)
+    r = command[0] if loop.commands is None else command
+    acted = loop.computer.act(acting, measured.reshape(y.shape), r, freeze[0])
+    inputs = [state_column, measured_column, parameters_column(parameters), command_column, freeze_column]
+    traced = ca.Function("controller", inputs, [column(flatten(acted))], {"cse": True})
+    return optimize(read(traced), fused=False)
+
+
+def initial_acting(loop: ClosedLoop) -> Acting:
+    """The controller's state before the first sample."""
+    assert loop.computer is not None
+    return Acting(loop._initial.controller, loop._initial.held)
+
+
+def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None = None) -> Program:
+    """What happens before a step at a sample, with the arguments of ``step``, see ``step_function``, -> the loop's state."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, table_row = symbols("signals", step.nnz_in(3))
+    noise_column, noise = symbols("noise", loop.signals.noise)
+    first = np.concatenate([table_row[: loop.signals.timed], noise, np.zeros(loop.signals.delayed)])
+    y, r = loop.sampled_at(state, first)
+    inputs = [state_column, ca.SX(0, 1), parameters_column(parameters), signal_column, ca.SX(0, 1), noise_column]
+    outputs = [state_column, column(y), column(r)]
+    handed = optimize(read(ca.Function("handed", inputs, outputs)), fused=False)
+    now, measured, command = handed.outputs
+    own = len(flatten(initial_acting(loop)))  # the controller's state stands last in the loop's
+    operations = (*handed.operations, Operation("constant"))
+    places = {(STATE, i): position for i, position in enumerate(now[-own:])}
+    places |= {(MEASURED, i): position for i, position in enumerate(measured)}
+    places |= {(COMMAND, i): position for i, position in enumerate(command)}
+    places |= {(FREEZE, 0): len(operations) - 1}
+    (acted,) = (joined := following(operations, controller_program(loop, parameters), places)).outputs
+    return Program(joined.operations, ((*now[:-own], *acted),))
+
+
+def parameters_column(parameters: ca.SX | None) -> ca.SX:
+    """The parameters of a step as an argument, of no entries where there are none."""
+    import casadi as ca
+
+    return ca.SX(0, 1) if parameters is None else parameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class Agreement:
+    """How what flew agrees with the simulated list, which was handed the same measurements beside it, sample by sample.
+
+    flights     of which this is known; where a simulator breaks, nothing is
+    samples     that were compared
+    refused     of them, those that the exported C did not take for what it is made for, and held its last control at
+    difference  the first number that is not equal in every bit, in a phrase; empty where all of u and of the state is
+    """
+
+    flights: int = 1
+    samples: int = 0
+    refused: int = 0
+    difference: str = ""
+
+    @property
+    def equal(self) -> bool | None:
+        """None where nothing was compared."""
+        return not self.difference if self.samples else None
+
+    @classmethod
+    def together(cls, several: Iterable[Agreement | None], *, flights: int | None = None) -> Agreement:
+        """The agreement of several flights, some of which may have told nothing, or of the parts of so many flights."""
+        told = [one for one in several if one is not None]
+        return cls(
+            flights=sum(one.flights for one in told) if flights is None else flights,
+            samples=sum(one.samples for one in told),
+            refused=sum(one.refused for one in told),
+            difference=next((one.difference for one in told if one.difference), ""),
+        )
+
+
+class Step(Protocol):
+    """A controller in the process in which it flies. Not for several threads."""
+
+    @property
+    def name(self) -> str: ...
+
+    def reset(self) -> None:
+        """Back to before the first sample."""
+
+    def __call__(self, y: Array, r: Array | float) -> Array:
+        """u, (m,), at the next sample, of what is measured and of the command."""
+
+    def agreement(self) -> Agreement | None:
+        """How the samples since the last call agree; None where it is the simulated list itself that flies."""
+
+
+@runtime_checkable
+class Resumable(Step, Protocol):
+    """A step that goes on from wherever it is put: ``state``, (S,), is all that the next sample follows from."""
+
+    state: Array
+
+
+class Flyable(Protocol):
+    """A controller on its way to the process in which it flies: what can be pickled."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def sample_time(self) -> float: ...
+
+    def step(self) -> Step:
+        """It, made ready there."""
+
+
+Maker = Callable[[TrackingProblem, Controller], Flyable]
+"""What makes something that flies of a controller: ``SampledList.of``, or ``export.exported_c`` for software in the loop."""
+
+
+SIGNALS = 3
+"""The argument of a kernel's step by which it is handed what was sampled."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SampledList:
+    """The operations of a controller from sample to sample, and where in its state what is; nothing of its class is left in it.
+
+    program            a kernel's step, with what is measured, the command and the freeze switch as one row of signals
+    initial            (S,) the state before the first sample
+    u, x_m, theta_hat  their places in the state
+    measured, signals  entries of what is measured, and of the row
+    """
+
+    name: str
+    sample_time: float
+    program: Program
+    initial: Array
+    u: Array
+    x_m: Array
+    theta_hat: Array
+    measured: int
+    signals: int
+
+    @classmethod
+    def of(cls, problem: TrackingProblem, controller: Controller) -> SampledList:
+        """InputError where the controller does not fit the problem, or runs continuously."""
+        loop = ClosedLoop.of(problem, controller)
+        if not loop.sampled:
+            raise InputError(
+                f"{controller.name} is continuous, and a flight computer runs from sample to sample: wrap it as "
+                "Sampled(controller=..., sample_time=...)"
+            )
+        assert loop.sample_time is not None
+        start = initial_acting(loop)
+        initial = np.asarray(flatten(start), dtype=float)
+        places: Acting = unflatten(start, np.arange(len(initial)), 0)[0]
+        measured, commands = loop.plant.output(loop.plant.x0).size, loop.commands or 1
+        return cls(
+            name=controller.name,
+            sample_time=loop.sample_time,
+            program=_as_step(controller_program(loop), measured, commands),
+            initial=initial,
+            u=np.reshape(places.held.u, -1),
+            x_m=np.reshape(places.held.x_m, -1),
+            theta_hat=np.asarray(loop.theta_hat(places.controller), dtype=int),
+            measured=measured,
+            signals=measured + commands + 1,
+        )
+
+    def step(self) -> SampledStep:
+        """It, compiled by LLVM."""
+        return SampledStep(self)
+
+
+class SampledStep:
+    """Such a list, compiled here: a call is a sample. Not for several threads."""
+
+    def __init__(self, contents: SampledList) -> None:
+        self.contents, states = contents, len(contents.initial)
+        kernel = Kernel(contents.program, LoopShape(states, 0, 0, contents.signals), (), lanes=1)
+        self.state, self._handed = contents.initial.copy(), np.zeros(contents.signals)
+        self._run = kernel.bound(1, 1, self.state, np.empty(0), self._handed, np.empty(states))
+
+    @property
+    def name(self) -> str:
+        return self.contents.name
+
+    def reset(self) -> None:
+        """Back to before the first sample."""
+        self.state[:] = self.contents.initial
+
+    def __call__(self, y: Array, r: Array | float) -> Array:
+        """u, (m,), at the next sample, of what is measured and of the command."""
+        measured = self.contents.measured
+        self._handed[:measured], self._handed[measured:-1] = y, r
+        self._run()
+        return self.state[self.contents.u]
+
+    def agreement(self) -> Agreement | None:
+        """There is nothing that it could differ from."""
+        return None
+
+    @property
+    def estimates(self) -> Array:
+        """theta_hat at the last sample."""
+        return self.state[self.contents.theta_hat]
+
+
+def _as_step(program: Program, measured: int, commands: int) -> Program:
+    """A controller's list as a kernel's step: what it is handed as one row of signals; it accumulates and delays nothing."""
+    starts = {STATE: (STATE, 0), MEASURED: (SIGNALS, 0), COMMAND: (SIGNALS, measured), FREEZE: (SIGNALS, measured + commands)}
+
+    def placed(source: tuple[int, int]) -> tuple[int, int]:
+        argument, start = starts[source[0]]
+        return argument, start + source[1]
+
+    operations = tuple(op._replace(source=placed(op.source)) if op.name == "input" else op for op in program.operations)
+    return Program(operations, (program.outputs[0], (), ()))

@@ -1,0 +1,344 @@
+"""From a closed loop to a compiled kernel: one solver step with the figures' accumulators, traced and compiled once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.judge.beside import Given, Watched, joined, unchanged
+from barbalat.judge.memory import Memory
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import continuous_twin
+from barbalat.loop.packing import column, symbols
+from barbalat.lowering.llvm.ir import LONGEST_INSIDE, ExternalFunction
+from barbalat.lowering.llvm.machine import Kernel
+from barbalat.lowering.operations import Program, read
+from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import TAPS_PER_CHANNEL, LoopShape
+from barbalat.problem.measurement import Noise
+from barbalat.protocols import Value
+from barbalat.run.kernel.delay import CHANNELS_PER_INPUT
+from barbalat.run.kernel.grid import WHOLE_STEP, StepPiece
+from barbalat.run.kernel.metrics import DIVERGENCE_LIMIT, Accumulators, divergence_measure
+from barbalat.run.kernel.sampled_controller import parameters_column, sample_program
+from barbalat.solvers import Tableau
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+STEPS_WORTH_OPTIMISING = 250_000
+"""Of one kernel in all its runs. Optimised code of Section V's loops takes 6 ms longer to make and 24 ns less for a step; of an
+operation of loops with 16,000 and 34,000 of them 0.15 ms and 0.45 ns: the same number of steps within a third for any loop."""
+
+
+@dataclass(eq=False)
+class CompiledLoop:
+    """A loop's code as it is made at first, and optimised once its runs have been long enough in all."""
+
+    make: Callable[[bool], Kernel]
+    steps: float = 0.0
+    kernel: Kernel | None = None
+    optimised: bool = False
+
+    def for_steps(self, steps: float) -> Kernel:
+        self.steps += steps
+        worth = self.steps >= STEPS_WORTH_OPTIMISING
+        if self.kernel is None or (worth and not self.optimised):
+            self.kernel, self.optimised = self.make(not worth), worth
+        return self.kernel
+
+
+@lru_cache(maxsize=64)
+def compiled(
+    program: Program,
+    shape: LoopShape,
+    resets: tuple[float, ...],
+    lanes: int,
+    sample: Program | None,
+    watch: Program | None,
+    outside: ExternalFunction | None,
+) -> CompiledLoop:
+    """What is kept of a loop's code, the same for the same lists; of what was used least lately nothing."""
+
+    def make(quickly: bool) -> Kernel:
+        return Kernel(program, shape, resets, lanes, sample, watch, outside=outside, quickly=quickly)
+
+    return CompiledLoop(make)
+
+
+def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, parameters: ca.SX | None = None) -> ca.Function:
+    """|sum of J_ij J_ji over i != j| + sum of J_ii^2, less what is constant of it; J is the Jacobian of the right-hand side.
+
+    Without the bars that is the sum of the squares of the eigenvalues, tr J^2; for the frozen oscillator of adaptation it is
+    2 omega_a^2. The arguments are those of ``step``, see ``step_function``; ``dt`` [s] is its length, ``parameters`` the
+    symbols in the loop. Minus infinity where the
+    run has diverged.
+    """
+    import casadi as ca
+
+    given = [ca.SX.sym(step.name_in(i), step.nnz_in(i)) for i in range(step.n_in())]
+    if parameters is not None:
+        given[2] = parameters
+    state, table_row, noise = (ca.array(given[i]).reshape(-1) for i in (0, 3, 5))
+    # of the step's start
+    signals = np.concatenate([table_row[: loop.signals.timed], noise, np.zeros(loop.signals.delayed)])
+    twin = continuous_twin(loop).following_within(dt)
+    slope: Value = column(twin.derivative(state[: twin.size], signals))
+    own, crossed = _cycles(ca.jacobian(slope, given[0][: twin.size]))
+    quantity = ca.array(own + ca.fabs(crossed)).reshape(-1)
+    measure = divergence_measure(twin, twin.outputs(state[: twin.size], signals), state[: twin.size])
+    watched = np.where(measure <= DIVERGENCE_LIMIT, quantity, -np.inf)
+    return ca.Function("coupling", given, [column(watched)], {"cse": True})
+
+
+def _cycles(jacobian: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """sum of J_ii^2 and sum of J_ij J_ji, i != j, without the terms that are constant."""
+    import casadi as ca
+
+    own, crossed = ca.SX(0), ca.SX(0)
+    places = set(zip(*jacobian.sparsity().get_triplet(), strict=True))
+    for i, j in sorted(places):
+        if i > j or (j, i) not in places:
+            continue
+        product = jacobian[i, j] * jacobian[j, i]
+        if product.is_constant():
+            continue
+        if i == j:
+            own += product
+        else:
+            crossed += 2 * product
+    return own, crossed
+
+
+LARGEST_WATCHED_STATE = 150
+"""States of a loop that is watched while it runs: what is watched has terms for each pair of them."""
+
+
+@dataclass(frozen=True)
+class StepProgram:
+    """One step as an operation list, and what a sampled controller does before it; compile it for a number of lanes.
+
+    outside  compiled elsewhere, does the sampled controller's part of what is done before a step
+    memory   what the judge keeps behind the loop's states; None where nothing is judged
+    """
+
+    program: Program
+    shape: LoopShape
+    accumulators: Accumulators | None
+    sample: Program | None = None
+    watch: Program | None = None
+    outside: ExternalFunction | None = None
+    memory: Memory | None = None
+
+    def judged(self, loop: ClosedLoop, watched: Watched, dt: Value, parameters: ca.SX | None) -> StepProgram:
+        """The same step with the judge's list behind it; ``loop``, ``dt`` and ``parameters`` are those it was traced with."""
+        assert self.accumulators is not None
+        at, shape, memory = self.accumulators.slices(), self.shape, watched.memory(loop)
+        given = Given(
+            errors=self._taken(at["e", "min"]),
+            demands=self._taken(at["u", "min"]),
+            row=shape.signals,
+            pieces=len(WHOLE_STEP) if shape.in_pieces else 0,
+            dt=dt,
+            parameters=parameters,
+        )
+        rows = len(memory.begins)
+        return replace(
+            self,
+            program=joined(self.program, loop, memory, given),
+            shape=replace(shape, states=shape.states + rows),
+            sample=None if self.sample is None else unchanged(self.sample, shape.states, rows),
+            memory=memory,
+        )
+
+    def _taken(self, rows: slice) -> tuple[int, ...]:
+        """Where the operations stand whose values these accumulators, minima, take up."""
+        operations, found = self.program.operations, []
+        for i in range(*rows.indices(self.shape.accumulators)):
+            operation = operations[self.program.outputs[1][i]]
+            (place,) = (j for j in operation.operands if operations[j].source != (1, i) or operations[j].name != "input")
+            found.append(place)
+        return tuple(found)
+
+    def watches(self, lanes: int) -> bool:
+        """Whether its kernel keeps what is watched: what is very long to look at is looked at of one member alone."""
+        return self.watch is not None and (lanes == 1 or len(self.watch.operations) <= LONGEST_INSIDE)
+
+    def compile(self, lanes: int, steps: float = inf) -> Kernel:
+        """For so many steps more; code that is quickly made while they are few, on which no bit of any result depends."""
+        resets = () if self.accumulators is None else self.accumulators.resets
+        watch = self.watch if self.watches(lanes) else None
+        return compiled(self.program, self.shape, resets, lanes, self.sample, watch, self.outside).for_steps(steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Rhythm:
+    """How often, in solver steps, what happens at instants of its own: a controller's samples, new noise."""
+
+    sample_every: int = 0
+    noise_hold: int = 1
+
+    @classmethod
+    def of(cls, loop: ClosedLoop, noise: Noise | None, simulation: Simulation) -> Rhythm:
+        """InputError where a time is not a whole number of steps, or is longer than the run."""
+        sample_time = loop.sample_time
+        return cls(
+            0 if sample_time is None else whole_steps("sample_time", sample_time, simulation),
+            1 if noise is None else whole_steps("sensor.noise.sample_time", noise.sample_time, simulation),
+        )
+
+
+def whole_steps(field: str, time: float, simulation: Simulation) -> int:
+    """How many a sample time has; InputError for part of one, and for one so long that nothing would ever happen."""
+    dt = simulation.dt
+    if time > simulation.t_end:
+        raise InputError.of(field, f"must not exceed simulation.t_end = {simulation.t_end:g} s, got {time:g} s")
+    steps = round(time / dt)
+    if steps < 1 or abs(steps * dt - time) > 1e-9 * time:
+        raise InputError.of(field, f"must be a whole number of solver steps, got {time:g} s at dt = {dt:g} s")
+    return steps
+
+
+def step_function(
+    loop: ClosedLoop,
+    solver: Tableau,
+    dt: Value,
+    parameters: ca.SX | None = None,
+    *,
+    delay_weights: Value = None,
+    figures: bool = True,
+    in_pieces: bool = False,
+) -> tuple[ca.Function, Accumulators | None]:
+    """The step as a CasADi function (state, accumulators, parameters, signals, past, noise) -> (state, accumulators, remember).
+
+    Also its accumulators; without ``figures`` there are none. ``delay_weights``, see ``delay.weights``, go with a delay: past
+    then holds the remembered values and ``remember`` those to add. ``loop``, ``dt`` and the weights may hold symbols;
+    ``parameters`` is then their CasADi column. ``in_pieces``: what is advanced is a piece of a step, and signals end with it.
+    """
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    timed = loop.signals.timed
+    row_length = len(solver.nodes) * timed + (len(WHOLE_STEP) if in_pieces else 0)
+    signal_column, table_row = symbols("signals", row_length)
+    piece = StepPiece(*table_row[-len(WHOLE_STEP) :]) if in_pieces else WHOLE_STEP
+    noise_column, noise = symbols("noise", loop.signals.noise)
+    past_column, past = symbols("past", CHANNELS_PER_INPUT * TAPS_PER_CHANNEL * loop.signals.delayed)
+    taps = past.reshape(loop.inputs, CHANNELS_PER_INPUT * TAPS_PER_CHANNEL) if loop.delayed else None
+    signals = {}
+    for i, node in enumerate(solver.nodes):
+        delayed = [] if taps is None else [(taps @ delay_weights[i]).reshape(-1)]
+        signals[node] = np.concatenate([table_row[i * timed : (i + 1) * timed], noise, *delayed])
+    derivative = loop.following_within(dt).derivative
+    following = solver.advance(derivative, loop.limit, state, signals, piece.length * dt)
+    remembered = ca.SX(0, 1)
+    if loop.delayed:
+        ends = (state, signals[solver.nodes[0]]), (following, signals[solver.nodes[-1]])
+        remembered = column(np.column_stack([loop.undelayed_input(*end).reshape(-1) for end in ends]).reshape(-1))
+    accumulators, old_column, new = None, ca.SX(0, 1), ca.SX(0, 1)
+    if figures:
+        accumulators = accumulators_of(loop)
+        outputs = loop.outputs(state, signals[solver.nodes[0]])
+        size = divergence_measure(loop, outputs, following)
+        old_column, old = symbols("accumulators", len(accumulators.resets))
+        moved = loop.estimates_moved(state, following)
+        new = column(accumulators.update(old, outputs, size, following, moved, begins=piece.begins, ends=piece.ends))
+    inputs = [state_column, old_column, parameters_column(parameters), signal_column, past_column, noise_column]
+    return ca.Function("step", inputs, [column(following), new, remembered], {"cse": True}), accumulators
+
+
+def accumulators_of(loop: ClosedLoop) -> Accumulators:
+    """The accumulators of a loop's figures."""
+    return Accumulators(errors=loop.errors, parameters=loop.parameters, inputs=loop.inputs, outputs=loop.measured_outputs)
+
+
+def sampled_states(loop: ClosedLoop) -> ca.Function:
+    """What a sampled controller makes of a state: (state, signals) -> state, columns of many instants may be given."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    return ca.Function("sampled", [state_column, signal_column], [column(loop.sample(state, signals))], {"cse": True})
+
+
+PLAIN_RHYTHM = Rhythm()
+"""Nothing is sampled, and nothing is noisy."""
+
+
+def step_program(
+    loop: ClosedLoop,
+    solver: Tableau,
+    dt: Value,
+    parameters: ca.SX | None = None,
+    *,
+    delay_weights: Value = None,
+    lag_per_member: bool = False,
+    rhythm: Rhythm = PLAIN_RHYTHM,
+    adjustable: bool = False,
+    figures: bool = True,
+    watch: bool = False,
+    in_pieces: bool = False,
+    fused: bool = True,
+) -> StepProgram:
+    """Trace, optimise: see ``step_function``; with ``watch`` ``coupling_function`` is watched.
+
+    ``adjustable``: the rhythm is no part of the program, but an argument of every call of its kernel. ``fused``: see
+    ``optimize``.
+    """
+    function, accumulators = step_function(
+        loop, solver, dt, parameters, delay_weights=delay_weights, figures=figures, in_pieces=in_pieces
+    )
+    states, accumulated, varied, signals = (function.nnz_in(i) for i in range(4))
+    shape = LoopShape(
+        states,
+        accumulated,
+        varied,
+        signals,
+        delayed=CHANNELS_PER_INPUT * loop.signals.delayed,
+        lag_per_member=lag_per_member,
+        noise=loop.signals.noise,
+        noise_hold=None if adjustable and loop.signals.noise else rhythm.noise_hold,
+        sample_every=None if adjustable and loop.sampled else rhythm.sample_every,
+        in_pieces=in_pieces,
+    )
+
+    def lowered(traced: ca.Function) -> Program:
+        return optimize(read(traced), fused=fused)
+
+    sample = sample_program(loop, function, parameters) if loop.sampled else None
+    watched = lowered(coupling_function(loop, function, dt, parameters)) if watch else None
+    return StepProgram(lowered(function), shape, accumulators, sample, watched)
+
+
+_programs: dict[Hashable, tuple[StepProgram, object]] = {}
+"""What was traced, by all that it depends on: a search runs the same step again and again, with other delays, say."""
+MOST_PROGRAMS = 64
+"""That are kept, as of compiled ones."""
+
+
+def traced_once(key: Hashable | None, of: object, trace: Callable[[], StepProgram]) -> StepProgram:
+    """What ``trace`` gives, kept where a key says on what it depends; with ``of``, whose parts a key may name by their places."""
+    if key is None:
+        return trace()
+    found = _programs.pop(key, None) or (trace(), of)
+    _programs[key] = found  # the last of them
+    if len(_programs) > MOST_PROGRAMS:
+        _programs.pop(next(iter(_programs)), None)
+    return found[0]
+
+
+def output_function(loop: ClosedLoop) -> ca.Function:
+    """The outputs (e, u, theta_hat, x, x_m) as a CasADi function of (state, signals); columns of many instants may be given."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    outputs = loop.outputs(state, signals)
+    return ca.Function("outputs", [state_column, signal_column], [column(value) for value in outputs], {"cse": True})

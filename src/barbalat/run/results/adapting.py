@@ -1,0 +1,271 @@
+"""Is it adapting? Excitation of the regressor, distance moved by the estimates, time on the projection bounds.
+
+What moves faster than the record is not lost: the distance is summed over every step, and a share of time on the bounds is
+enclosed by what is known of every step. Only the excitation is an integral over recorded instants, and says so.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import column, symbols
+from barbalat.loop.true_values import estimate_set
+from barbalat.problem.known_set import EstimateSet, ParameterBox
+from barbalat.roles import Estimating, hatted
+from barbalat.validate import Array
+
+WINDOWS_OF_A_RUN = 40
+"""Windows that are laid over a run, overlapping."""
+
+
+class Excitation(NamedTuple):
+    """Persistent excitation: the least eigenvalue of 1/T times the integral of phi phi' over windows of length T.
+
+    level        the least over all windows, in the regressor's units squared
+    tail         that of the last quarter of the run
+    conditioning the least eigenvalue in the tail when phi is scaled to unit mean square in each component: 0 ... 1
+    fading       mean square of phi in the tail, relative to that of the window where it is largest
+    window       T [s]
+    sampling     how far the decimation of the record is felt: the relative change of ``tail`` when every second instant is left
+                 out, or the mean square change of phi from instant to instant over its mean square, whichever is more
+    """
+
+    level: float
+    tail: float
+    conditioning: float
+    fading: float
+    window: float
+    sampling: float
+
+
+def excitation(t: Array, phi: Array) -> Excitation | None:
+    """The excitation of a regressor (K, p, m) at the instants t (K,), in windows of a quarter of the run; None without one."""
+    if phi.shape[1] == 0 or len(t) < 16 or not np.isfinite(phi).all():
+        return None
+    window = float(t[-1] - t[0]) / 4
+    starts = np.linspace(t[0], t[-1] - window, WINDOWS_OF_A_RUN)
+    spans = [slice(*np.searchsorted(t, (start - 1e-9 * window, start + window * (1 + 1e-9)))) for start in starts]
+    grams = [_gram(t[span], phi[span]) for span in spans]
+    last = spans[-1]
+    scale = np.sqrt(np.diag(grams[-1]))
+    tail, half = _least(grams[-1]), _least(_gram(t[last][::2], phi[last][::2]))
+    correlation = grams[-1] / np.outer(scale, scale) if (scale > 0).all() else np.zeros_like(grams[-1])
+    change = abs(half - tail) / max(tail, half) if max(tail, half) > 0 else 0.0
+    square = float(np.mean(phi[last] ** 2))
+    rough = float(np.mean(np.diff(phi[last], axis=0) ** 2)) / square if square > 0 else 0.0
+    squares = [float(np.trace(gram)) for gram in grams]
+    fading = squares[-1] / max(squares) if max(squares) > 0 else 0.0
+    return Excitation(min(map(_least, grams)), tail, _least(correlation), fading, window, max(change, rough))
+
+
+def _gram(t: Array, phi: Array) -> Array:
+    """1/T times the integral of phi phi', by the trapezoidal rule."""
+    steps = np.diff(t)
+    weights = np.concatenate([[0.0], steps]) + np.concatenate([steps, [0.0]])
+    columns = phi.transpose(1, 0, 2).reshape(phi.shape[1], -1)  # no outer product is made: a network's would fill the memory
+    return np.asarray((columns * np.repeat(weights, phi.shape[2])) @ columns.T / (2 * (t[-1] - t[0])))
+
+
+def _least(gram: Array) -> float:
+    return max(float(np.linalg.eigvalsh(gram)[0]), 0.0)  # a rounding below zero is zero
+
+
+STILL_SHARE = 0.01
+"""Of the initial parameter error: whoever has moved less in all has learnt nothing that shows."""
+LONG_SHARE = 0.5
+SWEPT_SHARE = 0.1
+"""Of the time within recorded intervals in which an estimate met both of its bounds."""
+UNEXCITED_RATIO = 1e-6
+"""Of the windowed correlation matrix' least eigenvalue, 1 for orthogonal components, and of a mean square relative to before:
+an amplitude of a thousandth, below which a direction is not seen."""
+COARSE_SAMPLING = 0.1
+"""Of what the record's decimation does to the excitation; twenty instants for each period of the regressor stay below it."""
+
+
+class OnBounds(NamedTuple):
+    """Shares of the time, each (p,): on a bound at least and at most; both bounds met within one recorded interval.
+
+    first  (p,) [s] the start of the first recorded interval in which a bound is met; NaN where none is
+    """
+
+    least: Array
+    most: Array
+    swept: Array
+    first: Array
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Adapting:
+    """What a run's estimates did.
+
+    net         (p,) theta_hat at the end less that at the start
+    path        (p,) sum of |change of theta_hat| over every step
+    tail_path   (p,) the same in the last quarter
+    on_bounds   with a box as known set, or of unknown input gains (zeros for theta then); ``None`` without
+    on_sphere   share of the recorded instants on the surface of a ball; ``None`` without one
+    excitation  ``None`` where the scheme has no regressor or the run is too short
+    """
+
+    net: Array
+    path: Array
+    tail_path: Array
+    on_bounds: OnBounds | None
+    on_sphere: float | None
+    excitation: Excitation | None
+    warnings: tuple[str, ...]
+
+    @property
+    def on_bounds_text(self) -> str:
+        """The share of time on the bounds, a line for each estimate."""
+        sphere = [] if self.on_sphere is None else [f"{100 * self.on_sphere:.0f} % of the instants"]
+        shares = () if self.on_bounds is None else zip(self.on_bounds.least, self.on_bounds.most, strict=True)
+        lines = [*(share_text(*share) for share in shares), *sphere]
+        return "\n".join(lines) or "not projected"
+
+    @property
+    def excitation_text(self) -> str:
+        """Level, window and how well all directions are excited."""
+        if self.excitation is None:
+            return "-"
+        level, tail, conditioning, _, window, _ = self.excitation
+        return f"{level:.3g} at least, {tail:.3g} in the tail, over {window:.3g} s; scaled {conditioning:.2g}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain lists and numbers."""
+        bounds, excitation = self.on_bounds, self.excitation
+
+        def listed(values: Array) -> list[float | None]:
+            return [None if np.isnan(value) else value for value in values.tolist()]
+
+        return {
+            "net": self.net.tolist(),
+            "path": self.path.tolist(),
+            "tail_path": self.tail_path.tolist(),
+            "on_bounds": None if bounds is None else {name: listed(values) for name, values in bounds._asdict().items()},
+            "on_sphere": self.on_sphere,
+            "excitation": None if excitation is None else excitation._asdict(),
+            "warnings": list(self.warnings),
+        }
+
+
+def adapting(
+    loop: ClosedLoop, t: Array, theta_hat: Array, extrema: tuple[Array, Array], moved: Array, phi: Array, theta: Array | None
+) -> Adapting:
+    """From a record of K instants t [s]: theta_hat (K, p), its extrema and its path over the intervals, both (K - 1, p).
+
+    phi (K, p, m) as of ``regressor_along``, theta (p,) the true parameters, None where there are none to speak of.
+    """
+    known_set = estimate_set(loop)
+    tail = t[:-1] >= t[-1] - (t[-1] - t[0]) / 4 if len(t) > 1 else np.zeros(0, bool)
+    path = moved.sum(axis=0)
+    bounds, sphere = _at_the_edge(known_set, t, theta_hat, extrema)
+    found = excitation(t, phi)
+    names = [] if loop.estimates is None else [hatted(name) for name in loop.estimates.names]
+    return Adapting(
+        net=theta_hat[-1] - theta_hat[0],
+        path=path,
+        tail_path=moved[tail].sum(axis=0),
+        on_bounds=bounds,
+        on_sphere=sphere,
+        excitation=found,
+        warnings=tuple(
+            _warnings(names, path, 0.0 if theta is None else float(np.linalg.norm(theta_hat[0] - theta)), bounds, sphere, found)
+        ),
+    )
+
+
+def _at_the_edge(
+    known_set: EstimateSet | None, t: Array, theta_hat: Array, extrema: tuple[Array, Array]
+) -> tuple[OnBounds | None, float | None]:
+    """Time on the faces of a box, and on a sphere; beside a ball, or beside nothing, the input gains have faces of their own."""
+    bounds, sphere = None, None
+    if known_set is not None and known_set.intervals is not None and len(t) > 1:
+        first = theta_hat.shape[1] - known_set.intervals.size
+        own = on_bounds(known_set.intervals, t, *(side[:, first:] for side in extrema))
+        of_theta = (np.zeros(first), np.zeros(first), np.zeros(first), np.full(first, np.nan))
+        bounds = OnBounds(*(np.concatenate(both) for both in zip(of_theta, own, strict=True)))
+    if known_set is not None and (ball := known_set.sphere) is not None:
+        away = np.linalg.norm(theta_hat[:, : ball.size] - ball.center, axis=1)
+        sphere = float(np.mean(away >= ball.radius * (1 - 1e-9)))  # the projection's roundings
+    return bounds, sphere
+
+
+def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) -> Array:
+    """(K, p, m) the regressor at K recorded states (K, size); (K, 0, 0) for a scheme that shows none.
+
+    ``measured`` (K, n) or, for an output, (K,), and the controls u at the same instants.
+    """
+    equations = loop.continuous  # a sampled scheme's regressor is the continuous one's
+    if not isinstance(equations, Estimating):
+        return np.zeros((len(states), 0, 0))
+    import casadi as ca
+
+    state_column, flat = symbols("state", loop.size)
+    input_column, v = symbols("u", loop.inputs)
+    output_column, y = symbols("measured", measured.size // len(states))
+    state = loop.unpack(flat)
+    phi = equations.regressor_at(state.controller, y if measured.ndim > 1 else y[0], v[0] if loop.inputs == 1 else v)
+    function = ca.Function("regressor", [state_column, output_column, input_column], [column(phi.reshape(-1))])
+    values = np.asarray(function(states.T, measured.reshape(len(states), -1).T, u.reshape(len(states), -1).T)).T
+    return values.reshape(len(states), phi.shape[0], -1)
+
+
+def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
+    """From the estimates' extrema (K - 1, p) over the intervals between the instants t (K,).
+
+    On a bound throughout an interval if the least value there is the upper bound or the greatest is the lower; possibly at
+    some instants of it if an extremum touches a bound.
+    """
+    weights = np.diff(t) / (t[-1] - t[0])
+    at_upper, at_lower = high >= box.upper, low <= box.lower
+    throughout = (low >= box.upper) | (high <= box.lower)
+    fixed = box.lower == box.upper  # nothing to estimate: neither bound means anything
+    met = at_upper | at_lower
+    shares = (throughout, met, at_upper & at_lower & ~throughout)
+    first = np.where(met.any(axis=0) & ~fixed, t[met.argmax(axis=0)], np.nan)
+    least, most, swept = (np.where(fixed, 0.0, weights @ share) for share in shares)
+    return OnBounds(least, most, swept, first)
+
+
+def _warnings(
+    names: Sequence[str], path: Array, error: float, bounds: OnBounds | None, sphere: float | None, found: Excitation | None
+) -> list[str]:
+    """One sentence for each thing that a user should not overlook."""
+    warnings = []
+    if error > 0 and np.linalg.norm(path) < STILL_SHARE * error:
+        share = f"{np.linalg.norm(path) / error:.1g}"
+        warnings.append(f"it hardly adapts: in all the estimates moved by {share} of the error they started with")
+    if bounds is not None:
+        for name, least, most, swept, _ in zip(names, *bounds, strict=True):
+            if swept > SWEPT_SHARE:
+                warnings.append(
+                    f"{name} meets both of its bounds within single recorded intervals {100 * swept:.0f} % of the time"
+                )
+            elif least > LONG_SHARE:
+                warnings.append(f"{name} sits on its projection bounds, {share_text(least, most)} of the time")
+    if sphere is not None and sphere > LONG_SHARE:
+        warnings.append(f"the estimates sit on the surface of the known set at {100 * sphere:.0f} % of the recorded instants")
+    if found is not None and found.fading < UNEXCITED_RATIO:
+        warnings.append(f"the regressor has died out: in the tail its mean square is {found.fading:.1g} of its largest")
+    elif found is not None and found.conditioning < UNEXCITED_RATIO:
+        warnings.append(
+            f"in the tail the regressor does not excite every direction (scaled level {found.conditioning:.1g}): "
+            "there the estimates need not converge to the true values"
+        )
+    elif found is not None and found.sampling > COARSE_SAMPLING:
+        warnings.append(
+            "the record is coarse for the regressor, and the excitation level uncertain: give more simulation.record_points"
+        )
+    return warnings
+
+
+def share_text(least: float, most: float) -> str:
+    """A share of time that is known to lie between two numbers, rounded outward."""
+    low, high = math.floor(100 * least), math.ceil(100 * most)
+    return f"{low} %" if low == high else f"{low} to {high} %"

@@ -1,0 +1,70 @@
+"""What a run estimates, by the names that people read: theta_hat, or gains in its place, and what is reported beside it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from barbalat.loop.true_values import estimate_names, truth_of
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    from barbalat.run.results.result import Result
+
+MOST_REPORTED = 6
+"""Entries of what is reported under one name that are shown one by one, as many as have a colour of their own; files have all."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Estimate:
+    """One of them over the instants of the record.
+
+    name       without a hat: "theta_1", "k_r"
+    true       what it is to become; None where nothing is known to be that
+    number     its place in theta_hat; None of what is reported beside that
+    low, high  (K - 1,) extrema between the instants, where they are known
+    """
+
+    name: str
+    value: Array  # (K,)
+    true: float | None
+    number: int | None = None
+    low: Array | None = None
+    high: Array | None = None
+
+    @property
+    def label(self) -> str:
+        """With its hat, as TeX."""
+        symbol, _, index = self.name.partition("_")
+        letter = GREEK_NAMES.get(symbol, symbol)
+        return rf"$\hat{{{letter}}}_{{{index}}}$" if index else rf"$\hat{{{letter}}}$"
+
+    @property
+    def symbol(self) -> str:
+        """The symbol without its hat."""
+        symbol, _, index = self.name.partition("_")
+        return f"{GREEK_NAMES.get(symbol, symbol)}_{{{index}}}" if index else GREEK_NAMES.get(symbol, symbol)
+
+
+GREEK_NAMES = {name: rf"\{name}" for name in ("theta", "sigma", "omega")}
+
+
+def estimates_of(result: Result) -> list[Estimate]:
+    """First theta_hat's; of what is reported beside it what is no more than ``MOST_REPORTED``."""
+    true, envelope = result.true_values, result.envelope
+    found = [
+        Estimate(
+            name=name, value=result.theta_hat[:, i], true=None if true is None else float(true[i]), number=i,
+            low=envelope.theta_hat_min[:, i], high=envelope.theta_hat_max[:, i],
+        )
+        for i, name in enumerate(estimate_names(result.loop))
+    ]  # fmt: skip
+    for part in result.loop.other_estimates:
+        if part.size > MOST_REPORTED:
+            continue
+        entries, becomes = result.states[:, part.rows], truth_of(result.problem, part)
+        found += [
+            Estimate(name=one, value=entries[:, i], true=None if becomes is None else float(becomes[i]))
+            for i, one in enumerate(part.names)
+        ]
+    return found

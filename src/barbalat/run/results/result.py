@@ -1,0 +1,406 @@
+"""What ``simulate`` gives back: results by the controllers' names, each with its series, its figures and its numerics."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.judge.settings import Judge
+from barbalat.judge.verdict import Class, Verdict
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.true_values import not_the_parameters, true_values
+from barbalat.problem.command_gain import command_warning
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import BreakingSignal, Controller
+from barbalat.roles import StatePart, column_names, entry_names
+from barbalat.run.kernel.breaks import LostOrder
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.run.results.adapting import Adapting, adapting, regressor_along
+from barbalat.run.results.findings import RailToRail, Runaway, rail_to_rail, runaway
+from barbalat.run.results.outcome import html_of, outcome, outcome_in_brief
+from barbalat.run.results.spectrum import SolverDamping, Stiffness
+from barbalat.run.results.step_comparison import FinerStep, label
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError, Named, show
+
+if TYPE_CHECKING:
+    import control
+    import pandas
+    import xarray
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SERIES = ("x", "x_m", "e", "theta_hat", "u", "r", "y")
+"""What every result has over time, by the names of its fields and columns."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Envelope:
+    """The least and greatest value over the steps from t[k] to t[k+1]: what a decimated trajectory hides. (K - 1, ...)."""
+
+    e_min: Array
+    e_max: Array
+    u_min: Array
+    u_max: Array
+    theta_hat_min: Array
+    theta_hat_max: Array
+    theta_hat_path: Array  # the sum of |change| over the steps
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
+class Result:
+    """One controller's run.
+
+    t                 (K,) recorded instants [s], from 0 to t_end, or to the divergence
+    x, x_m, e         (K, n) plant, model, tracking error x - x_m
+    y                 (K,) measured output; None where the state is measured
+    u                 (K,) control, or (K, m) with m inputs
+    r                 (K,) command, or (K, q) where k_0 is a matrix
+    theta_hat         (K, n) estimates
+    states            (K, size) all that is integrated; ``loop.unpack`` names the parts of a row
+    envelope          extrema between the recorded instants
+    figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
+    stiffness         the largest h |eigenvalue| found along the run, and since when the solver itself was unstable
+    lost              what jumps and corners inside of steps cost, where a step can't be split there, the motion's own among them;
+                      None where nothing is lost
+    check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
+    judged            the verdict without what is known of the solver; None for a run that nobody judged
+    judge             what it was judged by
+    finer_by          how much smaller a step resolves all oscillations of the run; 1 where its own does, NaN where nobody knows
+    finer_kind        the judge's class at such a step, from ``settle``
+    """
+
+    problem: TrackingProblem
+    controller: Controller
+    simulation: Simulation
+    t: Array
+    x: Array
+    x_m: Array
+    y: Array | None
+    e: Array
+    u: Array
+    r: Array
+    theta_hat: Array
+    states: Array
+    envelope: Envelope
+    metrics: Metrics
+    stiffness: Stiffness
+    lost: LostOrder | None = None
+    check: FinerStep | None = None
+    judged: Verdict | None = None
+    judge: Judge | None = None
+    finer_by: float = np.nan
+    finer_kind: Class | None = None
+
+    @property
+    def name(self) -> str:
+        return self.controller.name
+
+    @cached_property
+    def loop(self) -> ClosedLoop:
+        """The equations of the run."""
+        return ClosedLoop.of(self.problem, self.controller)
+
+    @property
+    def figures(self) -> dict[str, float | list[float] | None]:
+        """The figures by name, ``None`` where there is no finite value: the JSON contract's block for a controller."""
+        last = {f"{name}_final": value[-1] for name, value in self.reported.items()}
+        more = {name: v.tolist() if np.isfinite(v).all() else None for name, v in last.items()}
+        return Named.of("figure", self.metrics.of_member(0) | more)
+
+    @cached_property
+    def reported(self) -> dict[str, Array]:
+        """(K, q) by name, what a scheme estimates beside theta_hat; empty for most schemes."""
+        return Named.of("reported quantity", {part.name: self.states[:, part.rows] for part in self.loop.other_estimates})
+
+    @property
+    def true_values(self) -> Array | None:
+        """(p,) what the estimates are to become: the parameters, or the ideal gains; None where no such values are known."""
+        return true_values(self.problem, self.loop)
+
+    @property
+    def diverged_at(self) -> float | None:
+        """When the run diverged [s]: x, x_m and theta_hat, or y and e, left 1e12, or a state ceased to be a number."""
+        return self.metrics.end_of(0)
+
+    @property
+    def label(self) -> str | None:
+        """ "numerically unstable from t = ..." for a run that left its solver's, or its sampled law's, region of stability.
+
+        Of a run that diverged it says so, and with a ``check`` whether finer steps diverge too.
+        """
+        return label(self.stiffness.unstable_from, self.diverged_at, self.check)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """What the run did by its signals: lost, limit cycle, off or follows; None for a run that nobody judged.
+
+        It is settled where the run stayed inside its solver's region of stability and the solver's damping hides nothing, or
+        where a finer step that does so comes to the same class: see ``check_numerics`` and ``settle``.
+        """
+        if self.judged is None:
+            return None
+        settled: bool | None = True
+        if self.stiffness.unstable_from is not None:
+            settled = self.check is not None and self.check.kind is self.judged.kind
+        elif not self.finer_by <= 1:
+            settled = None if self.finer_kind is None else self.finer_kind is self.judged.kind
+        return replace(self.judged, settled=settled)
+
+    @property
+    def damping(self) -> SolverDamping | None:
+        """What the method's own damping may hide of the loop's oscillations; None where nothing, or where the run is labelled."""
+        return None if self.label else self.stiffness.damping
+
+    @property
+    def numerics(self) -> str:
+        """Solver, step and stiffness in one line."""
+        s = self.simulation
+        found = self.stiffness
+        limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
+        seen = f"h |lambda| up to {found.h_lambda_max:.3g} at the {validate.counted(found.looks, 'instant')} looked at"
+        how = "" if s.fused else ", without fused multiply-adds"
+        parts = [f"{s.solver.name}, h = {s.dt:g} s{how}, {seen}; the solver's limit is {limit}"]
+        if found.radius_max is not None:
+            parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
+        sentences = [said.sentence for said in (self.damping, self.lost, self.check) if said is not None]
+        return "; ".join([*parts, *([self.label] if self.label else []), *sentences])
+
+    @cached_property
+    def adapting(self) -> Adapting | None:
+        """Excitation, distance moved, time on the bounds, warnings; ``None`` without estimates or without two instants."""
+        if self.theta_hat.shape[1] == 0 or len(self.t) < 2:
+            return None
+        envelope, loop = self.envelope, self.loop
+        extrema = envelope.theta_hat_min, envelope.theta_hat_max
+        phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
+        found = adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
+        others = not_the_parameters(self.problem, loop)
+        return found if others is None else replace(found, warnings=(others, *found.warnings))
+
+    @cached_property
+    def rails(self) -> RailToRail | None:
+        """What swings from limit to limit of the actuator until the run ends; None where nothing does."""
+        if self.diverged_at is not None:
+            return None
+        return rail_to_rail(self.problem, self.t, self.simulation.t_end, self.envelope.u_min, self.envelope.u_max)
+
+    @cached_property
+    def runaway(self) -> Runaway | None:
+        """Whether |e| grows out of all proportion to the end, short of ``diverged_at``; None where it does not."""
+        if self.diverged_at is not None:
+            return None
+        least, greatest = (np.vstack([found, self.e[-1]]) for found in (self.envelope.e_min, self.envelope.e_max))
+        return runaway(least, greatest, (self.x if self.y is None else self.y[:, None]) - self.e)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What of the problem and of this run deserves a second look, as sentences."""
+        gone = None if self.runaway is None else self.runaway.sentence
+        rails = None if self.rails is None else self.rails.sentence
+        found = (gone, command_warning(self.problem), self.problem.outside_known_set, rails)
+        return (*filter(None, found), *(() if self.adapting is None else self.adapting.warnings))
+
+    def __repr__(self) -> str:
+        simulation = self.simulation
+        how = f"{simulation.t_end:g} s with {simulation.solver.name}, h = {simulation.dt:g} s"
+        return f"<Result of {self.name!r} on {self.problem.name!r}: {how}; {outcome(self)}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the figures as a table, and the plot."""
+        return html_of([self])
+
+    def plot(
+        self, *, panels: str | Iterable[str] | None = None, axes: Axes | Iterable[Axes] | None = None, narrow: bool = False
+    ) -> Figure:
+        """Motion, error, control and estimates as a Matplotlib figure; ``barbalat.results.plot`` says what may be chosen."""
+        from barbalat.run.results.picture import figure_of
+
+        return figure_of([self], names=panels, axes=axes, narrow=narrow, shown=True)
+
+    def step_info(self, component: int = 1) -> dict[str, float]:
+        """Rise time, settling time, overshoot, ... after the command's last jump: see ``step_info``."""
+        return step_info(self, component)
+
+    @cached_property
+    def controller_states(self) -> dict[str, Array]:
+        """(K, ...) by name, what the controller integrates beside its estimates: a predictor, filters, a covariance."""
+        found = {name: self.states[:, part.rows].reshape(-1, *part.shape) for name, part in self._own_parts.items()}
+        return Named.of("state of the controller", found)
+
+    @cached_property
+    def _own_parts(self) -> dict[str, StatePart]:
+        """The parts of the controller's state that are no estimates, by the names of their columns."""
+        parts = [part for part in self.loop.parts if part.role.kind != "estimates" and part.size]
+        return {name: part for part, name in column_names(parts, {"t", *SERIES, *self.reported}).items()}
+
+    def columns(self) -> dict[str, Array]:
+        """Scalar series by name, each (K,): x_1 ... theta_hat_1 ... u, r, then the controller's own states: x_hat_1, P_1_1 ..."""
+        series = {name: getattr(self, name) for name in SERIES} | self.reported
+        vectors = {name: value for name, value in series.items() if value is not None and value.ndim > 1}
+        result = {f"{name}_{i + 1}": value[:, i] for name, value in vectors.items() for i in range(value.shape[1])}
+        scalars = {name: value for name, value in series.items() if value is not None and value.ndim == 1}
+        own = {
+            column: self.states[:, part.start + i]
+            for name, part in self._own_parts.items()
+            for i, column in enumerate(entry_names(name, part.shape))
+        }
+        return Named.of("column", result | scalars | own)
+
+    def column_meanings(self) -> dict[str, str]:
+        """What the columns are that hold the controller's own state, by their names; the others are those of docs/notation.md."""
+        others = {part.name: part for part in self.loop.other_estimates}
+        found = {f"{name}_{i + 1}": part.role.comment for name, part in others.items() for i in range(part.size)}
+        return found | {
+            column: part.role.comment for name, part in self._own_parts.items() for column in entry_names(name, part.shape)
+        }
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """A table with the time [s] as its index and one column for each scalar series."""
+        validate.require_extra("pandas", "tables", "to_pandas")
+        import pandas as pd
+
+        return pd.DataFrame(self.columns(), index=pd.Index(self.t, name="t"))
+
+    def to_xarray(self) -> xarray.Dataset:
+        """A dataset over the coordinates t [s], component (1 ... n) and parameter (1 ... p); solver and step are attributes.
+
+        What else the controller integrates has dimensions of its own: x_hat over (t, x_hat_row), P over (t, P_row, P_column).
+        """
+        validate.require_extra("xarray", "tables", "to_xarray")
+        import xarray as xr
+
+        second = {"theta_hat": "parameter", "u": "input", "r": "command"}
+        if self.y is not None:  # plant and model have states of their own
+            second |= {"x": "state", "x_m": "model_state", "e": "error"}
+        series = {name: getattr(self, name) for name in SERIES}
+        variables: dict[str, Any] = {
+            name: (("t", second.get(name, "component"))[: value.ndim], value)
+            for name, value in series.items()
+            if value is not None
+        }
+        for name, value in (self.reported | self.controller_states).items():
+            variables[name] = ("t", *(f"{name}_{way}" for way in ("row", "column", "layer")[: value.ndim - 1])), value
+        s = self.simulation
+        return xr.Dataset(
+            variables,
+            coords={
+                "t": self.t,
+                "component" if self.y is None else "state": np.arange(1, self.x.shape[1] + 1),
+                "parameter": np.arange(1, self.theta_hat.shape[1] + 1),
+            },
+            attrs={"controller": self.name, "solver": s.solver.name, "dt": s.dt, "numerics": self.numerics},
+        )
+
+    def to_control(self) -> control.TimeResponseData:
+        """python-control's time response: outputs x, states (x, x_m), inputs (r, u)."""
+        validate.require_extra("control", "control", "to_control")
+        import control as ct
+
+        n = self.x.shape[1]
+        numbers = range(1, n + 1)
+        return ct.TimeResponseData(
+            self.t,
+            self.x.T,
+            np.vstack([self.x.T, self.x_m.T]),
+            np.vstack([self.r.T, self.u.T]),
+            output_labels=[f"x_{i}" for i in numbers],
+            state_labels=[*(f"x_{i}" for i in numbers), *(f"x_m_{i}" for i in numbers)],
+            input_labels=[name for name in self.columns() if re.fullmatch(r"[ru](_\d+)?", name)],
+            title=self.name,
+        )
+
+
+def step_info(result: Result, component: int = 1) -> dict[str, float]:
+    """Rise time, settling time, overshoot, ... by python-control's names, after the last jump of the command.
+
+    component  of x, from 1; nothing to choose where y is measured
+
+    Times [s] count from the jump; levels are those of x or y, and the last value is what counts as settled. At the recorded
+    instants: their distance is the resolution. Raises InputError for a run that diverged or whose command does not jump.
+    """
+    validate.require_extra("control", "control", "step_info")
+    import control
+
+    state = validate.whole("component", component, least=1, most=1 if result.y is not None else result.x.shape[1]) - 1
+    if result.diverged_at is not None:
+        raise InputError(f"step_info needs a run to its end, but {result.name} diverged at t = {result.diverged_at:.4g} s")
+    start = _last_jump(result)
+    first = int(np.searchsorted(result.t, start))
+    value = (result.x[:, state] if result.y is None else result.y)[first:]
+    if len(value) < 2 or value[-1] == value[0]:
+        raise InputError(f"step_info needs a motion after the command's jump at t = {start:.4g} s, but there is none")
+    found = control.step_info(value - value[0], T=result.t[first:] - result.t[first], yfinal=value[-1] - value[0])
+    levels = ("SettlingMin", "SettlingMax", "SteadyStateValue")
+    info = {name: float(number + value[0] if name in levels else number) for name, number in found.items()}
+    peak = {"Peak": float(value[np.argmax(np.abs(value - value[0]))])}  # python-control's is a distance, without a sign
+    return validate.Named.of("figure", info | peak)
+
+
+def _last_jump(result: Result) -> float:
+    """When a command jumps last [s]; at 0 where it is not zero from the start."""
+    jumps = [0.0] if any(float(command(np.zeros(1))[0]) != 0 for command in result.problem.commands) else []
+    for command in result.problem.commands:
+        if isinstance(command, BreakingSignal):
+            at = command.breaks(0.0, result.simulation.t_end)
+            jumps += at[command(at) != command.before(at)].tolist()
+    if not jumps:
+        raise InputError("step_info needs a command that jumps, such as Step(1.0)")
+    return max(jumps)
+
+
+class Results(Named[Result]):
+    """Runs of one problem by their controllers' names: a dictionary that a person can read, and plot."""
+
+    kind = "controller"
+
+    def __repr__(self) -> str:
+        return f"<Results: {'; '.join(f'{name!r} {outcome_in_brief(result)}' for name, result in self.items())}>"
+
+    def _repr_html_(self) -> str:
+        """For notebooks: the figures as a table, what deserves a second look, and the plot."""
+        return html_of(list(self.values()))
+
+    def plot(
+        self, *, panels: str | Iterable[str] | None = None, axes: Axes | Iterable[Axes] | None = None, narrow: bool = False
+    ) -> Figure:
+        """All runs side by side, as a Matplotlib figure; ``barbalat.results.plot`` says what may be chosen."""
+        return plot(self, panels=panels, axes=axes, narrow=narrow)
+
+
+def plot(
+    results: Result | Mapping[str, Result] | Iterable[Result],
+    *,
+    panels: str | Iterable[str] | None = None,
+    axes: Axes | Iterable[Axes] | None = None,
+    narrow: bool = False,
+) -> Figure:
+    """Runs of one problem side by side, as a Matplotlib figure: what ``simulate`` gave back, or results of several calls.
+
+    panels  names of those that are drawn: motion, x_1 ... or y, largest error, control, error, estimates, or a controller's or a
+            state's own name; all by default
+    axes    Matplotlib axes to draw into, one for each of the panels; a new figure by default
+    narrow  one panel below the other, for a phone or a column of a page
+
+    Raises InputError for a panel that there is not, and for more or fewer axes than panels.
+    """
+    from barbalat.run.results.picture import figure_of
+
+    return figure_of(_listed(results), names=panels, axes=axes, narrow=narrow, shown=True)
+
+
+def _listed(results: Result | Mapping[str, Result] | Iterable[Result]) -> list[Result]:
+    given = [results] if isinstance(results, Result) else results
+    found = list(given.values() if isinstance(given, Mapping) else given)
+    for one in found:
+        if not isinstance(one, Result):
+            raise InputError(f"plot takes results of simulate, got {show(one)}")
+    if not found:
+        raise InputError("plot needs at least one result, got none")
+    return found

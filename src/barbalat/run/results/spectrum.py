@@ -1,0 +1,205 @@
+"""The spectrum at instants of a run: whether it stays inside the solver's region of stability, and what the method damps.
+
+Source: docs/numerics.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import continuous_twin, jacobian_function, sampled_jacobian_function
+from barbalat.protocols import DiscretizedEquations
+from barbalat.solvers import Tableau
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+RESOLVED_TURN = 1.0
+"""h omega [rad] up to which nothing is said: six steps a period, where RK4 damps by 0.6 % a radian; Heun and Euler amplify."""
+
+
+@dataclass(frozen=True)
+class SolverDamping:
+    """How the method damps an oscillation of the loop that it does not resolve, where the equations need not damp it at all.
+
+    per_radian  the part of an undamped oscillation's amplitude that the method takes away a radian, at the worst instant
+    h_omega     the step times the frequency there [rad]
+    solver      the method's name
+    """
+
+    per_radian: float
+    h_omega: float
+    solver: str
+
+    @property
+    def sentence(self) -> str:
+        """The finding as a sentence."""
+        return (
+            f"{self.solver} at this step damps an oscillation as fast as the loop's (h omega = {self.h_omega:.3g}) by up to "
+            f"{100 * self.per_radian:.2g} % a radian, which the equations don't: a finer step may show more of it"
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        return asdict(self) | {"sentence": self.sentence}
+
+
+def damping_of(solver: Tableau, h_omega: Array) -> Array:
+    """1 - |R(i h omega)|^(1/(h omega)), for h omega > 0 of any shape; below 0 where the method amplifies."""
+    growth = solver.growth(1j * h_omega)  # |R|^2 - 1
+    with np.errstate(divide="ignore"):  # R may vanish: nothing is left
+        return np.asarray(-np.expm1(np.log1p(np.maximum(growth, -1.0)) / (2 * h_omega)))
+
+
+def worst_damping(solver: Tableau, z: Array) -> SolverDamping | None:
+    """The strongest damping of modes h lambda, of any shape, that oscillate, |Im| >= |Re|, and that the step does not resolve."""
+    h_omega = np.abs(z.imag)
+    h_omega = h_omega[(h_omega > RESOLVED_TURN) & (h_omega >= np.abs(z.real)) & np.isfinite(h_omega)]
+    if len(h_omega) == 0:
+        return None
+    damped = damping_of(solver, h_omega)
+    worst = int(damped.argmax())
+    if damped[worst] <= 0:
+        return None
+    return SolverDamping(float(damped[worst]), float(h_omega[worst]), solver.name)
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """How far a run stayed inside its solver's region of stability.
+
+    h_lambda_max   the largest h |eigenvalue| of the exact Jacobian at the instants looked at; NaN where none could be
+    unstable_from  the first step [s] at which the solver, or a law sampled by Euler steps, amplified a mode that the equations
+                   don't; None if none was found
+    looks          at how many instants the spectrum was taken
+    damping        what the method's own damping hides of an oscillation at these instants; None where nothing
+    radius_max     for a law sampled by Euler steps: the largest spectral radius of the map from sample to sample; else None
+    """
+
+    h_lambda_max: float
+    unstable_from: float | None
+    looks: int
+    radius_max: float | None = None
+    damping: SolverDamping | None = None
+
+
+class Looks(NamedTuple):
+    """What K instants show, (K,) each."""
+
+    h_lambda: Array  # the largest h |eigenvalue|; infinite where the Jacobian is not finite
+    outside: Array  # whether a mode is amplified that the equations don't amplify
+    radius: Array | None  # of the map from sample to sample; infinite where that is not finite
+    damping: SolverDamping | None  # the worst of all
+
+    def stiffness(self, unstable_from: float | None) -> Stiffness:
+        """The largest of all instants."""
+        radii = None if self.radius is None else self.radius[np.isfinite(self.radius)]
+        return Stiffness(
+            h_lambda_max=float(self.h_lambda[np.isfinite(self.h_lambda)].max(initial=0.0)),
+            unstable_from=unstable_from,
+            looks=len(self.h_lambda),
+            radius_max=None if radii is None or not len(radii) else float(radii.max()),
+            damping=self.damping,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """The frozen linear system of a loop at instants of its run.
+
+    A mode is amplified by the solver alone when |R(h lambda)| exceeds max(1, |e^(h lambda)|). It counts when, kept up for the
+    whole run, that would make a factor e: a fixed threshold would blame Euler's method for its harmless growth of slow modes.
+    """
+
+    loop: ClosedLoop
+    simulation: Simulation
+    jacobian: ca.Function
+    law: FrozenSampledLaw | None
+
+    @classmethod
+    def of(cls, loop: ClosedLoop, simulation: Simulation) -> Spectrum:
+        equations, law = loop.equations, None
+        if isinstance(equations, DiscretizedEquations) and equations.explicit:
+            law = FrozenSampledLaw.of(loop, simulation, equations.sample_time)
+        return cls(loop, simulation, jacobian_function(loop.following_within(simulation.dt)), law)
+
+    def at(self, states: Array, signals: Array) -> Looks:
+        """states (K, size), signals (K, channels)."""
+        matrices = evaluated(self.jacobian, states, signals)
+        finite = np.isfinite(matrices).all(axis=(1, 2))  # what overflows is far outside
+        h_lambda, outside = np.full(len(states), np.inf), ~finite
+        z = self.simulation.dt * _eigenvalues(matrices[finite])
+        with np.errstate(divide="ignore"):  # R may vanish: no growth at all
+            spurious = np.log(np.abs(self.simulation.solver.amplification(z))) - np.maximum(z.real, 0)
+        h_lambda[finite] = np.abs(z).max(axis=1, initial=0.0)
+        outside[finite] = (spurious * self.simulation.steps > 1).any(axis=1)
+        damping = worst_damping(self.simulation.solver, z)
+        if self.law is None:
+            return Looks(h_lambda, outside, None, damping)
+        radius = np.full(len(states), np.inf)
+        radius[finite], amplified = self.law.at(states[finite], signals[finite], matrices[finite])
+        outside[finite] |= amplified
+        return Looks(h_lambda, outside, radius, damping)
+
+    def coupling(self, states: Array, signals: Array) -> Array:
+        """(K,) what ``coupling_function`` is, with what is constant of it, of loops that are too large to watch it."""
+        found = []
+        for state, given in zip(states, signals, strict=True):  # one matrix at a time: a thousand states make 8 MB
+            (J,) = evaluated(self.jacobian, state[None], given[None])
+            own = np.sum(np.diag(J) ** 2)
+            found.append(own + abs(np.sum(J * J.T) - own))
+        return np.nan_to_num(np.array(found), nan=np.inf)
+
+
+def _eigenvalues(matrices: Array) -> Array:
+    """(K, size), one matrix after the other, so that Ctrl-C is heard between them."""
+    return np.array([np.linalg.eigvals(matrix) for matrix in matrices]) if len(matrices) else np.linalg.eigvals(matrices)
+
+
+@dataclass(frozen=True, eq=False)
+class FrozenSampledLaw:
+    """The map from sample to sample of a law that takes Euler steps, frozen: the controller's action after the plant's flow.
+
+    It counts as unstable when it amplifies more in the whole run than the continuous equations' fastest growth, by a factor e.
+    """
+
+    sample: ca.Function  # Jacobian of the controller's action
+    twin: ca.Function  # Jacobian of the continuous loop
+    sample_time: float
+    samples: float  # in the whole run
+
+    @classmethod
+    def of(cls, loop: ClosedLoop, simulation: Simulation, sample_time: float) -> FrozenSampledLaw:
+        twin = jacobian_function(continuous_twin(loop).following_within(simulation.dt))
+        return cls(sampled_jacobian_function(loop), twin, sample_time, simulation.t_end / sample_time)
+
+    def at(self, states: Array, signals: Array, flow: Array) -> tuple[Array, Array]:
+        """Spectral radii (K,), and whether that is too much; ``flow`` are the loop's Jacobians between two samples."""
+        from scipy.linalg import expm
+
+        different, which = np.unique(flow, axis=0, return_inverse=True)  # of a linear plant there is one
+        T, size = self.sample_time, self.twin.size1_out(0)
+        with np.errstate(all="ignore"):  # e^(T A) may overflow
+            maps = evaluated(self.sample, states, signals) @ expm(T * different)[which.reshape(-1)]
+        twins = evaluated(self.twin, states[:, :size], signals)
+        finite = np.isfinite(maps).all(axis=(1, 2)) & np.isfinite(twins).all(axis=(1, 2))  # what overflows amplifies too much
+        radius, amplified = np.full(len(states), np.inf), ~finite
+        radius[finite] = np.abs(np.linalg.eigvals(maps[finite])).max(axis=1, initial=0.0)
+        growth = np.linalg.eigvals(twins[finite]).real.max(axis=1, initial=0.0)
+        with np.errstate(divide="ignore"):
+            amplified[finite] = (np.log(radius[finite]) - T * growth) * self.samples > 1
+        return radius, amplified
+
+
+def evaluated(function: ca.Function, states: Array, signals: Array) -> Array:
+    """Matrices (K, size, size) of a CasADi function at K instants."""
+    size = function.size1_out(0)
+    if len(states) == 0:  # CasADi takes no columns for one
+        return np.zeros((0, size, size))
+    flat = np.asarray(function(states.T, signals.T))
+    return flat.reshape(size, len(states), size).transpose(1, 0, 2)

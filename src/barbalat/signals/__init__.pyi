@@ -1,0 +1,11 @@
+from ..protocols import Signal as Signal
+from .piecewise import Square as Square
+from .piecewise import Step as Step
+from .piecewise import Steps as Steps
+from .recorded import MatFile as MatFile
+from .recorded import Recorded as Recorded
+from .registry import SIGNALS as SIGNALS
+from .smooth import Chirp as Chirp
+from .smooth import Constant as Constant
+from .smooth import Sine as Sine
+from .smooth import Sines as Sines
