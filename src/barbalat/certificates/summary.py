@@ -87,9 +87,12 @@ def _margin(certificate: Certificate, *, limited: bool) -> Line:
     if adapting is not None and adapting.applies:
         same = margin is not None and margin.applies and margin.rest == adapting.rest
         parts.append(f"{_delay(adapting.value)} adapting{'' if same else _at_rest(adapting)}")
+    elif adapting is not None and margin is not None and margin.applies:
+        parts.append("adapting: not known")
     if margin is not None and margin.applies:  # alone it need not be told from others
         at_theta = " at theta" if parts and margin.rest is None else ""
-        parts.insert(0, f"{_delay(margin.value)}{at_theta}{_at_rest(margin)}")
+        frozen = " with frozen estimates" if adapting is not None and margin.rest is not None else ""
+        parts.insert(0, f"{_delay(margin.value)}{frozen}{at_theta}{_at_rest(margin)}")
     each = certificate.entry("delay_margin_each")
     if not parts and each is not None and each.applies:
         delays = ", ".join(_delay(value) for value in each.value)

@@ -23,7 +23,7 @@ from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rows import down
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
-from barbalat.certificates.schemes.unregistered import add_frozen
+from barbalat.certificates.schemes.unregistered import add_at_rest
 from barbalat.certificates.step_limits import any_regressor, frozen_laws
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.parametric_model import minimum_phase_model
@@ -45,7 +45,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)
-        add_frozen(draft, problem, controller)
+        add_at_rest(draft, problem, controller)
         return draft.finish()
     draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
     limits = frozen_laws.of_parametric_model(problem, equations, simulation)
