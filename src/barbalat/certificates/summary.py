@@ -147,7 +147,8 @@ def _assumed(column: Column, certificate: Certificate) -> Line:
     there."""
     stated = [*certificate.entries, *column.cells.values()]
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
-    broken = ", ".join(dict.fromkeys(entry.why for entry in stated if not entry.applies and entry.assumptions))
+    asked = (assumption for entry in stated if not entry.applies for assumption in entry.rests_on)
+    broken = ", ".join(dict.fromkeys(assumption.broken for assumption in asked if assumption.broken))
     if broken:
         return Line("assumed", f"fails here: {broken}", "does not apply")
     if not claimed:

@@ -73,7 +73,7 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificat
     why = laws.kept_from_zero(found)
 
     def claimed(key: str, text: str, holds: bool) -> Entry:
-        return statement(key, text, *rests_on) if holds else nothing(key, why)
+        return statement(key, text, *rests_on) if holds else nothing(key, why, *rests_on)
 
     cells = {
         "stability": claimed("stability", "for every bounded r", found.bounded),
@@ -89,7 +89,7 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificat
         cells["transient"] = _transient(problem, controller, *rests_on, below) if found.bounded else nothing("transient", why)
         cells["tuning"] = estimate("tuning", f"{_window(controller, controller.tau)}; {limits_text(certificate)}")
     if not problem.plant.is_linear:  # the proof of boundedness needs |phi(x)| <= c |x|
-        cells |= {key: nothing(key, NONLINEAR) for key in ("stability", "tracking", "modelling_error", "transient")}
+        cells |= {key: nothing(key, NONLINEAR, *rests_on) for key in ("stability", "tracking", "modelling_error", "transient")}
     return "normalised MRAC" if controller.tau is None else "robust MRAC (14)-(16)", cells
 
 
