@@ -115,9 +115,13 @@ def test_oscillator_of_two_inputs_is_that_of_each_where_they_are_apart():
     """Two equal plants side by side have the modes of one, twice: the square of its characteristic polynomial."""
     A_m, b = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([0.0, 1.0])
     zero = np.zeros((2, 2))
-    one = Known(A_m=A_m, b=b, k_0=1.0, x0=np.zeros(2), box=None)
+    one = Known(A_m=A_m, b=b, k_0=1.0, x0=np.zeros(2), estimate_set=None)
     two = Known(
-        A_m=np.block([[A_m, zero], [zero, A_m]]), b=np.kron(np.eye(2), b[:, None]), k_0=np.eye(2), x0=np.zeros(4), box=None
+        A_m=np.block([[A_m, zero], [zero, A_m]]),
+        b=np.kron(np.eye(2), b[:, None]),
+        k_0=np.eye(2),
+        x0=np.zeros(4),
+        estimate_set=None,
     )
     single, double = (Oscillator(known, RK4, np.zeros(0)) for known in (one, two))
     assert double.bPb == pytest.approx(single.bPb, rel=1e-12)

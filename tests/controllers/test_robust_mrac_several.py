@@ -102,7 +102,7 @@ def test_with_one_input_it_is_the_scheme_for_one(problems):
         same = several.Equations(
             A_m=one.A_m, B=one.b[:, None], k_0=np.array([[one.k_0]]), matched=problem.known.matched, C_0=C_0,
             Q=several.AuxiliaryFilter.of(C_0, one.A_m, one.b[:, None], 0.2), law=law, normalization=one.normalization,
-            theta_hat0=one.theta_hat0, x0=one.x0, box=None,
+            theta_hat0=one.theta_hat0, x0=one.x0, estimate_set=None,
         )  # fmt: skip
 
         class Matrix:
@@ -111,7 +111,7 @@ def test_with_one_input_it_is_the_scheme_for_one(problems):
             def phi(self, x):
                 return x[:, None]
 
-        same, one = replace(same, uncertainty=Matrix()), replace(one, box=None)
+        same, one = replace(same, matched=Matrix()), replace(one, estimate_set=None)
         state = one.initial()._replace(
             theta_hat=random.normal(size=3), xi=random.normal(size=3), Xi=random.normal(size=(3, 3)), n_d=np.array(0.7)
         )

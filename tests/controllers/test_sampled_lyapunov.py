@@ -27,7 +27,7 @@ def random_known(random, n, m=1, *, gain_unknown=False, box=None):
         A_m = random.normal(size=(n, n)) * 10 ** random.uniform(-1, 1)
         A_m -= (max(np.linalg.eigvals(A_m).real.max(), 0) + 10 ** random.uniform(-1, 1)) * np.eye(n)
         b = random.normal(size=n) if m == 1 else random.normal(size=(n, m))
-        known = Known(A_m=A_m, b=b, k_0=1.0 if m == 1 else np.eye(m), x0=np.zeros(n), box=box,
+        known = Known(A_m=A_m, b=b, k_0=1.0 if m == 1 else np.eye(m), x0=np.zeros(n), estimate_set=box,
                       matched=MatchedTerm(Linear(), m, gain_unknown))  # fmt: skip
         if np.linalg.cond(known.P) < 1e6:
             return known
@@ -98,7 +98,7 @@ class Case:
         right = (np.eye(n) + self.T / 2 * A) @ self.x + self.T * (B @ (omega * np.atleast_1d(self.u)) + self.w)
         self.x_next = np.linalg.solve(np.eye(n) - self.T / 2 * A, right)
         self.P, self.stiffness = known.P, (1 + self.T * np.linalg.norm(A, 2)) ** 2
-        self.known = replace(known, box=box)
+        self.known = replace(known, estimate_set=box)
         self.settings = L1Adaptive(gamma=self.gamma, filter=C, theta_hat0=box.lower, **modifications)
         self.r = np.zeros(() if m == 1 else m)
 
@@ -112,7 +112,7 @@ class Case:
 
     def run(self, known_set, **state):
         """State before and after, and V of both."""
-        twin = Predictor.of(replace(self.settings.bind(self.known), box=known_set), self.T)
+        twin = Predictor.of(replace(self.settings.bind(self.known), estimate_set=known_set), self.T)
         before = twin.initial()._replace(theta_hat=self.inside(known_set), x_hat=self.x_hat, **state)
         after = twin.advance(before, Sample(self.x, None, self.r), self.u, Sample(self.x_next, None, self.r))
         return before, after, self.V(before, self.x), self.V(after, self.x_next)

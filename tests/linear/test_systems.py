@@ -136,7 +136,7 @@ def test_a_zero_beside_a_pole_is_kept():
 
 def known(A_m, b) -> Known:
     n = len(b)
-    return Known(A_m=np.asarray(A_m), b=np.asarray(b), k_0=1.0, x0=np.zeros(n), box=None)
+    return Known(A_m=np.asarray(A_m), b=np.asarray(b), k_0=1.0, x0=np.zeros(n), estimate_set=None)
 
 
 @pytest.mark.parametrize(("relative_degree", "n"), [(1, 1), (1, 2), (2, 2), (1, 3), (2, 3), (3, 3), (2, 4), (4, 4)])

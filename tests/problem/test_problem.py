@@ -62,7 +62,7 @@ def test_defaults_are_rest_and_a_zero_command():
 
 
 def test_a_designer_sees_neither_theta_nor_the_disturbance(section_v):
-    assert set(Known.__dataclass_fields__) == {"A_m", "b", "k_0", "x0", "box", "uncertainty", "saturation"}
+    assert set(Known.__dataclass_fields__) == {"A_m", "b", "k_0", "x0", "estimate_set", "matched", "saturation"}
 
 
 def test_signals_in_the_order_of_the_loop(section_v):

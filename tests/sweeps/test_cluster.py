@@ -89,7 +89,7 @@ def test_a_worker_whose_sources_differ_refuses(tmp_path):
     command = [sys.executable, "-c", WORKER]
     done = subprocess.run(command, input=given, capture_output=True, env=environment, check=True)
     assert len(pickle.loads(done.stdout)) == 3  # what is the same may lie elsewhere
-    metrics = copy / "run" / "metrics.py"
+    metrics = copy / "run" / "kernel" / "metrics.py"
     changed = metrics.read_text().replace("max_abs_e=finite_only(", "max_abs_e=2 * finite_only(")
     assert changed != metrics.read_text()
     metrics.write_text(changed)

@@ -53,7 +53,7 @@ def test_the_bounds_hold_beside_a_matched_disturbance(plant, leakage):
     assert cells["tracking"].kind == "does not apply"
     case = ErrorBoundCase.of(problem, controller.bind(problem.known))
     A = plant.A if plant.is_linear else plant.A_m
-    assert level_along(run, controller).max() <= case.level(A, case.uncertainty(values["error_bound"]))
+    assert level_along(run, controller).max() <= case.level(A, case.largest_matched(values["error_bound"]))
 
 
 @pytest.mark.parametrize("inputs", [1, 2, 3])
@@ -104,7 +104,7 @@ def test_the_bounds_hold_with_several_inputs(seed, leakage):
     assert np.linalg.norm(run.theta_hat.reshape(len(run.t), 5, m), axis=2).max() <= values["W_hat_bound"]
     assert np.linalg.norm(run.reported["V_hat"], axis=1).max() <= values["V_hat_bound"]
     case = ErrorBoundCase.of(problem, controller.bind(problem.known))
-    level = case.level(plant.A if plant.is_linear else A_m, case.uncertainty(values["error_bound"]))
+    level = case.level(plant.A if plant.is_linear else A_m, case.largest_matched(values["error_bound"]))
     assert level_along(run, controller).max() <= level
 
 
