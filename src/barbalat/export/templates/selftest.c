@@ -354,7 +354,7 @@ ${kept_tests}    require(c.fade == 0L && c.fade_left == 0L && ${name}_step(&c, &
         "a start without a fade is not the controller's own control");
     c = before;
     in.${measured}[0] = 2 * ${macro}_RANGE;
-    ${name}_start(&c, ${other_start}u_now, ${fade}L, 0);
+${elsewhere}    ${name}_start(&c, ${other_start}u_now, ${fade}L, 0);
 ${start_tests}    before = c;
     require(${name}_step(&c, &in, &out) == ${macro}_INPUT_REFUSED && same(out.u, u_now, ${macro}_INPUTS)
             && is_limited(&out) && same_state(&c, &before),
