@@ -194,6 +194,7 @@ MODES_SECONDS = 3e-8
 """For each cubed state: the eigenvalues of four Jacobians, 7 s for 600 states."""
 LINEARISATION_SECONDS, LINEARISATION_BYTES = 4e-7, 1500.0
 """For each cubed and each squared state: 12 s and 0.3 GB for 300 states."""
+CERTIFICATE_SECONDS = 0.3
 KERNEL_BYTES, KERNEL_SECONDS = 1e6, 0.05
 """Of the smallest loop's code."""
 STEP_OPERATION_SECONDS = 6e-10
@@ -217,6 +218,11 @@ def of_kernel(states: float, dense: float = 0.0) -> Estimate:
 def of_linearisation(states: float) -> Estimate:
     """What the place of rest, the modes and the margins of a linearised loop cost."""
     return Estimate(KERNEL_BYTES + LINEARISATION_BYTES * states**2, LINEARISATION_SECONDS * states**3)
+
+
+def of_certificate(states: float) -> Estimate:
+    """What the bounds, norms and margins of one controller cost for a plant of so many states, measured up to twenty."""
+    return Estimate(KERNEL_BYTES, CERTIFICATE_SECONDS * (1 + states**2 / 10))
 
 
 Progress = Callable[[float], None]

@@ -20,6 +20,7 @@ from barbalat import (
     input_filter,
     simulate,
 )
+from barbalat.budget import Budget
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops import over_known_set
@@ -236,3 +237,15 @@ def test_a_loop_whose_pole_lies_on_the_axis_is_certified():
     )
     for one in found.values():
         assert "error_bound" in one.guaranteed and one.entry("delay_margin").applies
+
+
+def test_a_plant_whose_certificates_would_take_too_long_is_refused_before_they_are_begun():
+    n = 100
+    problem = Problem(
+        plant=Plant(A_m=-np.diag(np.arange(1.0, n + 1)), b=np.ones(n), theta=np.zeros(n), x0=np.zeros(n)),
+        reference_model=ReferenceModel(k_0=1.0),
+        reference=Constant(1.0),
+        uncertainty=ParameterBox(lower=-np.ones(n), upper=np.ones(n)),
+    )
+    with Budget(seconds=60.0), pytest.raises(InputError, match=r"^the plant has 100 states, and 1 certificate would take about"):
+        certify(problem, Mrac(gamma=1.0), Simulation(t_end=1.0, dt=1e-4))

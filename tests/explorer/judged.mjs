@@ -11,7 +11,7 @@ const [{ readData, caseSetting, taskOf }, { simulated }] = await Promise.all(["s
 const data = readData(readFileSync(file, "utf8"));
 const setting = caseSetting(data);
 const found = data.controllers.map(({ name }, i) => {
-  const { numerics, figures, starts, recorded, milliseconds } = simulated(taskOf(data, setting, i));
-  return [name, { numerics, figures, instants: starts.length, finite: recorded.every(Number.isFinite), milliseconds }];
+  const { numerics, runaway, figures, starts, recorded, milliseconds } = simulated(taskOf(data, setting, i));
+  return [name, { numerics, runaway, figures, instants: starts.length, finite: recorded.every(Number.isFinite), milliseconds }];
 });
 process.stdout.write(JSON.stringify(Object.fromEntries(found)));

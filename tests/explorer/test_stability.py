@@ -113,6 +113,10 @@ def compare(said: dict, runs: dict) -> None:
         if said[name]["numerics"] is not None:
             assert said[name]["numerics"]["hLambda"] == pytest.approx(run.stiffness.h_lambda_max, rel=EIGENVALUES_WITHIN)
             assert said[name]["numerics"]["unstable"] == run.stiffness.unstable_from
+        found = said[name]["runaway"]
+        assert (found is None) == (run.runaway is None)
+        if run.runaway is not None:
+            assert found == pytest.approx(run.runaway.as_json(), rel=1e-9)
 
 
 def test_a_divergence_of_the_loops_is_not_the_solvers(tmp_path):
@@ -129,6 +133,76 @@ def test_the_first_step_outside_is_the_runs(tmp_path, name):
     said, runs = judged(L1.replace(*MORE[name]) if name != "smooth" else L1, tmp_path)
     compare(said, runs)
     assert any(run.stiffness.unstable_from is not None for run in runs.values())
+
+
+UNSTABLE = """
+name = "limits too narrow"
+[plant]
+A = [[0.0, 1.0], [2.0, -0.4]]
+b = [0.0, 4.0]
+x0 = [0.1, 0.0]
+[plant.input]
+delay = 0.0777
+saturation = [-3.0, 0.5]
+rate_limit = 4.0
+[reference_model]
+A_m = [[0.0, 1.0], [-9.0, -4.2]]
+k_0 = 2.25
+[reference]
+kind = "sine"
+amplitude = 4.0
+frequency = 1.0
+[simulation]
+t_end = 9.0
+dt = 1e-3
+[[controller]]
+name = "runs away"
+scheme = "mrac"
+gamma = 20.0
+"""
+OUTPUT = """
+name = "leaves its model"
+[plant]
+transfer_function = { num = [1.0], den = [1.0, -1.0] }
+[plant.input]
+saturation = [-0.1, 0.1]
+[reference_model]
+transfer_function = { num = [3.0], den = [1.0, 3.0] }
+[reference]
+kind = "constant"
+value = 1.0
+[simulation]
+t_end = 14.0
+dt = 1e-3
+[[controller]]
+name = "runs away"
+scheme = "mrac-output"
+order = 1
+relative_degree = 1
+sign = 1
+law = { kind = "lyapunov", gamma = 1.0 }
+theta_hat0 = [-2.0, 1.0]
+"""
+END = """
+const { endOf, runawayText } = await import(process.argv[1]);
+const run = JSON.parse(process.argv[2]);
+const other = { figures: { diverged_at: null }, runaway: null };
+process.stdout.write(JSON.stringify([endOf(run, 15), endOf(other, 15), runawayText(run.runaway)]));
+"""
+
+
+@pytest.mark.parametrize("text", [UNSTABLE, OUTPUT], ids=["of the state", "of the output"])
+def test_a_run_that_runs_away_is_said_to(text, tmp_path):
+    """By a run's own test and in its words; of a run that does neither, no more is said than was seen."""
+    said, runs = judged(text, tmp_path)
+    compare(said, runs)
+    run = runs["runs away"]
+    assert run.diverged_at is None and run.runaway is not None
+    table = (resources.files("barbalat.explorer") / "templates" / "table.js").as_uri()
+    command = [NODE, "--input-type=module", "-e", END, table, json.dumps(said["runs away"])]
+    away, bounded, sentence = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    assert "runs away" in away and "bounded" not in away + bounded and "up to 15 s" in bounded
+    assert sentence.replace("e+", "e+0") == run.runaway.sentence
 
 
 SCALE = """

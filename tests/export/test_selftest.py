@@ -245,6 +245,7 @@ AROUND = {
         "out->u_limited[i] = out->u[i];",
         "out->u_limited[i] = out->u[i] < -0.09 ? -3.0 : out->u[i];",
     ),
+    "the last control where none is put out": ("out->u_limited[i] = out->u[i];", "out->u_limited[i] = c->last_u[i];"),
     "no lower limit": ("if (out->u[0] < -0x1.8", "if (out->u[0] < -0x1.8p9 && out->u[0] < -0x1.8"),
     "another upper limit": ("out->u_limited[0] = 0x1.8000000000000p+1", "out->u_limited[0] = 0x1.8000000000001p+1"),
     "the bump is u_now": ("            c->bump[i] = c->bump[i] - c->held_u[i];\n", ""),

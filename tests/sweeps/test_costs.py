@@ -8,6 +8,7 @@ from barbalat.budget import Budget
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import VariedCase
+from barbalat.sweeps.bounds import MOST_CERTIFIED, Bounds
 from barbalat.sweeps.costs import Costs, require_members
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
@@ -51,3 +52,21 @@ def test_members_that_share_no_kernel_are_dearer():
     together = most({}, "plant.theta[0]")
     assert most({}, "reference.amplitude") < together / 50
     assert together / 2 < most({amplitude: Axis(40.0, 50.0, 2)}, "plant.theta[0]") <= together
+
+
+def test_the_certificates_of_bounds_count():
+    """Members whose other numbers differ have one each; more than can be made are not made, and cost nothing."""
+    text = CaseText.read("first-order")
+    path = FieldPath.parse("plant.b[0]")
+
+    def announced(members: int, *, bounds: bool) -> list[str]:
+        said: list[str] = []
+        plan = Plan({}, sampled(text, [(str(path), "uniform:1:1.5")]), members)
+        study = Study(VariedCase(text, plan.paths), plan)
+        with Budget(told=said.append):
+            require_members(study, members, Bounds(study).certificates if bounds else 0)
+        return said
+
+    (said,) = announced(60, bounds=True)
+    assert said.startswith("the sweep of 60 members: about ")
+    assert announced(60, bounds=False) == [] and announced(MOST_CERTIFIED + 1, bounds=True) == []

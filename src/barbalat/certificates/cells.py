@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.entry import Assumption, Entry, checked
+from barbalat.certificates.entry import Assumption, Entry, checked, missing
 from barbalat.certificates.quantities import ON_DAMPING, Quantity
 
 PROPERTIES = {
@@ -47,15 +47,15 @@ def statement(key: str, text: str, *assumptions: Assumption) -> Entry:
     return found if found.applies else replace(found, value=None)
 
 
-def nothing(key: str, why: str) -> Entry:
-    """A cell that claims nothing for this scheme, and says why."""
-    return Entry(key=key, value=None, kind="does not apply", quantity=Quantity(PROPERTIES[key]), why=why)
+def nothing(key: str, why: str, *assumptions: Assumption) -> Entry:
+    """A cell that claims nothing for this scheme, and says why; ``assumptions`` are those that the claim would rest on."""
+    return missing(key, why, assumptions, Quantity(PROPERTIES[key]))
 
 
 def denied(key: str, why: str, *assumptions: Assumption) -> Entry:
     """A cell that claims nothing for a reason of the scheme's own; what else of the case contradicts it is named too."""
     broken = (assumption.broken for assumption in assumptions if assumption.broken)
-    return nothing(key, ", ".join(dict.fromkeys((why, *broken))))
+    return nothing(key, ", ".join(dict.fromkeys((why, *broken))), *assumptions)
 
 
 def estimate(key: str, text: str) -> Entry:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, PlaceOfRest, checked, of_finite_numbers
+from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, PlaceOfRest, checked, missing, of_finite_numbers
 from barbalat.certificates.picture import TITLE, MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES, Quantity
 from barbalat.certificates.rows import CertificateRow, down, rows_of, up
@@ -185,9 +185,9 @@ class Draft:
         """Add facts for orientation, which guarantee nothing."""
         self._add(values, "advice", assumptions)
 
-    def missing(self, key: str, why: str) -> None:
-        """A value that the scheme would have, and that this case has not."""
-        self.entries[key] = Entry(key=key, value=None, kind="does not apply", quantity=self._quantity(key), why=why)
+    def missing(self, key: str, why: str, *assumptions: Assumption) -> None:
+        """A value that the scheme would have, and that this case has not; it would rest on the ``assumptions``."""
+        self.entries[key] = missing(key, why, assumptions, self._quantity(key))
 
     def all_missing(self, keys: Iterable[str], why: str) -> None:
         """Several values that are missing for one reason."""

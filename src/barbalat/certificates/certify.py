@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any, NamedTuple
 
+from barbalat import budget
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.certificates import Certificates, Table1, column_of, table_1
@@ -16,7 +17,7 @@ from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import InputError
+from barbalat.validate import InputError, counted
 
 
 def beside_its_runs(
@@ -66,12 +67,26 @@ def certify(
     ``keys`` are needed, certificates may lack others: searches over the known set, limits along the command.
     """
     found, told = {}, numbered(controllers)
+    if keys is None:
+        _require_room(problem, len(told))
     for i, controller in enumerate(told, start=1):
         with named(controller.name), needing(keys):
             found[controller.name] = _computed(problem, controller, simulation)
         if progress is not None:
             progress(i / len(told))
     return Certificates(found, problem, told, simulation)
+
+
+def _require_room(problem: TrackingProblem, controllers: int) -> None:
+    """InputError where the certificates of so many controllers are beyond the budget; work of more than seconds is announced."""
+    budget.require(
+        "the plant",
+        len(problem.dynamics.x0),
+        lambda states: budget.of_certificate(states).times(controllers),
+        given=f"has {len(problem.dynamics.x0)} states, and {counted(controllers, 'certificate')}",
+        fits=lambda most: f"at most {most} states",
+        what=f"{counted(controllers, 'certificate')} for a plant of {len(problem.dynamics.x0)} states",
+    )
 
 
 def certify_where_possible(

@@ -148,6 +148,14 @@ def _finite(part: Any) -> bool:
     return not isinstance(part, float) or math.isfinite(part)
 
 
+def missing(key: str, why: str, assumptions: tuple[Assumption, ...], quantity: Quantity) -> Entry:
+    """A value that there is none of, for a reason of its own; what of its assumptions the case breaks is known all the same."""
+    sentences = tuple(assumption.sentence for assumption in assumptions)
+    return Entry(
+        key=key, value=None, kind="does not apply", quantity=quantity, assumptions=sentences, rests_on=assumptions, why=why
+    )
+
+
 def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], quantity: Quantity) -> Entry:
     """A guaranteed value; one that does not apply, with the reasons, where this case breaks an assumption."""
     sentences = tuple(assumption.sentence for assumption in assumptions)

@@ -87,9 +87,12 @@ def _margin(certificate: Certificate, *, limited: bool) -> Line:
     if adapting is not None and adapting.applies:
         same = margin is not None and margin.applies and margin.rest == adapting.rest
         parts.append(f"{_delay(adapting.value)} adapting{'' if same else _at_rest(adapting)}")
+    elif adapting is not None and margin is not None and margin.applies:
+        parts.append("adapting: not known")
     if margin is not None and margin.applies:  # alone it need not be told from others
         at_theta = " at theta" if parts and margin.rest is None else ""
-        parts.insert(0, f"{_delay(margin.value)}{at_theta}{_at_rest(margin)}")
+        frozen = " with frozen estimates" if adapting is not None and margin.rest is not None else ""
+        parts.insert(0, f"{_delay(margin.value)}{frozen}{at_theta}{_at_rest(margin)}")
     each = certificate.entry("delay_margin_each")
     if not parts and each is not None and each.applies:
         delays = ", ".join(_delay(value) for value in each.value)
@@ -144,7 +147,8 @@ def _assumed(column: Column, certificate: Certificate) -> Line:
     there."""
     stated = [*certificate.entries, *column.cells.values()]
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
-    broken = ", ".join(dict.fromkeys(entry.why for entry in stated if not entry.applies and entry.assumptions))
+    asked = (assumption for entry in stated if not entry.applies for assumption in entry.rests_on)
+    broken = ", ".join(dict.fromkeys(assumption.broken for assumption in asked if assumption.broken))
     if broken:
         return Line("assumed", f"fails here: {broken}", "does not apply")
     if not claimed:

@@ -253,12 +253,19 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
         "theta_hat": [rows.start, rows.stop],
         "x": [int(i) for i in marked.x.reshape(-1)], "x_m": [int(i) for i in marked.x_m.reshape(-1)],
         "output": loop.measured_outputs > 0, "panels": panels,
+        "model": {"rows": [int(i) for i in marked.x_m.reshape(-1)], "weights": _output_weights(loop)},
         "true": None if true is None else [float(v) for v in true],
         "estimates": [estimated(name) for name in estimate_names(loop)],
         "reported": {part.name: [*range(part.rows.start, part.rows.stop)] for part in loop.other_estimates},
         "beside": _beside(case, loop),
         "past": None if members.history is None else members.history[:, 0].tolist(),
     }  # fmt: skip
+
+
+def _output_weights(loop: ClosedLoop) -> list[float] | None:
+    """By which the model's output follows from its states; None where it is the states."""
+    states = len(loop.model.x0)
+    return [float(loop.model.output(unit)) for unit in np.eye(states)] if loop.measured_outputs else None
 
 
 def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:

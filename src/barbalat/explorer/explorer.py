@@ -132,6 +132,7 @@ WORKER_FILES = (
     "kernel.js",
     "noise.js",
     "figures.js",
+    "runaway.js",
     "spectrum.js",
     "stability.js",
     "impulse.js",

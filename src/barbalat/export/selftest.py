@@ -49,6 +49,7 @@ def selftest(printed: Printed) -> str:
         limit_tests=indented(_limits(printed)),
         standstill=standstill,
         stands_still=indented(["test_standstill();"]) if standstill else "",
+        elsewhere=indented(f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = 2; }}" for part in layout.parts),
         start_tests=indented(_started_at(printed)),
         kept_tests=indented(_resting(printed, "estimates are to be kept, and")),
         fresh_tests=indented(_fresh(printed)),

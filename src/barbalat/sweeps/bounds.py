@@ -52,6 +52,12 @@ class Bounds:
         return {name: self._of(place, rows, thetas) for place, name in enumerate(self.study.controllers)}
 
     @property
+    def certificates(self) -> int:
+        """How many are made at most: one for each controller and combination of the numbers beside theta that it depends on."""
+        counts = (self._combinations(self._others(place)) for place in range(len(self.study.controllers)))
+        return sum(count for count in counts if count <= MOST_CERTIFIED)
+
+    @property
     def notes(self) -> list[str]:
         """Sentences on controllers whose errors are compared with no bound since too many numbers vary."""
         found = []

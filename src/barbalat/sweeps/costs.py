@@ -32,17 +32,22 @@ GROUP_SECONDS = 0.02
 """Of members that share a kernel and signals, for each controller, beside their steps: 20 ms for a case and its tables."""
 
 
-def require_members(study: Study, members: int) -> None:
-    """InputError where so many members, those that a store lacks, are beyond the budget; before the first of them is made."""
+def require_members(study: Study, members: int, certificates: int = 0) -> None:
+    """InputError where so many members, those that a store lacks, are beyond the budget; before the first of them is made.
+
+    certificates  that are made at most, for the bounds that the members' errors are compared with
+    """
     loops = [ClosedLoop.of(study.example.problem, one) for one in study.example.controllers]
     each, stored = study.steps / len(loops), Estimate(memory=MEMBER.memory * (len(study) - members))  # the evidence reads all
 
     groups, structures = _apart(study, Kind.SIGNAL, Kind.STRUCTURE), _apart(study, Kind.STRUCTURE)
     alone = of_steps(study.example.problem, loops, each) + Estimate(seconds=GROUP_SECONDS * len(loops))
+    certified = budget.of_certificate(len(study.example.problem.dynamics.x0)).seconds
     traced = sum(of_kernel(loop.size).seconds for loop in loops)
 
     def cost(count: float) -> Estimate:
         apart = Estimate(seconds=alone.seconds * min(count, groups) + traced * min(count, structures))
+        apart += Estimate(seconds=certified * min(count * len(loops), certificates))
         return stored + of_members(loops, each, count) + apart
 
     grid = f" at {study.plan.points} points of a grid" if study.plan.points > 1 else ""

@@ -118,11 +118,11 @@ def run_study(
     """
     if audit is not None:
         validate.whole("audit", audit, least=0)
+    judged = Bounds(study) if bounds else None
     if store is not None:
         require_place(store)
     if store is None or not store.exists():
-        require_members(study, len(study))
-    judged = Bounds(study) if bounds else None
+        require_members(study, len(study), judged.certificates if judged else 0)
     first = _judged(study.run(0, 1, threads=threads), study, judged, Chunk(0, 1))
     for requirement in requirements:
         requirement.require_known(list(first), study.controllers)
@@ -132,7 +132,7 @@ def run_study(
             told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
         resumed = done = sink.stored
         pace = Pace(ahead=1 if scheduler is None else CHUNKS_AHEAD)
-        require_members(study, sum(one.size for one in sink.missing))
+        require_members(study, sum(one.size for one in sink.missing), judged.certificates if judged else 0)
         units = iter(sink.missing) if sink.in_order else pace.units(sink.missing)
         made = _here(study, units, done, threads, progress) if scheduler is None else _elsewhere(study, units, scheduler, told)
         with _kept(sink) as keep:

@@ -7,13 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import L1Adaptive, Mrac, ParameterBox, Plant, Problem, ReferenceModel, input_filter
+from barbalat import DirectMrac, L1Adaptive, Mrac, ParameterBox, Plant, Problem, ReferenceModel, input_filter, simulate
+from barbalat.adaptation.modifications import FixedSigma
 from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
+from barbalat.certificates.summary import five
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace, series
 from barbalat.plants import PlantInput
-from barbalat.signals import Sine
+from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 
 A_M, B, THETA = np.array([[0.0, 1.0], [-2.0, -3.0]]), np.array([0.0, 1.0]), np.array([5.0, 1.5])
@@ -49,6 +51,43 @@ def test_beside_an_unknown_gain_the_loop_is_that_of_the_parameters(scheme, omega
     assert "theta_hat = theta" in found.entry("delay_margin").of
     (column,) = table_1(problem, [controller], certificates).columns
     assert "delay margin" in column.cells["margins"].text
+    adapting = found.entry("delay_margin_adapting")
+    assert adapting is not None and (adapting.applies or "largest eigenvalue" in adapting.why)
+    line = five(column, found, SIMULATION.dt)[2].text
+    assert "with frozen estimates" in line and ("adapting: not known" in line) == (not adapting.applies)
     unknown = replace(problem, plant=replace(problem.plant, theta=[20.0, 1.5]))  # outside the set: projected, it can't rest there
     text = certify(unknown, [controller], SIMULATION)[controller.name].entry("delay_margin").why
     assert "limit acts" in text
+
+
+def test_beside_an_unknown_gain_the_law_has_a_margin_of_its_own():
+    """At rest under a constant command: with its estimates frozen the loop bears any delay, with its law inside it doesn't."""
+    problem = Problem(
+        plant=Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=B, theta=[0.6, -0.4], x0=[1.0, 0.0], input=PlantInput(gain=0.8)),
+        reference_model=ReferenceModel(k_0=2.0),
+        reference=Constant(1.0),
+        uncertainty=ParameterBox(lower=[-1.0, -1.0], upper=[1.0, 1.0]),
+        input_gain=(0.5, 1.5),
+    )
+    controller = Mrac(gamma=20.0, theta_hat0=[0.6, -0.4, 0.8001])
+    certificates = certify(problem, [controller, DirectMrac(name="direct", gamma=20.0)], SIMULATION)
+    found = certificates[controller.name]
+    for one in certificates.values():
+        assert one.values["delay_margin"] is None and one.entry("delay_margin").kind == "exact"
+        assert one.values["delay_margin_adapting"] < 0.2
+    for share, grows in ((0.9, False), (1.1, True)):
+        path = PlantInput(gain=0.8, delay=share * found.values["delay_margin_adapting"])
+        run = simulate(replace(problem, plant=replace(problem.plant, input=path)), controller, SIMULATION)[controller.name]
+        early, late = (np.abs(run.e[(run.t >= a) & (run.t < b)]).max() for a, b in ((2.0, 4.0), (8.0, 10.0)))
+        assert (late > early) == grows
+
+
+def test_a_margin_with_the_law_inside_that_is_not_given_is_said_to_be_missing():
+    controller = Mrac(gamma=20.0, leakage=FixedSigma(sigma=0.1))
+    problem = Problem(
+        plant=Plant(A_m=A_M, b=B, theta=THETA, input=PlantInput(gain=0.8)),
+        reference_model=ReferenceModel(k_0=2.0),
+        reference=Constant(1.0),
+        input_gain=(0.5, 1.5),
+    )
+    assert "plain law only" in certify(problem, [controller], SIMULATION)[controller.name].entry("delay_margin_adapting").why

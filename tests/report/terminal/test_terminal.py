@@ -204,8 +204,66 @@ def test_the_five_lines_say_what_the_entries_say(name):
         assert gain is None or f"gain {gain:.3g}" in limits.text.replace(HELD_BLANK, " ")
         assert step is None or f"step {step:.3g} " in limits.text.replace(HELD_BLANK, " ")
         assert step is None or ("too long" in limits.text.replace(HELD_BLANK, " ")) == (step < 1e-3)
-        broken = [e.why for e in (*found.entries, *column.cells.values()) if not e.applies and e.assumptions]
+        without = [entry for entry in (*found.entries, *column.cells.values()) if not entry.applies]
+        broken = [assumption.broken for entry in without for assumption in entry.rests_on if assumption.broken]
         assert all(why in assumed.text for why in broken) and ("fails here:" in assumed.text) == bool(broken)
+
+
+@pytest.mark.parametrize("sampled", ["", "sample_time = 0.01"])
+def test_what_fails_is_named_whether_a_condition_is_met_or_not(sampled):
+    """The case's delay, limits and noise break the same assumptions beside a small known set and a large one."""
+    said = []
+    for reach in (0.01, 50.0):
+        case = parse_case(BROKEN.format(reach=reach, sampled=sampled))
+        made = certify(case.problem, case.controllers, case.simulation)
+        table = table_1(case.problem, case.controllers, made)
+        said.append({column.name: five(column, made[column.name], 1e-3)[4].text for column in table.columns})
+        conditions = [found.entry("condition").value["holds"] for found in made.values()]
+        assert conditions == [reach < 1] * len(conditions)
+    small, large = said
+    for name, text in small.items():
+        for broken in ("delay 0.01 s", "saturation", "rate limit", "measurement noise", *(["input gain 0.8"] * (name == "A"))):
+            assert broken in text and broken in large[name]
+
+
+BROKEN = """
+name = "much that breaks assumptions"
+[plant]
+A_m = [[0.0, 1.0], [-2.0, -2.0]]
+b = [0.0, 1.0]
+theta = [0.005, -0.005]
+[plant.input]
+gain = 0.8
+delay = 0.01
+saturation = [-6, 6]
+rate_limit = 100.0
+[reference_model]
+k_0 = 2.0
+[reference]
+kind = "sine"
+amplitude = 1.0
+frequency = 1.0
+[sensor.noise]
+std = [0.01, 0.01]
+sample_time = 0.01
+[uncertainty]
+lower = [-{reach}, -{reach}]
+upper = [{reach}, {reach}]
+[simulation]
+t_end = 1.0
+dt = 1e-3
+[[controller]]
+name = "A"
+scheme = "adrc"
+bandwidth = 20.0
+{sampled}
+[[controller]]
+name = "L1"
+scheme = "l1"
+gamma = 100.0
+filter = {{ kappa = 0.05 }}
+{sampled}
+"""
 
 
 def test_a_condition_that_is_met_is_not_enough_with_a_delay():

@@ -32,6 +32,8 @@ KEYS_OF_MARGINS = {
     "gain_down": "gain_reduction_margin",
 }
 """The certificate's names of what ``Margins`` holds."""
+PLAIN_LAW_ONLY = "it is given for the plain law only: with the modification the loop rests elsewhere"
+"""Why a law with a leakage, a dead zone or a memory has no margin with the law inside."""
 
 
 def add_margins(
@@ -129,9 +131,7 @@ def add_adapting_margins(draft: Draft, problem: Problem, controller: Mrac | L1Ad
     if level == 0 or not is_needed("delay_margin_adapting"):
         return
     if is_modified(controller):
-        draft.missing(
-            "delay_margin_adapting", "it is given for the plain law only: with the modification the loop rests elsewhere"
-        )
+        draft.missing("delay_margin_adapting", PLAIN_LAW_ONLY)
         return
     at = f"linearised at the constant command {level:g}"
     with draft.part("delay_margin_adapting"):

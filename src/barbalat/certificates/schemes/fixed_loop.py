@@ -95,7 +95,7 @@ def _add_bound(draft: Draft, problem: Problem, loop: FixedLoop, d: float) -> Non
     try:
         condition, x_m = theorem_1.small_gain(loop.error_norm(), d), model_bounds(problem).x_m
     except InputError as error:
-        draft.missing("error_bound", str(error))
+        draft.missing("error_bound", str(error), *loop.rests_on(problem))
         return
     error_bound = theorem_1.l1_bound(0.0, 1.0, condition, d, 0.0, ModelBounds(0.0, x_m, x_m))
     draft.guarantee("norms", {loop.norm: condition.norm.ends}, NUMBERS_ALONE)
@@ -104,7 +104,7 @@ def _add_bound(draft: Draft, problem: Problem, loop: FixedLoop, d: float) -> Non
     if condition.holds:
         draft.guarantee("error_bound", error_bound, *loop.rests_on(problem))
     else:
-        draft.missing("error_bound", f"||{loop.norm}||_1 times the set's radius is not below 1")
+        draft.missing("error_bound", f"||{loop.norm}||_1 times the set's radius is not below 1", *loop.rests_on(problem))
 
 
 def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) -> dict[str, Entry]:
@@ -121,7 +121,8 @@ def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) ->
     if bound is None or bound.value is None or loop is None:
         nothing_to_cover = ONE_LINEAR_INPUT if loop is None else "without a known set there is nothing to cover"
         why = small_gain or (nothing_to_cover if bound is None else bound.why)
-        stability, transient = nothing("stability", why), nothing("transient", "no bound: " + why)
+        rests_on = () if loop is None else loop.rests_on(problem)
+        stability, transient = nothing("stability", why, *rests_on), nothing("transient", "no bound: " + why, *rests_on)
     else:
         stability = statement("stability", small_gain, *loop.rests_on(problem))
         transient = statement("transient", f"|e| <= {up(bound.value)} at all times", *loop.rests_on(problem))

@@ -191,11 +191,13 @@ def column(problem: Problem, controller: L1Adaptive, certificate: Certificate) -
 
 def _stability(problem: Problem, controller: L1Adaptive, certificate: Certificate) -> Entry:
     condition = certificate.values.get("condition")
+    rests_on = of_the_lyapunov_law(problem, controller, certificate)
     if condition is None and projected(controller.bind(problem.known).estimate_set):
-        return nothing("stability", "the condition on C(s) is not known for this plant")
+        return nothing("stability", "the condition on C(s) is not known for this plant", *rests_on)
     if condition is None:
-        return nothing("stability", "without a known set that is projected onto there is no theta_max for the condition on C(s)")
-    value, rests_on = up(condition["value_upper"]), of_the_lyapunov_law(problem, controller, certificate)
+        why = "without a known set that is projected onto there is no theta_max for the condition on C(s)"
+        return nothing("stability", why, *rests_on)
+    value = up(condition["value_upper"])
     if not condition["holds"]:
         return denied("stability", _too_large(condition["value_upper"]), *rests_on)
     return statement("stability", f"since ||W_b (1 - C)||_1 theta_max <= {value} < 1", *rests_on)

@@ -208,7 +208,7 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
     radius, away = values.get("spectral_radius"), certificate.entry("reference_distance_between")
     if radius is None or radius >= 1:
         why = NO_LOOP if radius is None else unstable(radius)
-        stability = nothing("stability", why)
+        stability = nothing("stability", why, *rests_on(problem))
     else:
         text = f"for every bounded r: a linear loop, spectral radius {radius:.6g} from sample to sample at the case's theta"
         stability = statement("stability", text, *rests_on(problem))

@@ -22,7 +22,7 @@ from barbalat.certificates.schemes.state_feedback import (
     of_the_case,
     of_the_lyapunov_law,
 )
-from barbalat.certificates.schemes.unregistered import add_frozen
+from barbalat.certificates.schemes.unregistered import add_adapting, add_at_rest
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import MracClosedLoop
@@ -50,7 +50,7 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
         draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
-        add_frozen(draft, problem, controller)
+        add_at_rest(draft, problem, controller)
         return draft.finish()
     oscillator = Oscillator(closed, simulation.solver, np.append(np.linalg.eigvals(known.A_m), frozen_laws.input_poles(problem)))
     offset, factor = model_bounds(problem).x_m_euclidean, np.sqrt(n) * carried.upper * nu_0
@@ -58,6 +58,7 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     draft.estimate(limits, FROZEN_LAW)
     draft.estimate(frozen_laws.of_the_motion(problem, controller.gamma, simulation, oscillator), FROZEN_LAW)
     add_margins_at_rest(draft, problem)
+    add_adapting(draft, problem, controller)
     return draft.finish()
 
 

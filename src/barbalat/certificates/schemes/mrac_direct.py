@@ -29,7 +29,7 @@ from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.schemes.mrac import lyapunov_cells
 from barbalat.certificates.schemes.state_feedback import KNOWN_REGRESSOR, bounded_regressor
-from barbalat.certificates.schemes.unregistered import add_linearised
+from barbalat.certificates.schemes.unregistered import add_adapting, add_linearised
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers.control_gains import ControlGains, feedforward_gain
@@ -72,6 +72,7 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
         add_margins(draft, problem, known_parameters(problem.plant, theta / omega), AT_REST)
         if omega == 1:
             over_known_set.add_at_rest(draft, problem)
+        add_adapting(draft, problem, controller)
     return draft.finish()
 
 

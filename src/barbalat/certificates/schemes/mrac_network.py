@@ -299,7 +299,7 @@ def _nominal(problem: Problem) -> tuple[Assumption, ...]:
 def column(problem: Problem, controller: NetworkMrac, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
     nominal, found = _nominal(problem), bounds(problem, controller.bind(problem.known))
-    stability, transient = nothing("stability", found.why), nothing("transient", found.why)
+    stability, transient = nothing("stability", found.why, *nominal), nothing("transient", found.why, *nominal)
     if found.error is not None:
         stability = statement("stability", "bounded by its modification, uniformly in time", *nominal)
         transient = statement("transient", f"|e| <= {up(found.error)} at all times", *nominal)

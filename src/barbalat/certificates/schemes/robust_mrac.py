@@ -23,7 +23,7 @@ from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rows import down
 from barbalat.certificates.schemes import midpoint
 from barbalat.certificates.schemes.state_feedback import add_margins_at_rest, inside, of_the_case, projected
-from barbalat.certificates.schemes.unregistered import add_frozen
+from barbalat.certificates.schemes.unregistered import add_at_rest
 from barbalat.certificates.step_limits import any_regressor, frozen_laws
 from barbalat.controllers import NormalizedMrac, RobustMrac
 from barbalat.controllers.parametric_model import minimum_phase_model
@@ -45,7 +45,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)
-        add_frozen(draft, problem, controller)
+        add_at_rest(draft, problem, controller)
         return draft.finish()
     draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
     limits = frozen_laws.of_parametric_model(problem, equations, simulation)
@@ -73,7 +73,7 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificat
     why = laws.kept_from_zero(found)
 
     def claimed(key: str, text: str, holds: bool) -> Entry:
-        return statement(key, text, *rests_on) if holds else nothing(key, why)
+        return statement(key, text, *rests_on) if holds else nothing(key, why, *rests_on)
 
     cells = {
         "stability": claimed("stability", "for every bounded r", found.bounded),
@@ -89,7 +89,7 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificat
         cells["transient"] = _transient(problem, controller, *rests_on, below) if found.bounded else nothing("transient", why)
         cells["tuning"] = estimate("tuning", f"{_window(controller, controller.tau)}; {limits_text(certificate)}")
     if not problem.plant.is_linear:  # the proof of boundedness needs |phi(x)| <= c |x|
-        cells |= {key: nothing(key, NONLINEAR) for key in ("stability", "tracking", "modelling_error", "transient")}
+        cells |= {key: nothing(key, NONLINEAR, *rests_on) for key in ("stability", "tracking", "modelling_error", "transient")}
     return "normalised MRAC" if controller.tau is None else "robust MRAC (14)-(16)", cells
 
 

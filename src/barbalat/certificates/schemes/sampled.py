@@ -118,7 +118,7 @@ def _unstable(step_max: float, whole_loop: bool) -> str:
 def _sampled(entry: Entry, controller: Sampled) -> Entry:
     """The entry that is left of a continuous controller's when the controller acts at samples only."""
     if entry.kind == "guaranteed" and not entry.quantity.timeless:
-        return replace(entry, kind="does not apply", why=f"sampled every {controller.sample_time:g} s")
+        return _at_samples(entry, f"sampled every {controller.sample_time:g} s")
     if entry.kind == "exact" or (entry.kind == "estimate" and entry.key in OF_THE_CONTINUOUS_LOOP):
         quantity = entry.quantity._replace(meaning=f"{entry.quantity.meaning}{OF_THE_CONTINUOUS_ONE}")
         assumptions, value = (*entry.assumptions, CONTINUOUS_ONLY), entry.value
@@ -130,12 +130,16 @@ def _sampled(entry: Entry, controller: Sampled) -> Entry:
     return entry
 
 
+def _at_samples(entry: Entry, why: str) -> Entry:
+    return replace(entry, kind="does not apply", why=why, rests_on=(*entry.rests_on, replace(ACTS_CONTINUOUSLY, broken=why)))
+
+
 def column(problem: TrackingProblem, controller: Sampled, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The column of a sampled controller: it claims of the continuous one's only what the midpoint rule keeps of V."""
     name, continuous = (scheme_file(controller.controller) or unregistered).column(problem, controller.controller, certificate)
     why = f"sampled every {controller.sample_time:g} s"
     cells = {
-        key: replace(cell, value=None, kind="does not apply", why=why) if cell.kind == "guaranteed" else cell
+        key: replace(_at_samples(cell, why), value=None) if cell.kind == "guaranteed" else cell
         for key, cell in continuous.items()
     }
     radius = certificate.entry("spectral_radius")

@@ -23,8 +23,8 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
-from barbalat.certificates.linear_loops.margin_values import add_margins
-from barbalat.certificates.schemes.unregistered import add_frozen
+from barbalat.certificates.linear_loops.margin_values import PLAIN_LAW_ONLY, add_margins
+from barbalat.certificates.schemes.unregistered import add_at_rest
 from barbalat.certificates.step_limits import any_regressor
 from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR
@@ -152,7 +152,7 @@ def of_lyapunov_law_beyond(
     limits = any_regressor.of_lyapunov_law(excited, simulation, draft["nu_0"], filter_poles)
     draft.estimate(limits, FROZEN_LAW, ON_THE_BOX, *((ERROR_ASSUMED,) if void else ()))
     draft.estimate(any_regressor.of_lyapunov_law_at_model(excited, simulation, filter_poles), FROZEN_LAW)
-    add_frozen(draft, problem, cast("Controller", controller))
+    add_at_rest(draft, problem, cast("Controller", controller), none=PLAIN_LAW_ONLY if laws.is_modified(controller) else "")
     return draft.finish()
 
 

@@ -76,8 +76,11 @@ def _add_step(draft: Draft, simulation: Simulation, moving: Rest | NotApplicable
 def _add_margins(
     draft: Draft, problem: TrackingProblem, loop: ClosedLoop, moving: Rest | NotApplicable, still: Rest | NotApplicable, bent: str
 ) -> None:
-    if not _add_frozen(draft, problem, loop, still) or loop.inputs > 1 or not loop.parameters:
-        return
+    if _add_frozen(draft, problem, loop, still) and loop.inputs == 1 and loop.parameters:
+        _add_adapting(draft, problem, moving, bent)
+
+
+def _add_adapting(draft: Draft, problem: TrackingProblem, moving: Rest | NotApplicable, bent: str = "") -> None:
     if isinstance(moving, NotApplicable) or bent:
         draft.missing("delay_margin_adapting", moving.why if isinstance(moving, NotApplicable) else bent)
     elif moving.is_one_of_many:
@@ -88,11 +91,24 @@ def _add_margins(
         )
 
 
-def add_frozen(draft: Draft, problem: TrackingProblem, controller: Controller) -> None:
-    """Margins of the loop with its estimates frozen, of a scheme of which no formula gives that loop on this plant."""
+def add_at_rest(draft: Draft, problem: TrackingProblem, controller: Controller, *, none: str = "") -> None:
+    """Margins with the estimates frozen and with the law inside, of a scheme of which no formula gives these loops here."""
     if is_needed(*KEYS_OF_MARGINS.values(), *EACH_INPUT.values(), "sensitivity_peak", "complementary_sensitivity_peak"):
         loop = ClosedLoop.of(problem, controller)
         _add_frozen(draft, problem, loop, rest_of(problem, loop, frozen=True))
+    add_adapting(draft, problem, controller, none=none)
+
+
+def add_adapting(draft: Draft, problem: TrackingProblem, controller: Controller, *, none: str = "") -> None:
+    """Add the delay margin with the law inside, of one input; ``none`` says why the scheme has none, if it has none."""
+    loop = ClosedLoop.of(problem, controller)
+    if not is_needed("delay_margin_adapting") or loop.inputs > 1 or not loop.parameters:
+        return
+    if none:
+        draft.missing("delay_margin_adapting", none)
+        return
+    with draft.part("delay_margin_adapting"):
+        _add_adapting(draft, problem, rest_of(problem, loop, frozen=False))
 
 
 def _add_frozen(draft: Draft, problem: TrackingProblem, loop: ClosedLoop, still: Rest | NotApplicable) -> bool:

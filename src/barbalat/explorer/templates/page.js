@@ -8,7 +8,7 @@ import { fromHash, toHash } from "./address.js";
 import { caseFileOf, pythonOf } from "./copies.js";
 import { Charts } from "./charts.js";
 import { panelsOf } from "./panels.js";
-import { Figures } from "./table.js";
+import { endOf, Figures, runawayText } from "./table.js";
 import { built } from "./controls.js";
 
 const byId = (id) => document.getElementById(id);
@@ -114,6 +114,9 @@ function draw() {
   charts.draw(panelsOf(data, [...live, ...kept], moved));
   figures.show([...live, ...kept]);
   byId("conditions").replaceChildren(...[...live, ...kept].filter(({ run }) => data.controllers[run.index].condition).map(conditionText));
+  byId("runaways").replaceChildren(...[...live, ...kept].filter(({ run }) => run.runaway).map(({ run, label }) => Object.assign(
+    document.createElement("p"), { className: "no", textContent: `${label}: ${runawayText(run.runaway)}.` },
+  )));
   byId("coarse").style.visibility = live.some(({ run }) => run.coarse) ? "visible" : "hidden"; // its place stays: nothing jumps
   drawnAt = performance.now();
   document.body.dataset.drawing = (drawnAt - begun).toFixed(1);
@@ -138,9 +141,8 @@ function settled(live) {
   dataset.milliseconds = Math.min(Infinity, ...live.map(({ run }) => performance.now() - run.began)).toFixed(1);
   dataset.simulating = live.map(({ run }) => run.milliseconds.toFixed(1)).join(" ");
   dataset.stepping = live.map(({ run }) => run.stepping.toFixed(1)).join(" ");
-  const ends = live.map(({ run, label }) => `${label} ${run.figures.diverged_at === null ? "stays bounded" : `diverges at ${run.figures.diverged_at} s`}`);
-  if (live.length) byId("spoken").textContent = `${ends.join(", ")}.`;
-  lessons.told(setting, runs.map((run, i) => (run && setting.shown[i] ? run.figures : null)));
+  if (live.length) byId("spoken").textContent = `${live.map(({ run, label }) => `${label} ${endOf(run, setting.tEnd)}`).join("; ")}.`;
+  lessons.told(setting, runs.map((run, i) => (run && setting.shown[i] ? { ...run.figures, runaway: run.runaway } : null)));
   if (!following) return;
   Object.assign(setting, following);
   following = null;

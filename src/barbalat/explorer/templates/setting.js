@@ -199,7 +199,7 @@ export function taskOf(data, setting, index) {
     polynomial: data.solvers[setting.solver].polynomial, spectrum: variant.spectrum, watching: data.watching, condition: conditionTask(data, setting, controller, side), dt: setting.dt, recordPoints: recordPoints(data, setting),
     module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,
     reported: controller.reported, dtRow,
-    operations: controller.operations, thetaHat: controller.theta_hat,
+    operations: controller.operations, model: controller.model, thetaHat: controller.theta_hat,
     noise: data.noise && { ...data.noise, hold: Math.round(data.noise.sample_time / setting.dt) },
     sampleEvery: controller.rhythm ? Math.round(controller.rhythm / setting.dt) : 0,
   };

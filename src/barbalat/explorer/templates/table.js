@@ -21,6 +21,23 @@ function carried(numerics, diverged) {
   return `${brief(hLambda)}: ${said}`;
 }
 
+// With so many digits and no zeros behind them.
+function rounded(value, digits) {
+  return value.toPrecision(digits).replace(/\.(\d*?)0+(?=e|$)/, (_, kept) => (kept ? `.${kept}` : ""));
+}
+
+// The sentence of barbalat run.
+export function runawayText(runaway) {
+  return `|e| reaches ${rounded(runaway.max_abs_e, 3)}, ${rounded(runaway.over_model, 2)} times the model's motion, and still grows at the end: the run runs away, though it has not diverged`;
+}
+
+// How a run ends, for the status line; nothing is said of what comes after the horizon.
+export function endOf({ figures, runaway }, tEnd) {
+  if (figures.diverged_at !== null) return `diverges at ${figures.diverged_at} s`;
+  if (runaway) return `runs away, though it has not diverged by ${tEnd} s: |e| reaches ${rounded(runaway.max_abs_e, 3)} and still grows`;
+  return `neither diverges nor runs away up to ${tEnd} s`;
+}
+
 export class Figures {
   constructor(body) {
     this.body = body;

@@ -5,6 +5,7 @@ import { CHUNK_STEPS, segmentsOf, Table } from "./grid.js";
 import { computedValues, Kernel, ringRows } from "./kernel.js";
 import { Noise } from "./noise.js";
 import { Totals } from "./figures.js";
+import { motionOf, reachedIn, runawayOf } from "./runaway.js";
 import { conditionOf } from "./impulse.js";
 import { stabilityOf, Watch } from "./stability.js";
 
@@ -210,13 +211,16 @@ export function simulated(task) {
     if (!bounded) break;
   }
   const finalState = kernel.view(at.state, shape.states).slice();
-  let reported = {};
+  let [reported, runaway] = [{}, null];
   const keep = () => watch?.rows.set(kernel.view(at.watched, windows));
   if (bounded) {
     kernel.view(at.signals, commands.width).set(commands.final());
     disturb(grid.steps, 1);
     kernel.call(1, 1, at, grid.steps, task.sampleEvery, mask);
-    totals.mergeFinal(kernel.view(at.out, size), shape.states);
+    const last = Float64Array.from(kernel.view(at.out, size));
+    totals.mergeFinal(last, shape.states);
+    last.set(finalState);
+    runaway = judgedRunaway(task, totals, [recorded, last], size);
     keep();
     reported = reportedAtEnd(kernel, task, at, mask, finalState);
   }
@@ -226,9 +230,16 @@ export function simulated(task) {
   const found = { recorded: recorded.subarray(0, shown * size).slice(), starts: starts.slice(0, shown), r: signals.slice(0, shown * timed) };
   return {
     condition: task.condition && conditionFor(task), numerics: watch && judged(task, kernel, commands, watch, stop, recorded.subarray(0, kept * size), starts.subarray(0, kept)),
-    timed, figures: { ...totals.figures(grid, finalState.subarray(...task.thetaHat)), ...reported }, size, stepping, ...found,
+    timed, runaway, figures: { ...totals.figures(grid, finalState.subarray(...task.thetaHat)), ...reported }, size, stepping, ...found,
     milliseconds: performance.now() - began,
   };
+}
+
+// From the recorded blocks and, as one more row, the end of the run.
+function judgedRunaway({ model, shape }, totals, rows, size) {
+  const [least, greatest] = ["e min", "e max"].map((name) => totals.rows[name].map((row) => shape.states + row));
+  const reached = rows.map((part) => reachedIn(least, greatest, part, size));
+  return runawayOf(Float64Array.from(reached.flatMap((part) => [...part])), Math.max(...rows.map((part) => motionOf(model, part, size))));
 }
 
 // How many of the recorded blocks end before the divergence; the first one where none does.

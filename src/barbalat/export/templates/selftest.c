@@ -162,6 +162,7 @@ static void test_refused(${real} bad, int in_command)
         }
         require(${name}_step(&c, &in, &out) == (k < last ? ${macro}_INPUT_REFUSED : ${macro}_OK), "a bad input is not told");
         require(same(out.u, expected.u, ${macro}_INPUTS), "not the control that a bad input should have");
+        require(is_limited(&out), "a bad input is answered beyond the actuator's limits, or with another control within");
         require(same_state(&c, &other), "time does not go on through a bad input as it should");
     }
 }
@@ -184,7 +185,8 @@ static void test_result(void)
     }
     before = c;
     require(${name}_step(&c, &in, &out) == ${macro}_RESULT_REFUSED, "a result out of range is not refused");
-    require(same(out.u, before.last_u, ${macro}_INPUTS) && same_state(&c, &before), "a refused result moves something");
+    require(same(out.u, before.last_u, ${macro}_INPUTS) && is_limited(&out) && same_state(&c, &before),
+        "a refused result moves something");
 }
 ${standstill}
 static void test_limits(void)
@@ -218,7 +220,8 @@ ${limit_tests}    ${name}_reset(&c);
     c.last_u[0] = 2 * ${macro}_RANGE;
     c.bump[0] = 2 * ${macro}_RANGE;
     c.fade_left = 1L;
-    require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED && out.u[0] == 0, "a control out of range is held");
+    require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED && out.u[0] == 0 && is_limited(&out),
+        "a control out of range is held");
     ${name}_reset(&c);
     require(${name}_step(&c, &in, &out) == ${macro}_OK, "there is no way back from a bad control");
     c.fade = 0L;
@@ -313,7 +316,7 @@ static void test_fade(void)
             in.${measured}[0] = 2 * ${macro}_RANGE;
         }
         (void)${name}_step(&c, &in, &out);
-        require(same(out.u, expected.u, ${macro}_INPUTS), "a start does not fade out as it should");
+        require(same(out.u, expected.u, ${macro}_INPUTS) && is_limited(&out), "a start does not fade out as it should");
         require(c.fade_left == (k < ${fade} ? ${fade} - 1L - k : 0L) && c.matching == 0, "a start does not fade out in its time");
     }
 }
@@ -351,9 +354,10 @@ ${kept_tests}    require(c.fade == 0L && c.fade_left == 0L && ${name}_step(&c, &
         "a start without a fade is not the controller's own control");
     c = before;
     in.${measured}[0] = 2 * ${macro}_RANGE;
-    ${name}_start(&c, ${other_start}u_now, ${fade}L, 0);
+${elsewhere}    ${name}_start(&c, ${other_start}u_now, ${fade}L, 0);
 ${start_tests}    before = c;
-    require(${name}_step(&c, &in, &out) == ${macro}_INPUT_REFUSED && same(out.u, u_now, ${macro}_INPUTS) && same_state(&c, &before),
+    require(${name}_step(&c, &in, &out) == ${macro}_INPUT_REFUSED && same(out.u, u_now, ${macro}_INPUTS)
+            && is_limited(&out) && same_state(&c, &before),
         "a refused first sample does not hold the actuator where it is");
 ${fresh_tests}}
 

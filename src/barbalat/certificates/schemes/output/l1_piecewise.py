@@ -277,7 +277,7 @@ def column(problem: OutputProblem, _: L1OutputPiecewiseConstant, certificate: Ce
     """The scheme's name in Table 1 and its cells."""
     values = certificate.values
     radius, left = values["spectral_radius"], values.get("steady_error")
-    stability, tracking = nothing("stability", unstable(radius)), nothing("tracking", unstable(radius))
+    stability, tracking = nothing("stability", unstable(radius), *_rests_on(problem)), nothing("tracking", unstable(radius))
     if radius < 1:
         text = f"for every bounded r: a linear loop, spectral radius {radius:.6g} from sample to sample"
         stability = statement("stability", text, *_rests_on(problem))
