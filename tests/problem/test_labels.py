@@ -36,7 +36,7 @@ def test_tables_of_runs_have_units(capsys):
     assert columns["max_abs_e"] == "max |e| [rad, rad/s]" and columns["max_abs_u"] == "max |u| [N m]"
     assert figure_columns([bare])["max_abs_e"] == "max |e|"
     assert "RMS e [rad, rad/s]</th>" in named._repr_html_() and "[" not in re.search(r"<tr>.*?</tr>", bare._repr_html_())[0]
-    terminal.show(Screen(), "a case", [named])
+    terminal.show_full(Screen(), "a case", [named])
     shown = capsys.readouterr().out
     assert "e_1 [rad] " in shown and "e_2 [rad/s] " in shown and "[N m]" in shown
 

@@ -63,11 +63,11 @@ def test_an_oscillation_that_is_the_solvers_is_told(section_v):
     simulation = Simulation(t_end=10.0, dt=1e-3)
     plain = PlainRun.of(section_v, controller, simulation)
     assert plain.h_lambda_max > 7 * max(plain.limits)
-    assert plain.label.startswith("numerically unstable from") and not plain.settles
+    assert plain.label.startswith("outside the region of stability from") and not plain.settles
     found = with_simulated_margins(certify(section_v, controller, simulation), section_v, [controller], simulation)
     said = found[controller.name].assumptions
     assert found[controller.name].values["delay_onset_simulated"] == 0
-    assert any("numerically unstable" in text and "settles nothing" in text for text in said)
+    assert any("outside the region of stability" in text and "settles nothing" in text for text in said)
     assert not any("same verdicts" in text for text in said)  # what is unstable itself confirms nothing
 
 
@@ -90,18 +90,12 @@ RELAY_LIKE = Problem(
 def test_a_limit_cycle_at_the_actuators_limits_is_told():
     """With a gain that the delay does not admit the demand goes from rail to rail for ever; with a smaller one it settles.
 
-    The switches are counted by hand from a run with every step recorded.
+    Beyond the limits u acts as a relay does: a swing of at most 2 to either side.
     """
     simulation = Simulation(t_end=8.0, dt=2e-3)
     wild, tame = PlainRun.of(RELAY_LIKE, Gain(60.0), simulation), PlainRun.of(RELAY_LIKE, Gain(2.0), simulation)
     assert tame.swinging is None
-    (run,) = simulate(RELAY_LIKE, [Gain(60.0)], replace(simulation, record_points=simulation.steps)).values()
-    u = np.ravel(run.u)
-    at, sides = run.t[np.abs(u) >= 2.0], np.sign(u[np.abs(u) >= 2.0])
-    switches = int((at[1:][np.diff(sides) != 0] >= 6.0).sum())
-    assert switches > 8
-    assert "from limit to limit (-2 to 2)" in wild.swinging and f"at least {switches} times" in wild.swinging
-    assert "turn 0 times" in wild.swinging
+    assert "limit cycle, u swings by ±2 " in wild.swinging and "neither criterion counts it" in wild.swinging
 
 
 def test_a_command_that_asks_for_both_limits_is_no_limit_cycle():

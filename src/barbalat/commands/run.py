@@ -29,6 +29,7 @@ def add(commands: Commands) -> None:
         "--out", metavar="DIR", help="where pictures, page, JSON and trajectories go; default: barbalat-run, none with --json"
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    parser.add_argument("--full", action="store_true", help="every component, the estimates, the excitation, the numerics")
     parser.add_argument("--full-record", action="store_true", help="every recorded instant in the CSVs; default: about 1000")
     parser.add_argument("--no-plots", action="store_true", help="no pictures and no page")
     parser.add_argument(
@@ -63,7 +64,7 @@ def execute(options: argparse.Namespace) -> int:
         if options.json:
             print_json(document)
         else:
-            show(case.name, results, folder, plots=plots)
+            show(options, case.name, results, folder, plots=plots)
             show_exported(checked or {})
     return exit_code(checked or {})
 
@@ -83,16 +84,16 @@ def _expected(case: Case, *, plots: bool) -> dict[str, float]:
 
 
 def _simulated(case: Case, running: Work) -> list[Result]:
-    """All controllers, those that were numerically unstable also at a finer step."""
+    """All controllers, those that left their solver's region of stability also at a finer step."""
     from barbalat.run.engine.check_numerics import check_numerics
     from barbalat.run.engine.settle import settle
     from barbalat.run.engine.simulate import simulate
 
     with running.part("simulating") as progress:
         found = simulate(case.problem, case.controllers, case.simulation, judge=case.judge, progress=progress)
-    labelled = [name for name, result in found.items() if result.label is not None]
-    if labelled:
-        say(f"outside the region of stability, repeated at a finer step: {', '.join(labelled)}")
+    outside = [name for name, result in found.items() if result.stiffness.unstable_from is not None]
+    if outside:
+        say(f"outside the region of stability, repeated at a finer step: {', '.join(outside)}")
         with running.part("checking the numerics") as progress:
             found = check_numerics(found, progress=progress)
     return list(settle(found).values())
@@ -144,18 +145,19 @@ def with_page(
     return document
 
 
-def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool) -> None:
-    """Print the figures of all controllers, and where the files lie."""
+def show(options: argparse.Namespace, case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool) -> None:
+    """Print a sentence for each controller, a table and the findings, or with --full everything, and where the files lie."""
     from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import runs
     from barbalat.report.terminal.layout import Screen
 
     screen = Screen()
-    runs.show(screen, case, results)
+    (runs.show_full if options.full else runs.show)(screen, case, results)
+    screen.line("")
     if folder is not None:
-        screen.title(f"written to {folder.path}", "")
-        if plots:
-            screen.whole(f"page: {folder.path / PAGE}")
+        screen.whole(f"page: {folder.path / PAGE}" if plots else f"written to {folder.path}")
+    if not options.full:
+        screen.whole(f"everything: barbalat run {options.case} --full")
 
 
 def require_sampled(case: Case) -> None:

@@ -70,7 +70,5 @@ def run_block(result: Result) -> dict[str, Any]:
         "finer_step": check,
         **({} if result.damping is None else {"solver_damping": result.damping.as_json()}),
         **lost,
-        **({} if result.rails is None else {"rail_to_rail": result.rails.as_json()}),
-        **({} if result.runaway is None else {"runaway": result.runaway.as_json()}),
         "adapting": None if result.adapting is None else result.adapting.as_json(),
     }

@@ -38,9 +38,9 @@ class PlainRun:
     """One reported loop on the case's own plant, without noise and without a modelling error.
 
     h_lambda_max  the largest step times |eigenvalue| along it, and ``limits`` the solver's on the imaginary and the real axis
-    label         *numerically unstable from ...*, or None
+    label         *outside the region of stability from ...*, or None
     damping       what the solver's own damping may hide, as a sentence, or None
-    swinging      that its demand swings from limit to limit of the actuator, as a sentence, or None
+    swinging      that it is a limit cycle without any delay, as a sentence, or None
     settles       whether a step that is FINER_BY times smaller stays inside the solver's region of stability; only then does what
                   it says count
     """
@@ -60,13 +60,14 @@ class PlainRun:
         if run.label is not None:
             (fine,) = simulate(quiet(problem), [controller], refined(simulation)).values()
             settles = fine.label is None
+        cycles = run.verdict is not None and run.verdict.cycle is not None
         return cls(
             settles=settles,
             h_lambda_max=run.stiffness.h_lambda_max,
             limits=(solver.imaginary_limit, solver.real_limit),
             label=run.label,
             damping=None if run.damping is None else run.damping.sentence,
-            swinging=None if run.rails is None else f"without any delay added {run.rails.sentence}; neither criterion counts it",
+            swinging=None if not cycles else f"without any delay added it is a {run.verdict}; neither criterion counts it",
         )
 
     @property

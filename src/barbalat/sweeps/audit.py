@@ -1,8 +1,4 @@
-"""Is it the solver's? Some members of a finished sweep once more at a finer step, and which verdicts that changes.
-
-The finer runs are recorded, so that a demand that swings between the actuator's limits is seen as well: no figure of a sweep
-shows it, and the estimates may be at rest all the while.
-"""
+"""Is it the solver's? Some members of a finished sweep once more at a finer step, and which verdicts that changes."""
 
 from __future__ import annotations
 
@@ -13,10 +9,6 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
-from barbalat.cases.build import Case
-from barbalat.run.engine.engine import Batch
-from barbalat.run.kernel.metrics import Metrics
-from barbalat.run.results.findings import rail_to_rail
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.study.finer_step import FINER_BY
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
@@ -52,8 +44,6 @@ class Audit:
     changed    of them, those with another verdict on any controller; None where nothing could be run, see ``why``
     verdicts   by what is judged, and then by controllers
     errors     by controllers, members whose largest |e| differs by more than a tenth
-    swinging   by controllers, members whose demand swings from limit to limit until the end, at the finer step
-    limited    whether the actuator has limits
     """
 
     members: tuple[int, ...] = ()
@@ -61,8 +51,6 @@ class Audit:
     changed: int | None = None
     verdicts: Mapping[str, Mapping[str, Changed]] = field(default_factory=dict)
     errors: Mapping[str, int] = field(default_factory=dict)
-    swinging: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
-    limited: bool = False
     why: str = ""
 
     @property
@@ -81,16 +69,6 @@ class Audit:
         if errors := {name: count for name, count in self.errors.items() if count}:
             counts = ", ".join(f"{count} of {name}" for name, count in errors.items())
             said.append(f"the largest |e| changed by more than {EQUAL_FIGURES_SHARE:.0%} in these members: {counts}")
-        if swinging := {name: found for name, found in self.swinging.items() if found}:
-            counts = ", ".join(f"{len(found)} of {name} (such as member {found[0]})" for name, found in swinging.items())
-            said.append(
-                f"of the same {len(self.members)} the demand swings from limit to limit of the actuator until the end: {counts}"
-            )
-        elif self.limited:
-            said.append(
-                f"of the same {len(self.members)} no demand swings between both saturation limits until the end; cycles within "
-                "them, or at a rate limit, are not looked for"
-            )
         return said
 
     @property
@@ -112,7 +90,6 @@ class Audit:
             "share": None if self.changed is None else self.changed / count,
             "verdicts": {name: {c: dict(vars(one)) for c, one in by.items()} for name, by in self.verdicts.items()},
             "errors": dict(self.errors),
-            "limit_to_limit": {name: list(found) for name, found in self.swinging.items()},
             "sentences": self.sentences,
         }
 
@@ -138,12 +115,12 @@ def audit(
     chosen = _chosen(evidence, count, study.plan.seed)
     try:
         plain = Study(study.varied, study.plan, settling=False)
-        before = _Rows(_run(plain, chosen, threads)[0], study, bounds)
+        before = _Rows(_run(plain, chosen, threads), study, bounds)
         finer = Study(Finer(study.varied, FINER_BY), study.plan, settling=False)
-        columns, swinging = _run(finer, chosen, threads, record=True)
+        columns = _run(finer, chosen, threads)
     except InputError as error:
         return Audit(why=str(error), of=len(study))
-    return _compared(chosen, before, _Rows(columns, study, bounds), swinging, study, evidence, requirements)
+    return _compared(chosen, before, _Rows(columns, study, bounds), study, evidence, requirements)
 
 
 def _affordable(study: Study) -> int:
@@ -189,45 +166,22 @@ class _Rows:
         return {name: float(values[place]) for name, values in self.columns.items()}
 
 
-def _run(
-    study: Study, numbers: Array, threads: int | None, *, record: bool = False
-) -> tuple[Columns, dict[str, tuple[int, ...]]]:
-    """All columns of these members; where they are recorded, also those that swing from limit to limit, by controllers."""
+def _run(study: Study, numbers: Array, threads: int | None) -> Columns:
+    """All columns of these members."""
     parts: list[StudyPart] = []
     figures: list[list[Figured]] = []
-    swinging: dict[str, list[int]] = {name: [] for name in study.controllers}
     for part in study.parts_for(numbers):
         simulation = part.setting.simulation
-        batches = batches_run(part.setting, part.members, record=record, threads=threads)
+        batches = batches_run(part.setting, part.members, threads=threads)
         parts.append(replace(part, members=()))
         figures.append([figured(batch, simulation, part.setting.terms, threads) for batch in batches])
-        if record:
-            cases = [study.varied.at(study.plan.values_for(numbers[[place]])[0]) for place in part.which]
-            for name, batch, found in zip(study.controllers, batches, figures[-1], strict=True):
-                which = _swinging(cases, batch, found.metrics)
-                swinging[name] += [int(numbers[place]) for place in part.which[which]]
-    return study.columns_for(numbers, parts, figures), {name: tuple(sorted(found)) for name, found in swinging.items()}
-
-
-def _swinging(cases: Sequence[Case], batch: Batch, metrics: Metrics) -> Array:
-    """(J,) truth values, of each member of a recorded batch."""
-    simulation = cases[0].simulation
-    blocks = batch.blocks(simulation)
-    t = simulation.time(np.append(blocks.starts, simulation.steps))
-    low, high = blocks.figure("u", "min"), blocks.figure("u", "max")
-    return np.array(
-        [
-            metrics.end_of(j) is None and rail_to_rail(case.problem, t, simulation.t_end, low[:, :, j], high[:, :, j]) is not None
-            for j, case in enumerate(cases)
-        ]
-    )
+    return study.columns_for(numbers, parts, figures)
 
 
 def _compared(
     chosen: Array,
     before: _Rows,
     after: _Rows,
-    swinging: Mapping[str, tuple[int, ...]],
     study: Study,
     evidence: Evidence,
     requirements: Sequence[Requirement],
@@ -251,6 +205,4 @@ def _compared(
         changed=int(changed.sum()),
         verdicts=found,
         errors=errors,
-        swinging=swinging,
-        limited=any(path.saturation is not None for path in study.example.problem.plant.paths),
     )

@@ -25,6 +25,7 @@ from barbalat.pictures.symbols import HELD_BLANK, number_text
 from barbalat.report.terminal import certificates, ledger, runs
 from barbalat.report.terminal.layout import Screen, capitalized, fold
 from barbalat.run.engine.simulate import simulate
+from barbalat.run.results.findings import Finding, Told, together
 from barbalat.run.results.outcome import DEMAND
 from barbalat.solvers import SOLVERS
 
@@ -84,6 +85,7 @@ FIGURE = PaperFigure(
 
 SCREENS = {
     **{f"run {name}": lambda screen, name=name: runs.show(screen, case(name).name, results(name)) for name in CASES},
+    **{f"run {name} --full": lambda screen, name=name: runs.show_full(screen, case(name).name, results(name)) for name in CASES},
     **{f"certify {name}": lambda s, name=name: certificates.show(s, name, *certified(name), 1e-3) for name in CASES},
     **{f"certify {name} --full": lambda s, name=name: certificates.show_full(s, name, *certified(name), 1e-3) for name in CASES},
     "claims": lambda screen: ledger.names(screen, [PAPER]),
@@ -109,6 +111,7 @@ def long_named():
 
 LONG_SCREENS = {
     "run": lambda screen: runs.show(screen, "long", long_named()[0]),
+    "run --full": lambda screen: runs.show_full(screen, "long", long_named()[0]),
     "certify": lambda screen: certificates.show(screen, "long", long_named()[1], long_named()[1].table, 1e-3),
     "certify --full": lambda screen: certificates.show_full(screen, "long", long_named()[1], long_named()[1].table, 1e-3),
 }
@@ -120,8 +123,8 @@ def test_a_long_name_stands_on_one_line_above_its_numbers(width, screen):
     lines = shown(width, LONG_SCREENS[screen]).splitlines()
     assert max(map(cell_len, lines)) <= width
     assert all(any(name in line for line in lines) for name in LONG)
-    if screen == "run" and width == 80:
-        assert all(lines.count(name) == 3 for name in LONG)  # of three tables
+    if screen == "run --full" and width == 80:
+        assert all(lines.count(name) == 4 for name in LONG)  # of four tables
         assert {"e_1", "theta_1"} < {line.split()[0] for k, line in enumerate(lines[1:]) if lines[k] in LONG}
 
 
@@ -154,11 +157,45 @@ def test_no_line_is_longer_and_nothing_is_broken(name, width):
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("name", CASES)
 def test_every_figure_of_a_run_is_there_as_one_word(name, width):
-    text = words(shown(width, SCREENS[f"run {name}"]))
+    text = words(shown(width, SCREENS[f"run {name} --full"]))
     for result in results(name):
         for key in ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "theta_hat_final"):
             value = result.figures[key]
             assert {number_text(v) for v in (value if isinstance(value, list) else [value])} <= text
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_short_screen_has_a_sentence_for_each_controller_and_room_on_one_page(name):
+    """Three controllers end in at most 30 lines, of which the command prints three more; nothing is said twice."""
+    text = shown(80, SCREENS[f"run {name}"])
+    lines, found = text.splitlines(), results(name)
+    assert len(lines) <= runs.MOST_LINES - runs.LINES_BEHIND + 2 * max(len(found) - 3, 0)
+    joined = " ".join(text.split())
+    assert all(f"{result.name}: {result.verdict}" in joined for result in found)
+    assert [joined.index(f"{result.name}: {result.verdict}") for result in found] == sorted(
+        joined.index(f"{result.name}: {result.verdict}") for result in found
+    )
+    for result in found:
+        assert any(line.startswith(result.name) and "|" not in line and ":" not in line for line in lines)  # the table's
+
+
+def test_findings_are_told_once_for_all_runs():
+    """One sentence for each kind, of whom it is said, and how many others there are with other numbers."""
+    one, other = Finding("on bounds", "theta_1 sits, 60 %"), Finding("on bounds", "theta_2 sits, 70 %")
+    held, still = Finding("record of a signal", "the command ends"), Finding("still", "it hardly adapts")
+    told = together({"A": [held, one, other], "B": [held, one], "C": [still, held]})
+    assert told == [
+        Told((), "the command ends"),
+        Told(("C",), "it hardly adapts"),
+        Told(("A", "B"), "theta_1 sits, 60 % (1 more of this kind)"),
+    ]
+
+
+def test_findings_without_room_are_counted():
+    found = [dataclasses.replace(result) for result in results("paper")]
+    text = shown(80, lambda screen: runs.show(screen, "paper", found, room=0))
+    assert "more: --full has all of them." in text
+    assert len(text.splitlines()) < len(shown(80, SCREENS["run paper"]).splitlines())
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -170,8 +207,8 @@ def test_every_name_is_on_one_line(width):
 
 
 def test_at_80_columns_a_controllers_component_has_one_line():
-    lines = shown(80, SCREENS["run paper"]).splitlines()
-    first = next(i for i, line in enumerate(lines) if line.startswith("Robust MRAC"))
+    lines = shown(80, SCREENS["run paper --full"]).splitlines()
+    first = next(i for i, line in enumerate(lines) if line.startswith("Robust MRAC  e_1"))
     assert [line.split()[:-4][-1] for line in (lines[first + k] for k in (0, 2, 4))] == ["e_1"] * 3
 
 
@@ -376,7 +413,7 @@ def test_a_unit_stays_with_its_number(text):
 
 def test_a_run_prints_every_warning_once():
     """What is the problem's belongs to all of its runs: here x_m settles at 40/3 r, for -A_m^-1 b = (10/3, 0)."""
-    text = " ".join(shown(80, SCREENS["run paper"]).split()).lower()
+    text = " ".join(shown(80, SCREENS["run paper --full"]).split()).lower()
     warnings = {(result.name, warning) for result in results("paper") for warning in result.warnings}
     assert any("13.33 times" in warning for _, warning in warnings)
     for _, warning in warnings:
@@ -389,7 +426,8 @@ def test_every_input_has_a_line_of_its_own():
     """Beside an error's component its size would be read as that one's."""
     found = load_case("satellite-spin")
     run = list(simulate(found.problem, found.controllers[:1], dataclasses.replace(found.simulation, t_end=1.0)).values())
-    lines = shown(80, lambda screen: runs.show(screen, "spin", run)).splitlines()
+    lines = shown(80, lambda screen: runs.show_full(screen, "spin", run)).splitlines()
+    lines = lines[: next(i for i, line in enumerate(lines) if line.startswith("Integrals"))]
     rows = {line.split("[")[0].split()[-1]: line.split() for line in lines if "[rad/s" in line}
     assert list(rows) == ["e_1", "e_2", "u_1", "u_2"]
     for i, value in enumerate(run[0].figures["max_abs_u"], start=1):

@@ -7,6 +7,7 @@ import pytest
 
 from barbalat import L1Adaptive, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Sampled, Simulation, input_filter, simulate
 from barbalat.cases.load import load_case
+from barbalat.judge.verdict import Class
 from barbalat.plants import PlantInput
 from barbalat.report.documents import run_block
 from barbalat.run.results.step_comparison import FinerStep, label
@@ -54,8 +55,8 @@ def test_an_oscillation_that_the_input_delay_makes_is_not_blamed_on_the_solver()
     # fast adaptation around a delay of 0.05 s swings at any step; at 1e-3 s the solver adds its own
     controller, problem = L1Adaptive(gamma=10.0, filter=input_filter(0.02)), delayed(0.05)
     result = checked(problem, controller, Simulation(t_end=20, dt=1e-3))
-    assert result.label is not None
-    assert result.check.origin == "both"
+    assert result.stiffness.unstable_from is not None and result.check.origin == "both"
+    assert result.label is None and result.verdict.settled  # of the same class at both steps
     finest = simulate(problem, [controller], Simulation(t_end=20, dt=2e-5))["L1"]  # finer than the check's own
     assert finest.label is None
     assert max(finest.figures["theta_hat_variation_rate"]) > 20  # more than a sweep of the box per second
@@ -65,8 +66,8 @@ def test_a_step_that_damps_the_loops_own_ringing():
     # just outside the region the tail is the same, but the method's damping has swallowed most of the path before it
     controller = L1Adaptive(gamma=1800.0, filter=input_filter(0.02))
     result = checked(PAPER, controller, Simulation(t_end=20, dt=1e-4))
-    assert result.label is not None
-    assert result.check.origin == "both"
+    assert result.stiffness.unstable_from is not None and result.check.origin == "both"
+    assert result.label is None and result.verdict.settled  # of the same class at both steps
     assert "their path in all rises" in result.check.sentence
     assert "in the tail" not in result.check.sentence
 
@@ -78,6 +79,7 @@ def test_a_label_without_consequences():
     (result,) = check_numerics({"MRAC": labelled}).values()
     assert result.check.origin == "loop"
     assert "the same within 10%" in result.check.sentence
+    assert result.label is None and not any(finding.kind == "solver" for finding in result.findings)
 
 
 @pytest.mark.parametrize("dt", [1e-4, 1e-3])
@@ -212,8 +214,58 @@ def test_no_solver_is_blamed_for_a_finite_escape(tmp_path):
 
 def test_a_divergence_that_a_finer_step_takes_away_is_the_solvers():
     check = FinerStep("solver", "the divergence is the solver's")
-    assert label(2.6, 2.7, check) == label(2.6, None, None) == "numerically unstable from t = 2.6 s"
-    assert "numerically unstable" not in label(2.6, 2.7, FinerStep("loop", "the loop's own"))
+    assert label(2.6, 2.7, Class.LOST, check) == label(2.6, None, Class.OFF, check) == "numerically unstable from t = 2.6 s"
+    assert "numerically unstable" not in label(2.6, 2.7, Class.LOST, FinerStep("loop", "the loop's own"))
     elsewhere = FinerStep("unsettled", "not settled", dt=1e-5, diverged_at=2.2)
-    assert "also" not in label(2.6, 2.7, elsewhere) and "not settled" in label(2.6, 2.7, elsewhere)
-    assert label(None, 2.7, None) is None
+    found = label(2.6, 2.7, Class.LOST, elsewhere)
+    assert "also" not in found and "not settled" in found
+    assert label(None, 2.7, Class.LOST, None) is None
+
+
+def test_to_leave_the_region_is_no_verdict():
+    """Without a finer step nothing is settled; one that finds the same class clears the run, another class is the solver's."""
+    assert "not settled" in label(2.6, None, Class.FOLLOWS, None)
+    for origin in ("loop", "both"):
+        assert label(2.6, None, Class.FOLLOWS, FinerStep(origin, "", kind=Class.FOLLOWS)) is None
+        assert "numerically unstable" in label(2.6, None, Class.FOLLOWS, FinerStep(origin, "", kind=Class.OFF))
+
+
+SAMPLED = """
+name = "sampled"
+[plant]
+transfer_function = { num = [2.0], den = [1.0, -1.0] }
+[plant.input]
+saturation = [-20.0, 20.0]
+[reference_model]
+transfer_function = { num = [3.0], den = [1.0, 3.0] }
+[reference]
+kind = "square"
+amplitude = 1.0
+frequency = 1.0
+[simulation]
+t_end = 30.0
+dt = 1e-3
+[[controller]]
+name = "Euler"
+scheme = "mrac-output"
+order = 1
+relative_degree = 1
+sign = 1
+law = { kind = "lyapunov", gamma = 5.0 }
+theta_hat0 = [0.0, 1.0]
+sample_time = 0.01
+discretization = "euler"
+"""
+
+
+def test_a_sound_sampled_run_is_not_called_unstable(tmp_path):
+    """The frozen map from sample to sample has a radius above 1; the run follows, as with a tenth of the sample time."""
+    path = tmp_path / "sampled.toml"
+    path.write_text(SAMPLED)
+    found = load_case(path)
+    coarse = simulate(found.problem, found.controllers, found.simulation)
+    assert coarse["Euler"].stiffness.radius_max > 1 and coarse["Euler"].verdict.settled is None
+    result = check_numerics(coarse)["Euler"]
+    assert result.label is None and result.verdict.settled
+    assert str(result.verdict) == "follows within 4.3 %"
+    assert "numerically unstable" not in result.numerics

@@ -184,7 +184,7 @@ class FrontCheck:
     tunings    their indices in the cloud
     changed    of them, those of which the finer step says something else, each with what
     unsettled  of them, those that leave the solver's region of stability at the finer step too, which settles nothing
-    swinging   of them, those whose demand swings from limit to limit of the actuator without any delay
+    swinging   of them, those that are limit cycles without any delay
     """
 
     scheme: str
@@ -210,9 +210,7 @@ class FrontCheck:
         if self.unsettled:
             said += f"; of {len(self.unsettled)} the finer run leaves the solver's region of stability too, which settles nothing"
         if self.swinging:
-            said += (
-                f"; the demand of {len(self.swinging)} swings from limit to limit of the actuator without any delay, uncounted"
-            )
+            said += f"; limit cycles without any delay, uncounted: {len(self.swinging)}"
         return said
 
     def as_json(self) -> dict[str, Any]:

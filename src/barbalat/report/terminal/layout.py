@@ -68,11 +68,12 @@ def console(*, to_standard_error: bool = False) -> Console:
 
 
 class Screen:
-    """Lines, labelled lines and tables on a console."""
+    """Lines, labelled lines and tables on a console; ``printed`` counts the lines so far."""
 
     def __init__(self, target: Console | None = None, *, longest: int = LONGEST_LINE) -> None:
         self.console = target or console()
         self.width = min(self.console.width, longest)
+        self.printed = 0
 
     def title(self, text: str, style: str = "bold") -> None:
         """A heading with an empty line above."""
@@ -81,8 +82,12 @@ class Screen:
 
     def line(self, text: str, style: str = "", indent: str = "", start: str = "") -> None:
         """A paragraph; its further lines are indented, the first one has its own ``start``."""
-        for line in fold(self._shown(text), self.width, indent, start):
+        for line in self.folded(text, indent, start):
             self._print(line, style)
+
+    def folded(self, text: str, indent: str = "", start: str = "") -> list[str]:
+        """The lines of a paragraph."""
+        return fold(self._shown(text), self.width, indent, start)
 
     def name(self, text: str) -> str:
         """A controller's name, as one word."""
@@ -107,6 +112,7 @@ class Screen:
         for i, line in enumerate(lines):
             before = start if i == 0 and start else hanging
             self.console.print(Text.assemble((before, style), line.replace(HELD_BLANK, " ")), soft_wrap=True)
+            self.printed += 1
 
     def table(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int = 1, left: Sequence[int] = ()) -> None:
         """A line for each row where that fits, else with the first entries above their rows, else a paragraph for each.
@@ -120,6 +126,7 @@ class Screen:
         table = _table(headings, shown, leads, left)
         if self._fits(table):
             self.console.print(table)
+            self.printed += len(self.console.render_lines(table, pad=False))
             return
         table = _table(headings, [["", *others] for _, *others in shown], leads, left)
         if self._fits(table):
@@ -135,6 +142,7 @@ class Screen:
         lines = self.console.render_lines(table, pad=False)
         before = len(lines) - len(names)
         self.console.print(SegmentLines(lines[:before], new_lines=True))
+        self.printed += len(lines)
         for name, line in zip(names, lines[before:], strict=True):
             if name:
                 self.line(name, indent="  ")
@@ -159,6 +167,7 @@ class Screen:
 
     def _print(self, line: str, style: str = "") -> None:
         self.console.print(Text(line.replace(HELD_BLANK, " "), style=style), soft_wrap=True)
+        self.printed += 1
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int, left: Sequence[int]) -> Table:

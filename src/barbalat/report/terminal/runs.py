@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from barbalat.judge.settings import component_names
 from barbalat.judge.verdict import Class
 from barbalat.pictures.symbols import number_text
 from barbalat.problem.labels import Labels, bracketed
 from barbalat.report.terminal.layout import Screen, capitalized, grouped
 from barbalat.run.results.adapting import Adapting
 from barbalat.run.results.estimates import estimates_of
+from barbalat.run.results.findings import together
 from barbalat.run.results.outcome import about_u
 from barbalat.run.results.result import Result
 from barbalat.validate import counted
@@ -18,13 +20,27 @@ LABEL_COLUMNS = 24
 """Columns of a label beside a paragraph."""
 
 
-def show(screen: Screen, case: str, results: Sequence[Result]) -> None:
+MOST_LINES = 30
+"""Of the short screen at 80 columns for up to three controllers; findings that have no room are counted."""
+LINES_BEHIND = 3
+"""Of them, those that say where everything is."""
+FEWEST_FINDING_LINES = 4
+"""For the findings, however many controllers there are."""
+
+
+def show(screen: Screen, case: str, results: Sequence[Result], room: int = MOST_LINES - LINES_BEHIND) -> None:
+    """A sentence for each controller, one table, and the findings, each once: what fits so many lines at 80 columns."""
+    _head(screen, case, results)
+    _worst(screen, results)
+    _told_together(screen, results, room)
+
+
+def show_full(screen: Screen, case: str, results: Sequence[Result]) -> None:
     """The whole screen, but for where the files are."""
-    simulation = results[0].simulation
-    count = "one controller" if len(results) == 1 else f"{len(results)} controllers"
-    screen.line(f"{case}: {count}, {simulation.t_end:g} s, {simulation.solver.name} with h = {simulation.dt:g} s", "bold")
-    _verdicts(screen, results)
+    _head(screen, case, results)
+    _bands(screen, results)
     _tracking(screen, results)
+    _responses(screen, results)
     adapting = [(result, result.adapting) for result in results if result.adapting is not None]
     if adapting:
         _estimates(screen, adapting)
@@ -32,14 +48,68 @@ def show(screen: Screen, case: str, results: Sequence[Result]) -> None:
     _findings(screen, results)
 
 
-VERDICT_STYLES = {Class.LOST: "red", Class.CYCLE: "red", Class.OFF: "yellow", Class.FOLLOWS: "green"}
-
-
-def _verdicts(screen: Screen, results: Sequence[Result]) -> None:
-    """One sentence for each controller, before anything else."""
+def _head(screen: Screen, case: str, results: Sequence[Result]) -> None:
+    """What was simulated, and one sentence for each controller, before anything else."""
+    simulation = results[0].simulation
+    count = "one controller" if len(results) == 1 else f"{len(results)} controllers"
+    screen.line(f"{case}: {count}, {simulation.t_end:g} s, {simulation.solver.name} with h = {simulation.dt:g} s", "bold")
     for result in results:
         if (verdict := result.verdict) is not None:
             screen.line(f"{screen.name(result.name)}: {verdict}", VERDICT_STYLES[verdict.kind], "  ")
+
+
+def _worst(screen: Screen, results: Sequence[Result]) -> None:
+    """A line for each controller: the component that is worst against its own band, and the control."""
+    labels, names = results[0].problem.labels or Labels(), component_names(results[0].problem)
+    measured = any(_values(result, "max_abs_y") for result in results)
+    unit = labels.unit(0) if len(names) == 1 else ""
+    headings = [
+        "controller",
+        *([] if len(names) == 1 else ["worst in"]),
+        f"max |e|\n{unit}".rstrip(),
+        "RMS e",
+        "max |e|\nin the tail",
+    ]
+    headings += ["band", f"max |u|\n{labels.every_input_unit}".rstrip(), *(["max |y|"] if measured else [])]
+    rows = []
+    for result in results:
+        verdict = result.verdict
+        i = 0 if verdict is None else names.index(verdict.component)
+        errors = [_at(_values(result, key), i) for key in ("max_abs_e", "rms_e", "tail_max_abs_e")]
+        whose = [] if len(names) == 1 else [f"{names[i]} {labels.unit(i)}".rstrip()]
+        y = [_at(_values(result, "max_abs_y"), 0)] if measured else []
+        band = "-" if verdict is None else f"{verdict.band:.3g}"
+        controls = number_text(result.figures["max_abs_u"])
+        rows.append([screen.name(result.name), *whose, *errors, band, controls, *y])
+    screen.line("")
+    screen.table(headings, rows, leads=1 if len(names) == 1 else 2)
+    if (said := about_u(results[0].problem)) is not None:
+        screen.line(said, "dim")
+
+
+def _told_together(screen: Screen, results: Sequence[Result], room: int) -> None:
+    """Each finding once, as many whole ones as there is room for."""
+    told = together({screen.name(result.name): result.findings for result in results})
+    if not told:
+        return
+    screen.title("Findings")
+    left = max(room - screen.printed, FEWEST_FINDING_LINES)
+    for k, one in enumerate(told):
+        owners = f"{', '.join(one.owners)}: " if one.owners and len(results) > 1 else ""
+        text = f"{owners}{one.text}." if owners else _sentence(one.text)
+        lines, rest = len(screen.folded(text, "    ", "  ")), len(told) - k - 1
+        if lines + (rest > 0) > left and k:
+            screen.line(f"{counted(rest + 1, 'finding')} more: --full has all of them.", "yellow", "    ", "  ")
+            return
+        screen.line(text, "yellow", "    ", "  ")
+        left -= lines
+
+
+VERDICT_STYLES = {Class.LOST: "red", Class.CYCLE: "red", Class.OFF: "yellow", Class.FOLLOWS: "green"}
+
+
+def _bands(screen: Screen, results: Sequence[Result]) -> None:
+    """What the verdicts were judged by."""
     for bands in dict.fromkeys(result.verdict.bands for result in results if result.verdict is not None):
         screen.line(f"in the tail {bands}", "dim", "  ")
 
@@ -69,6 +139,34 @@ def _tracking(screen: Screen, results: Sequence[Result]) -> None:
     for result in results:
         if result.diverged_at is not None:
             screen.line(f"{screen.name(result.name)}: diverged at t = {result.diverged_at:.6g} s", "red", "  ")
+
+
+def _responses(screen: Screen, results: Sequence[Result]) -> None:
+    """The responses to the command's steps, and what the control did."""
+    found = [(result, result.verdict.figures) for result in results if result.verdict is not None and result.verdict.figures]
+    if not found:
+        return
+    screen.title("Integrals of the error, the control's path, and responses to the command's steps")
+    names, rows = component_names(results[0].problem), []
+    for result, figures in found:
+        for i, component in enumerate(names):
+            one = figures.responses.get(component)
+            response = (
+                ["", "", ""] if one is None else [f"{one.Overshoot:.3g} %", _seconds(one.RiseTime), _seconds(one.SettlingTime)]
+            )
+            control = [number_text(figures.activity[i]), str(figures.reversals[i])] if i < len(figures.activity) else ["", ""]
+            rows.append(
+                [screen.name(result.name), component, *map(number_text, (figures.IAE[i], figures.ITAE[i])), *control, *response]
+            )
+    moving = any(figures.responses for _, figures in found)
+    headings = ["controller", "", "IAE", "ITAE", "int |u'|", "rever-\nsals", "over-\nshoot", "rise", "settling"]
+    screen.table(headings if moving else headings[:6], grouped([row if moving else row[:6] for row in rows]), leads=2)
+    if moving:
+        screen.line("the worst over all steps of the command; settling into the judge's band; -: not before the next step", "dim")
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g} s"
 
 
 def _estimates(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> None:

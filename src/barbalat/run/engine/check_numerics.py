@@ -1,4 +1,4 @@
-"""Every labelled run once more at a finer step: is what it shows the solver's or the loop's?"""
+"""Every run that left its region of stability once more at a finer step: is what it shows the solver's or the loop's?"""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def check_numerics(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Results:
-    """The results again, where each one that is labelled *numerically unstable* comes with a ``check``, see FinerStep.
+    """The results again, where each one that left its region of stability comes with a ``check``, see FinerStep.
 
     The run is repeated at a tenth of its step, then at a hundredth and a thousandth while that leaves the region too. A finer
     run takes at most ``afforded_steps``, and no more than the budget allows: where that does not reach t_end, both steps are
@@ -43,7 +43,7 @@ def check_numerics(
     asked = validate.whole("afforded_steps", afforded_steps, least=1)
     afforded_steps = min([asked, *(steps_within(one.problem, [one.loop], one.simulation, asked) for one in results.values())])
     checked = dict(results)
-    pending = {name: result for name, result in results.items() if result.label is not None}
+    pending = {name: result for name, result in results.items() if result.stiffness.unstable_from is not None}
     finest: dict[str, Seen] = {}
     done = 0.0
     for factor in FINER_BY:

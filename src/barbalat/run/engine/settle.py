@@ -18,7 +18,7 @@ from barbalat.run.results.result import Result, Results
 def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
     """The same results; each one that is not examined, ``verdict.settled`` being None, has the class of a finer step.
 
-    What is labelled numerically unstable is the matter of ``check_numerics``. A run stays as it is where no factor that is tried
+    What left its region of stability is the matter of ``check_numerics``. A run stays as it is where no factor that is tried
     resolves it, or where the finer one would take more steps than ``afforded_steps``, or than the budget allows.
     """
     settled, pending = dict(results), [name for name, one in results.items() if _open(one, afforded_steps)]
@@ -29,7 +29,8 @@ def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEP
 
 def _open(result: Result, afforded: int) -> bool:
     verdict, steps = result.verdict, result.simulation.steps * result.finer_by
-    if verdict is None or verdict.settled is not None or not np.isfinite(steps) or steps > afforded:
+    examined = verdict is None or verdict.settled is not None or result.stiffness.unstable_from is not None
+    if examined or not np.isfinite(steps) or steps > afforded:
         return False
     return steps_within(result.problem, [result.loop], result.simulation, int(steps)) >= steps
 

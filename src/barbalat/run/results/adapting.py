@@ -18,6 +18,7 @@ from barbalat.loop.packing import column, symbols
 from barbalat.loop.true_values import estimate_set
 from barbalat.problem.known_set import EstimateSet, ParameterBox
 from barbalat.roles import Estimating, hatted
+from barbalat.run.results.findings import Finding
 from barbalat.validate import Array
 
 WINDOWS_OF_A_RUN = 40
@@ -118,7 +119,12 @@ class Adapting:
     on_bounds: OnBounds | None
     on_sphere: float | None
     excitation: Excitation | None
-    warnings: tuple[str, ...]
+    findings: tuple[Finding, ...]
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a user should not overlook, as sentences."""
+        return tuple(finding.sentence for finding in self.findings)
 
     @property
     def on_bounds_text(self) -> str:
@@ -174,8 +180,8 @@ def adapting(
         on_bounds=bounds,
         on_sphere=sphere,
         excitation=found,
-        warnings=tuple(
-            _warnings(names, path, 0.0 if theta is None else float(np.linalg.norm(theta_hat[0] - theta)), bounds, sphere, found)
+        findings=tuple(
+            _findings(names, path, 0.0 if theta is None else float(np.linalg.norm(theta_hat[0] - theta)), bounds, sphere, found)
         ),
     )
 
@@ -233,36 +239,46 @@ def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
     return OnBounds(least, most, swept, first)
 
 
-def _warnings(
+def _findings(
     names: Sequence[str], path: Array, error: float, bounds: OnBounds | None, sphere: float | None, found: Excitation | None
-) -> list[str]:
-    """One sentence for each thing that a user should not overlook."""
-    warnings = []
+) -> list[Finding]:
+    """One for each thing that a user should not overlook."""
+    findings = []
     if error > 0 and np.linalg.norm(path) < STILL_SHARE * error:
         share = f"{np.linalg.norm(path) / error:.1g}"
-        warnings.append(f"it hardly adapts: in all the estimates moved by {share} of the error they started with")
+        findings.append(
+            Finding("still", f"it hardly adapts: in all the estimates moved by {share} of the error they started with")
+        )
     if bounds is not None:
         for name, least, most, swept, _ in zip(names, *bounds, strict=True):
             if swept > SWEPT_SHARE:
-                warnings.append(
-                    f"{name} meets both of its bounds within single recorded intervals {100 * swept:.0f} % of the time"
-                )
+                often = f"within single recorded intervals {100 * swept:.0f} % of the time"
+                findings.append(Finding("between bounds", f"{name} meets both of its bounds {often}"))
             elif least > LONG_SHARE:
-                warnings.append(f"{name} sits on its projection bounds, {share_text(least, most)} of the time")
+                often = f"{share_text(least, most)} of the time"
+                findings.append(Finding("on bounds", f"{name} sits on its projection bounds, {often}"))
     if sphere is not None and sphere > LONG_SHARE:
-        warnings.append(f"the estimates sit on the surface of the known set at {100 * sphere:.0f} % of the recorded instants")
-    if found is not None and found.fading < UNEXCITED_RATIO:
-        warnings.append(f"the regressor has died out: in the tail its mean square is {found.fading:.1g} of its largest")
-    elif found is not None and found.conditioning < UNEXCITED_RATIO:
-        warnings.append(
+        often = f"at {100 * sphere:.0f} % of the recorded instants"
+        findings.append(Finding("on bounds", f"the estimates sit on the surface of the known set {often}"))
+    said = None if found is None else _said_of(found)
+    return findings if said is None else [*findings, said]
+
+
+def _said_of(found: Excitation) -> Finding | None:
+    """What of the excitation a user should not overlook."""
+    if found.fading < UNEXCITED_RATIO:
+        faded = f"in the tail its mean square is {found.fading:.1g} of its largest"
+        return Finding("excitation", f"the regressor has died out: {faded}")
+    if found.conditioning < UNEXCITED_RATIO:
+        return Finding(
+            "excitation",
             f"in the tail the regressor does not excite every direction (scaled level {found.conditioning:.1g}): "
-            "there the estimates need not converge to the true values"
+            "there the estimates need not converge to the true values",
         )
-    elif found is not None and found.sampling > COARSE_SAMPLING:
-        warnings.append(
-            "the record is coarse for the regressor, and the excitation level uncertain: give more simulation.record_points"
-        )
-    return warnings
+    if found.sampling > COARSE_SAMPLING:
+        coarse = "the record is coarse for the regressor, and the excitation level uncertain: give more simulation.record_points"
+        return Finding("coarse record", coarse)
+    return None
 
 
 def share_text(least: float, most: float) -> str:

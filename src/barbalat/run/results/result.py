@@ -15,14 +15,13 @@ from barbalat.judge.settings import Judge
 from barbalat.judge.verdict import Class, Verdict
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.true_values import not_the_parameters, true_values
-from barbalat.problem.command_gain import command_warning
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BreakingSignal, Controller
 from barbalat.roles import StatePart, column_names, entry_names
 from barbalat.run.kernel.breaks import LostOrder
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.results.adapting import Adapting, adapting, regressor_along
-from barbalat.run.results.findings import RailToRail, Runaway, rail_to_rail, runaway
+from barbalat.run.results.findings import Finding, of_problem
 from barbalat.run.results.outcome import html_of, outcome, outcome_in_brief
 from barbalat.run.results.spectrum import SolverDamping, Stiffness
 from barbalat.run.results.step_comparison import FinerStep, label
@@ -69,7 +68,7 @@ class Result:
     stiffness         the largest h |eigenvalue| found along the run, and since when the solver itself was unstable
     lost              what jumps and corners inside of steps cost, where a step can't be split there, the motion's own among them;
                       None where nothing is lost
-    check             what a finer step says of a run that is labelled numerically unstable, from ``check_numerics``
+    check             what a finer step says of a run that left its region of stability, from ``check_numerics``
     judged            the verdict without what is known of the solver; None for a run that nobody judged
     judge             what it was judged by
     finer_by          how much smaller a step resolves all oscillations of the run; 1 where its own does, NaN where nobody knows
@@ -131,11 +130,13 @@ class Result:
 
     @property
     def label(self) -> str | None:
-        """ "numerically unstable from t = ..." for a run that left its solver's, or its sampled law's, region of stability.
+        """What is to be said of a run that left its solver's, or its sampled law's, region of stability; None for any other.
 
-        Of a run that diverged it says so, and with a ``check`` whether finer steps diverge too.
+        "numerically unstable from t = ..." where the ``check``, a finer step, does without what it shows; None where that finds
+        the same; without a check that it is not settled.
         """
-        return label(self.stiffness.unstable_from, self.diverged_at, self.check)
+        kind = None if self.judged is None else self.judged.kind
+        return label(self.stiffness.unstable_from, self.diverged_at, kind, self.check)
 
     @property
     def verdict(self) -> Verdict | None:
@@ -148,7 +149,7 @@ class Result:
             return None
         settled: bool | None = True
         if self.stiffness.unstable_from is not None:
-            settled = self.check is not None and self.check.kind is self.judged.kind
+            settled = None if self.check is None else self.check.kind is self.judged.kind
         elif not self.finer_by <= 1:
             settled = None if self.finer_kind is None else self.finer_kind is self.judged.kind
         return replace(self.judged, settled=settled)
@@ -182,30 +183,30 @@ class Result:
         phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
         found = adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
         others = not_the_parameters(self.problem, loop)
-        return found if others is None else replace(found, warnings=(others, *found.warnings))
+        return found if others is None else replace(found, findings=(Finding("true values", others), *found.findings))
 
-    @cached_property
-    def rails(self) -> RailToRail | None:
-        """What swings from limit to limit of the actuator until the run ends; None where nothing does."""
-        if self.diverged_at is not None:
-            return None
-        return rail_to_rail(self.problem, self.t, self.simulation.t_end, self.envelope.u_min, self.envelope.u_max)
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What of the numerics, of the problem and of this run deserves a second look."""
+        own = self.check is None or (self.label is None and self.check.origin == "loop")  # then a finer step shows nothing else
+        outside = "; ".join(filter(None, (self.label, None if own or self.check is None else self.check.sentence)))
+        numeric = {
+            "solver": outside or None,
+            "damping": None if self.damping is None else self.damping.sentence,
+            "order": None if self.lost is None else self.lost.sentence,
+        }
+        found = [Finding(kind, sentence) for kind, sentence in numeric.items() if sentence is not None]
+        return (*found, *self._others)
 
-    @cached_property
-    def runaway(self) -> Runaway | None:
-        """Whether |e| grows out of all proportion to the end, short of ``diverged_at``; None where it does not."""
-        if self.diverged_at is not None:
-            return None
-        least, greatest = (np.vstack([found, self.e[-1]]) for found in (self.envelope.e_min, self.envelope.e_max))
-        return runaway(least, greatest, (self.x if self.y is None else self.y[:, None]) - self.e)
+    @property
+    def _others(self) -> tuple[Finding, ...]:
+        of_run = () if self.adapting is None else self.adapting.findings
+        return (*of_problem(self.problem, self.simulation.t_end), *of_run)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What of the problem and of this run deserves a second look, as sentences."""
-        gone = None if self.runaway is None else self.runaway.sentence
-        rails = None if self.rails is None else self.rails.sentence
-        found = (gone, command_warning(self.problem), self.problem.outside_known_set, rails)
-        return (*filter(None, found), *(() if self.adapting is None else self.adapting.warnings))
+        """What of the problem and of this run deserves a second look, as sentences; what the numerics say is in ``numerics``."""
+        return tuple(finding.sentence for finding in self._others)
 
     def __repr__(self) -> str:
         simulation = self.simulation

@@ -161,23 +161,23 @@ def _text(values: Array) -> str:
     return ", ".join(f"{v:.3g}" for v in np.atleast_1d(values))
 
 
-def label(unstable_from: float | None, diverged_at: float | None, check: FinerStep | None) -> str | None:
-    """None for a run that stayed inside. Times in s; ``check`` is what a finer step says, if one was run.
+def label(unstable_from: float | None, diverged_at: float | None, kind: Class | None, check: FinerStep | None) -> str | None:
+    """None for a run that stayed inside, or whose class, ``kind``, a finer step finds too and shows no less. Times in s.
 
-    A true finite escape leaves every step's region of stability just before it: neither the exit nor a finer step that exits too
-    says whose the divergence is.
+    That a run left the region makes it a suspect; what it shows is the solver's where ``check``, what a finer step says, does
+    without it. A true finite escape leaves every step's region of stability just before it: neither the exit nor a finer step
+    that exits too says whose the divergence is.
     """
     if unstable_from is None:
         return None
-    exit_text = f"numerically unstable from t = {unstable_from:.4g} s"
-    if diverged_at is None or (check is not None and check.origin == "solver"):
-        return exit_text
-    diverges = f"diverges at t = {diverged_at:.4g} s"
-    outside = f"outside the solver's region of stability from t = {unstable_from:.4g} s"
+    outside = f"outside the region of stability from t = {unstable_from:.4g} s"
+    diverges = "" if diverged_at is None else f"diverges at t = {diverged_at:.4g} s, "
     if check is None:
-        return f"{diverges}, {outside}: not settled whose it is without a finer step (check_numerics)"
+        return f"{diverges}{outside}, not settled without a finer step (check_numerics)"
+    if check.origin == "solver" or (diverged_at is None and check.kind is not None and check.kind is not kind):
+        return f"numerically unstable from t = {unstable_from:.4g} s"
     if check.origin != "unsettled":
-        return f"{diverges}, {outside}"
-    if check.diverged_at is not None and at_the_same_time(diverged_at, check.diverged_at):
-        return f"{diverges}, also at h = {check.dt:g} s: not settled whose it is"
-    return f"{diverges}, {outside}: not settled whose it is"
+        return None if diverged_at is None else f"{diverges}{outside}"
+    if diverged_at is not None and check.diverged_at is not None and at_the_same_time(diverged_at, check.diverged_at):
+        return f"{diverges}also at h = {check.dt:g} s: not settled whose it is"
+    return f"{diverges}{outside}: not settled whose it is"
