@@ -94,7 +94,7 @@ def test_run_writes_everything(case_file, tmp_path, capsys):
     assert header == "t,x_1,x_2,x_m_1,x_m_2,e_1,e_2,theta_hat_1,theta_hat_2,u,r,x_hat_1,x_hat_2,filter_1"
     predictor, filtered = [1, 1], [0]  # the predictor starts at x0, the filter at rest
     assert [float(x) for x in first.split(",")] == [0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, *predictor, *filtered]
-    assert "written to" in capsys.readouterr().out
+    assert f"page: {out}" in capsys.readouterr().out
     assert all(math.isfinite(x) for x in numbers(json.loads((out / "run.json").read_text())))
 
 

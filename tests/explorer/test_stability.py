@@ -14,6 +14,7 @@ from barbalat import simulate
 from barbalat.cases.load import CaseText
 from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.source import TextSource
+from barbalat.judge.verdict import percent
 
 NODE = shutil.which("node")
 SCRIPT = Path(__file__).parent / "judged.mjs"
@@ -104,7 +105,7 @@ def judged(text: str, folder: Path) -> tuple[dict, dict]:
     templates = resources.files("barbalat.explorer") / "templates"
     said = subprocess.run([NODE, SCRIPT, str(templates), data], check=True, capture_output=True, text=True).stdout
     case = page.source.at({})
-    return json.loads(said), simulate(case.problem, case.controllers, case.simulation)
+    return json.loads(said), simulate(case.problem, case.controllers, case.simulation, judge=case.judge)
 
 
 def compare(said: dict, runs: dict) -> None:
@@ -113,10 +114,7 @@ def compare(said: dict, runs: dict) -> None:
         if said[name]["numerics"] is not None:
             assert said[name]["numerics"]["hLambda"] == pytest.approx(run.stiffness.h_lambda_max, rel=EIGENVALUES_WITHIN)
             assert said[name]["numerics"]["unstable"] == run.stiffness.unstable_from
-        found = said[name]["runaway"]
-        assert (found is None) == (run.runaway is None)
-        if run.runaway is not None:
-            assert found == pytest.approx(run.runaway.as_json(), rel=1e-9)
+        assert said[name]["verdict"]["sentence"] == str(run.judged)
 
 
 def test_a_divergence_of_the_loops_is_not_the_solvers(tmp_path):
@@ -183,26 +181,79 @@ sign = 1
 law = { kind = "lyapunov", gamma = 1.0 }
 theta_hat0 = [-2.0, 1.0]
 """
-END = """
-const { endOf, runawayText } = await import(process.argv[1]);
-const run = JSON.parse(process.argv[2]);
-const other = { figures: { diverged_at: null }, runaway: null };
-process.stdout.write(JSON.stringify([endOf(run, 15), endOf(other, 15), runawayText(run.runaway)]));
+CYCLE = """
+name = "swings from limit to limit"
+[plant]
+A = [[0.0, 1.0], [0.0, -1.0]]
+b = [0.0, 5.0]
+[plant.input]
+delay = 0.15
+saturation = [-2.0, 2.0]
+[reference_model]
+A_m = [[0.0, 1.0], [-9.0, -4.2]]
+k_0 = 1.8
+[reference]
+kind = "square"
+amplitude = 1.0
+frequency = 0.5
+[sensor.noise]
+std = [0.001, 0.001]
+sample_time = 0.01
+[simulation]
+t_end = 20.0
+dt = 1e-3
+[labels]
+input_units = ["V"]
+[[controller]]
+name = "cycles"
+scheme = "mrac"
+gamma = 50.0
 """
 
 
 @pytest.mark.parametrize("text", [UNSTABLE, OUTPUT], ids=["of the state", "of the output"])
-def test_a_run_that_runs_away_is_said_to(text, tmp_path):
-    """By a run's own test and in its words; of a run that does neither, no more is said than was seen."""
+def test_a_run_that_is_lost_is_said_to_be(text, tmp_path):
+    """In the words of a run; neither has diverged."""
     said, runs = judged(text, tmp_path)
     compare(said, runs)
     run = runs["runs away"]
-    assert run.diverged_at is None and run.runaway is not None
-    table = (resources.files("barbalat.explorer") / "templates" / "table.js").as_uri()
-    command = [NODE, "--input-type=module", "-e", END, table, json.dumps(said["runs away"])]
-    away, bounded, sentence = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
-    assert "runs away" in away and "bounded" not in away + bounded and "up to 15 s" in bounded
-    assert sentence.replace("e+", "e+0") == run.runaway.sentence
+    assert run.diverged_at is None and said["runs away"]["verdict"]["kind"] == "lost" == run.verdict.kind
+
+
+def test_a_limit_cycle_is_found_on_the_page(tmp_path):
+    """With everything held, past the page's own end: amplitude and frequency are those of the run."""
+    said, runs = judged(CYCLE, tmp_path)
+    compare(said, runs)
+    found, cycle = said["cycles"]["verdict"], runs["cycles"].verdict.cycle
+    assert found["kind"] == "limit cycle" and "±2 V" in found["sentence"]
+    assert found["cycle"]["amplitude"] == cycle.amplitude and found["cycle"]["frequency"] == pytest.approx(
+        cycle.frequency, rel=1e-9
+    )
+
+
+def test_bands_of_the_case_are_the_pages(tmp_path):
+    bands = "[judge]\nfollows = { x_1 = 100.0, x_2 = 100.0 }\nlost = { x_1 = 1e4 }\n"
+    said, runs = judged(L1.replace("gamma = 1e4", "gamma = 10.0").replace("[simulation]", f"{bands}[simulation]"), tmp_path)
+    compare(said, runs)
+    assert [one["verdict"]["kind"] for one in said.values()] == ["follows", "follows"]
+
+
+NUMBERS = """
+const { brief, percent } = await import(process.argv[1]);
+const values = JSON.parse(process.argv[2]);
+process.stdout.write(JSON.stringify([values.map((v) => brief(v)), values.map((v) => brief(v, 4)), values.map(percent)]));
+"""
+
+
+def test_numbers_are_written_as_a_run_writes_them():
+    """Python's %g, and shares with two digits."""
+    values = [0.0, 1.0, 62.345, 0.00012345, 1.2345e-5, 9.996, 99.95, 999.6, 1234.5, 1e5, 123456.0, 0.104]
+    values += [0.0996, 2.5e-4, 1.8, 0.125, 0.135, 2.5]
+    judge = (resources.files("barbalat.explorer") / "templates" / "judge.js").as_uri()
+    command = [NODE, "--input-type=module", "-e", NUMBERS, judge, json.dumps(values)]
+    three, four, shares = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    assert three == [f"{value:.3g}" for value in values] and four == [f"{value:.4g}" for value in values]
+    assert shares == [percent(value) if value else "0 %" for value in values]
 
 
 SCALE = """

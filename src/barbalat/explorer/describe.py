@@ -13,6 +13,7 @@ from barbalat.cases.build import Case
 from barbalat.explorer.commands import HORIZON_FACTORS, breaks_anywhere, grids_of, is_computed, points_of, smooth_module
 from barbalat.explorer.condition import condition_of
 from barbalat.explorer.encoded import doubles
+from barbalat.explorer.judging import kept, rules
 from barbalat.explorer.sliders import DELAY_PATH, GRID_KEYS, Slider, Sliders, Variant
 from barbalat.explorer.source import Source
 from barbalat.loop.closed_loop import ClosedLoop
@@ -28,12 +29,14 @@ from barbalat.open_numbers.probe import Target
 from barbalat.pictures.symbols import estimated
 from barbalat.problem.command_gain import commanded, gains_at_rest
 from barbalat.protocols import DiscretizedEquations
+from barbalat.run.engine.judging import watched_in_sweeps
 from barbalat.run.engine.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
 from barbalat.run.kernel import delay
 from barbalat.run.kernel.members import Members
 from barbalat.run.kernel.metrics import Accumulators
 from barbalat.run.kernel.template import Template
 from barbalat.run.results.estimates import MOST_REPORTED
+from barbalat.run.results.outcome import about_u
 from barbalat.solvers import SOLVERS, Tableau
 from barbalat.validate import InputError
 
@@ -110,7 +113,7 @@ class Described:
             "controllers": [self._controller(i) for i in range(len(self.case.controllers))],
             "case_file": self.source.case_file(self.slots(), self.toggles),
             "own_file": self.source.own_file,
-            "toggles": list(self.toggles), "watching": WATCHING,
+            "toggles": list(self.toggles), "watching": WATCHING, "judge": rules(self.case), "about_u": about_u(problem),
         }  # fmt: skip
 
     def slots(self) -> list[FieldPath]:
@@ -170,16 +173,17 @@ class Described:
                 for j, effect in effects
                 if not effect.nothing
             },
-            "modules": {name: _module(target, name) for name in SOLVERS}, "spectrum": spectrum_of(target),
+            "modules": {name: _module(self.case, target, name) for name in SOLVERS}, "spectrum": spectrum_of(target),
         }  # fmt: skip
 
 
-def _module(target: Target, solver: str) -> str:
+def _module(case: Case, target: Target, solver: str) -> str:
     reader = target.family.reader
     simulation = replace(reader.simulation, solver=SOLVERS[solver])
     alone = Case(reader.problem, (reader.controller,), simulation)
     made = Target.of(alone, 0, simulation)
-    program = made.family.reader.members(WATCHING["windows"] if judged(made) else 0).program
+    watching = replace(made.family.reader, watched=watched_in_sweeps(case.judge))
+    program = watching.members(WATCHING["windows"] if judged(made) else 0).program
     assert program.accumulators is not None
     module = module_of(program.program, program.shape, program.accumulators.resets, program.sample, program.watch)
     return base64.b64encode(module).decode()
@@ -236,6 +240,7 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
     """What the page shows of one controller: sizes, rows of the states and accumulators, panels."""
     loop, shape, accumulators = members.loop, members.program.shape, members.program.accumulators
     assert isinstance(accumulators, Accumulators)
+    memory = watched_in_sweeps(case.judge).memory(loop)
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
     rows = loop.theta_hat_rows
     gains, true = gains_at_rest(case.problem), true_values(case.problem, loop)
@@ -245,7 +250,7 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
     ]
     return {
         "shape": {
-            "states": shape.states, "accumulators": shape.accumulators, "pieces": shape.in_pieces,
+            "states": shape.states + len(memory.begins), "accumulators": shape.accumulators, "pieces": shape.in_pieces,
             "commands": loop.commands or 1, "delayed": shape.delayed,
         },
         "rhythm": members.rhythm.sample_every and float(loop.sample_time or 0.0),
@@ -253,19 +258,13 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
         "theta_hat": [rows.start, rows.stop],
         "x": [int(i) for i in marked.x.reshape(-1)], "x_m": [int(i) for i in marked.x_m.reshape(-1)],
         "output": loop.measured_outputs > 0, "panels": panels,
-        "model": {"rows": [int(i) for i in marked.x_m.reshape(-1)], "weights": _output_weights(loop)},
+        "model": {"rows": [int(i) for i in marked.x_m.reshape(-1)]}, "judge": kept(case, loop),
         "true": None if true is None else [float(v) for v in true],
         "estimates": [estimated(name) for name in estimate_names(loop)],
         "reported": {part.name: [*range(part.rows.start, part.rows.stop)] for part in loop.other_estimates},
         "beside": _beside(case, loop),
         "past": None if members.history is None else members.history[:, 0].tolist(),
     }  # fmt: skip
-
-
-def _output_weights(loop: ClosedLoop) -> list[float] | None:
-    """By which the model's output follows from its states; None where it is the states."""
-    states = len(loop.model.x0)
-    return [float(loop.model.output(unit)) for unit in np.eye(states)] if loop.measured_outputs else None
 
 
 def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:

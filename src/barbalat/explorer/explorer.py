@@ -132,9 +132,9 @@ WORKER_FILES = (
     "kernel.js",
     "noise.js",
     "figures.js",
-    "runaway.js",
     "spectrum.js",
     "stability.js",
+    "judge.js",
     "impulse.js",
     "worker.js",
 )

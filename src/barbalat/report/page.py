@@ -33,6 +33,7 @@ from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
 from barbalat.report.notation import mathematics
 from barbalat.report.sweep import WorstMember, extremes, in_symbols, shares, varied
+from barbalat.run.results.findings import Told, together
 from barbalat.run.results.outcome import about_u, ends_of, units_of
 from barbalat.run.results.result import Result
 from barbalat.sweeps.evidence import DIVERGES, EXAMINED
@@ -56,6 +57,11 @@ def figure_columns(results: Iterable[Result]) -> dict[str, str]:
     """The columns of a table of runs, with the units that their case has told."""
     units = units_of(next(iter(results)).problem.labels)
     return {name: f"{heading} {units.get(name, '')}".rstrip() for name, heading in FIGURE_COLUMNS.items()}
+
+
+def told(results: Iterable[Result]) -> list[Told]:
+    """The findings of runs, each once."""
+    return together({result.name: result.findings for result in results})
 
 
 LARGEST_PAGE_BYTES = 500_000
@@ -226,6 +232,7 @@ def _templates() -> Environment:
     environment.filters |= {
         "number": number_text,
         "about_u": about_u,
+        "told": told,
         "ends": partial(ends_of, text=number_text),
         "mathematics": mathematics,
         "linked": linked,

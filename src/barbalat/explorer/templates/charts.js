@@ -98,13 +98,13 @@ function lookOf(panel, theme) {
   return JSON.stringify([panel.title, panel.log, series, theme]);
 }
 
-// Which of the runs in a panel diverge, in words.
+// Which of the runs in a panel are lost, in words.
 function goneFrom(panel) {
   const runs = panel.series.filter(({ gone }) => gone !== undefined);
   const lost = runs.filter(({ gone }) => gone);
   if (!lost.length) return "";
-  if (lost.length === runs.length) return panel.log ? "" : "diverges: logarithmic beyond 1";
-  return `diverges, beyond the edge: ${[...new Set(lost.map(({ label, name }) => name ?? label))].join(", ")}`;
+  if (lost.length === runs.length) return panel.log ? "" : "lost: logarithmic beyond 1";
+  return `lost, beyond the edge: ${[...new Set(lost.map(({ label, name }) => name ?? label))].join(", ")}`;
 }
 
 export class Charts {

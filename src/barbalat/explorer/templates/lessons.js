@@ -30,9 +30,9 @@ function short(value) {
 function judged(data, setting, figures, started, check) {
   if ("unprojected" in check) return [setting.projection[check.unprojected] === "off", "projection is on again"];
   if ("bounded" in check) {
-    const { diverged_at: at, runaway } = figures[check.bounded];
-    const said = at === null ? "runs away" : `diverges at ${short(at)} s`;
-    return [at === null && !runaway, `${data.controllers[check.bounded].name} ${said}`];
+    const { diverged_at: at, lost } = figures[check.bounded];
+    const said = at === null ? "is lost" : `diverges at ${short(at)} s`;
+    return [!lost, `${data.controllers[check.bounded].name} ${said}`];
   }
   if ("path" in check) {
     const value = settingOf(data, setting, check.path);

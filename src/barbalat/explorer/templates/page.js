@@ -8,7 +8,7 @@ import { fromHash, toHash } from "./address.js";
 import { caseFileOf, pythonOf } from "./copies.js";
 import { Charts } from "./charts.js";
 import { panelsOf } from "./panels.js";
-import { endOf, Figures, runawayText } from "./table.js";
+import { Figures, heldText, verdictText } from "./table.js";
 import { built } from "./controls.js";
 
 const byId = (id) => document.getElementById(id);
@@ -98,11 +98,16 @@ function show() {
   });
 }
 
+// Whether a run has left all proportion, so that panels show what stays.
+function beyondAll({ figures, verdict }) {
+  return figures.diverged_at !== null || (verdict.kind === "lost" && !(figures.max_abs_e[verdict.worst] <= data.judge.lostShare * verdict.scale));
+}
+
 function labelled(of, dash, after) {
   return of.flatMap((run, i) => {
     if (!run || !setting.shown[i]) return [];
     const name = `${data.controllers[i].name}${after}`;
-    return [{ run, colour: i, dash, label: name, name, gone: run.figures.diverged_at !== null }];
+    return [{ run, colour: i, dash, label: name, name, gone: beyondAll(run) }];
   });
 }
 
@@ -114,9 +119,7 @@ function draw() {
   charts.draw(panelsOf(data, [...live, ...kept], moved));
   figures.show([...live, ...kept]);
   byId("conditions").replaceChildren(...[...live, ...kept].filter(({ run }) => data.controllers[run.index].condition).map(conditionText));
-  byId("runaways").replaceChildren(...[...live, ...kept].filter(({ run }) => run.runaway).map(({ run, label }) => Object.assign(
-    document.createElement("p"), { className: "no", textContent: `${label}: ${runawayText(run.runaway)}.` },
-  )));
+  byId("verdicts").replaceChildren(...[...live, ...kept].map(verdictLine), ...heldText(data, setting.tEnd).map((text) => line(text, "note")));
   byId("coarse").style.visibility = live.some(({ run }) => run.coarse) ? "visible" : "hidden"; // its place stays: nothing jumps
   drawnAt = performance.now();
   document.body.dataset.drawing = (drawnAt - begun).toFixed(1);
@@ -124,15 +127,27 @@ function draw() {
   document.body.dataset.state = waiting() || drawn ? "busy" : "ready";
 }
 
+function line(text, className) {
+  return Object.assign(document.createElement("p"), { className, textContent: text });
+}
+
+function verdictLine({ run, label }) {
+  const said = line("", "verdict");
+  said.dataset.kind = run.verdict.kind;
+  said.append(
+    Object.assign(document.createElement("strong"), { textContent: `${label}: ` }),
+    Object.assign(document.createElement("span"), { textContent: verdictText(run) }),
+  );
+  return said;
+}
+
 function conditionText({ run, label }) {
-  const line = document.createElement("p");
-  line.className = "note";
   const { condition } = run;
-  line.dataset.condition = condition === null ? "" : String(condition);
   const value = condition === null ? "no estimate at this setting" : `${Number(condition.toPrecision(4))} (estimate, by the simulated impulse response)`;
   const said = condition === null ? "" : condition < 1 ? ", below 1: holds by this estimate" : ", not below 1: fails by this estimate, and with it the bound (10)";
-  line.textContent = `${label}: condition ‖W_b (1 − C)‖₁ θ_max of Theorem 1 (ii): ${value}${said}.`;
-  return line;
+  const found = line(`${label}: condition ‖W_b (1 − C)‖₁ θ_max of Theorem 1 (ii): ${value}${said}.`, "note");
+  found.dataset.condition = condition === null ? "" : String(condition);
+  return found;
 }
 
 // All runs of the setting are there and drawn.
@@ -141,8 +156,8 @@ function settled(live) {
   dataset.milliseconds = Math.min(Infinity, ...live.map(({ run }) => performance.now() - run.began)).toFixed(1);
   dataset.simulating = live.map(({ run }) => run.milliseconds.toFixed(1)).join(" ");
   dataset.stepping = live.map(({ run }) => run.stepping.toFixed(1)).join(" ");
-  if (live.length) byId("spoken").textContent = `${live.map(({ run, label }) => `${label} ${endOf(run, setting.tEnd)}`).join("; ")}.`;
-  lessons.told(setting, runs.map((run, i) => (run && setting.shown[i] ? { ...run.figures, runaway: run.runaway } : null)));
+  if (live.length) byId("spoken").textContent = `${live.map(({ run, label }) => `${label}: ${verdictText(run)}`).join("; ")}.`;
+  lessons.told(setting, runs.map((run, i) => (run && setting.shown[i] ? { ...run.figures, lost: run.verdict.kind === "lost" } : null)));
   if (!following) return;
   Object.assign(setting, following);
   following = null;
@@ -187,6 +202,7 @@ const lessons = new Lessons(byId("lessons"), data, begin, (lesson) => {
   changed();
 });
 
+byId("about-u").textContent = data.about_u ? `max |u|: ${data.about_u}.` : "";
 byId("case-file").hidden = !data.case_file;
 byId("case-file").addEventListener("click", () => copied(caseFileOf(data, setting)));
 byId("python").addEventListener("click", () => copied(pythonOf(data, setting)));

@@ -17,6 +17,7 @@ export function readData(text) {
   }
   for (const one of Object.values(data.delay?.weights ?? {})) one.whole = doublesOf(one.whole);
   for (const controller of data.controllers) {
+    controller.judge.begins = doublesOf(controller.judge.begins);
     if (controller.condition) {
       controller.condition.parameters = doublesOf(controller.condition.parameters);
       for (const effect of Object.values(controller.condition.effects)) effect.table = effect.table && doublesOf(effect.table);
@@ -192,7 +193,8 @@ export function taskOf(data, setting, index) {
   const known = scaledGrid(data, setting, data.signals.grids && gridOf(data, setting));
   const scaled = data.numbers.flatMap((number, j) => (number.scales.length || number.grids ? [setting.values[j]] : []));
   return {
-    index, parameters: lag ? joined(parameters, data.delay.weights[setting.solver].whole) : parameters, states, signals, lag,
+    index, parameters: lag ? joined(parameters, data.delay.weights[setting.solver].whole) : parameters, signals, lag,
+    states: joined(states, controller.judge.begins), own: states.length, judge: { ...data.judge, ...controller.judge },
     between: fraction ? { fraction, name: `weights ${setting.solver}`, module: data.delay.weights[setting.solver].module, first: parameters.length } : null,
     grid: { steps, tEnd: setting.tEnd, ...known },
     tableKey: `${setting.tEnd} ${steps} ${scaled}`, nodes: data.solvers[setting.solver].nodes,

@@ -39,7 +39,7 @@ export function windowOf(steps, count, every) {
 // run: lookedAt(steps, states) -> Jacobians' matrices; again: see ``Replay``; stop: the step of the divergence, or Infinity.
 export function stabilityOf(task, watch, stop, matricesAt, again) {
   const { looks } = task.watching;
-  const looked = ({ steps, states }) => matricesAt(steps, states).map((matrix) => look(matrix, task.shape.states, task));
+  const looked = ({ steps, states }) => matricesAt(steps, states).map((matrix) => look(matrix, task.own, task));
   const all = watch.kept(stop);
   const chosen = chosenOf(all.values, looks);
   const found = looked(part(all, chosen));

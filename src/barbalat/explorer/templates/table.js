@@ -12,30 +12,27 @@ function brief(value) {
 }
 
 // What the step makes of the run: the largest h |eigenvalue| that was seen, and whether it stays in the method's region of stability.
-function carried(numerics, diverged) {
+function carried(numerics) {
   if (!numerics) return "barbalat run judges it";
   const { hLambda, unstable } = numerics;
-  if (unstable === null) return `${brief(hLambda)}: inside`;
-  // a true finite escape leaves every step's region just before it
-  const said = diverged ? `outside the region of stability from ${brief(unstable)} s; whose the divergence is, barbalat run says` : `numerically unstable from ${brief(unstable)} s`;
-  return `${brief(hLambda)}: ${said}`;
+  return `${brief(hLambda)}: ${unstable === null ? "inside" : `outside the region of stability from ${brief(unstable)} s`}`;
 }
 
-// With so many digits and no zeros behind them.
-function rounded(value, digits) {
-  return value.toPrecision(digits).replace(/\.(\d*?)0+(?=e|$)/, (_, kept) => (kept ? `.${kept}` : ""));
+// A run's verdict, and what of it the page leaves open: a frozen spectrum is no verdict.
+export function verdictText({ verdict, numerics }) {
+  const open = numerics && numerics.unstable !== null;
+  return `${verdict.sentence}${open ? `, outside the solver's region of stability from ${brief(numerics.unstable)} s: not settled without a finer step h` : ""}`;
 }
 
-// The sentence of barbalat run.
-export function runawayText(runaway) {
-  return `|e| reaches ${rounded(runaway.max_abs_e, 3)}, ${rounded(runaway.over_model, 2)} times the model's motion, and still grows at the end: the run runs away, though it has not diverged`;
-}
-
-// How a run ends, for the status line; nothing is said of what comes after the horizon.
-export function endOf({ figures, runaway }, tEnd) {
-  if (figures.diverged_at !== null) return `diverges at ${figures.diverged_at} s`;
-  if (runaway) return `runs away, though it has not diverged by ${tEnd} s: |e| reaches ${rounded(runaway.max_abs_e, 3)} and still grows`;
-  return `neither diverges nor runs away up to ${tEnd} s`;
+// Recorded signals that end before the run does: the sentence of run/results/findings.py.
+export function heldText({ signals, controllers }, tEnd) {
+  const { commands } = controllers[0].shape;
+  return signals.points.flatMap((points, i) => {
+    const last = points ? points.times.length - 1 : 0;
+    if (!points || !(points.times[last] < tEnd)) return [];
+    const what = i < commands ? "The recorded command" : "A recorded disturbance";
+    return [`${what} ends at t = ${brief(points.times[last])} s and is held at its last value, ${brief(points.values[last])}, until t = ${tEnd} s.`];
+  });
 }
 
 export class Figures {
@@ -59,7 +56,7 @@ export class Figures {
     }
     if (diverged) row.cells[1].textContent = `diverged at t = ${brief(figures.diverged_at)} s`;
     else Object.keys(NAMES).forEach((key, j) => { row.cells[j + 1].textContent = brief(figures[key]); });
-    row.cells[row.cells.length - 1].textContent = carried(numerics, diverged);
+    row.cells[row.cells.length - 1].textContent = carried(numerics);
     row.dataset.numerics = JSON.stringify(numerics);
     row.dataset.figures = JSON.stringify(figures);
   }

@@ -5,7 +5,7 @@ import { CHUNK_STEPS, segmentsOf, Table } from "./grid.js";
 import { computedValues, Kernel, ringRows } from "./kernel.js";
 import { Noise } from "./noise.js";
 import { Totals } from "./figures.js";
-import { motionOf, reachedIn, runawayOf } from "./runaway.js";
+import { Continued, cycleOf, Kept, renew, slowestPeriod, tailOf, verdictOf } from "./judge.js";
 import { conditionOf } from "./impulse.js";
 import { stabilityOf, Watch } from "./stability.js";
 
@@ -78,7 +78,7 @@ function reportedAtEnd(kernel, task, at, mask, finalState) {
 // The loop's Jacobians at steps of the run with these states, a matrix for each.
 function matricesAt(task, commands, steps, states) {
   const { spectrum } = task;
-  const [size, timed, nonzeros] = [task.shape.states, commands.count, spectrum.rows.length];
+  const [size, timed, nonzeros] = [task.own, commands.count, spectrum.rows.length];
   const channels = task.noise ? task.noise.channels : 0;
   const signals = commands.at(steps);
   const drawn = channels ? steps.map((step) => noiseFor(task).rows(step, 1)) : [];
@@ -88,7 +88,7 @@ function matricesAt(task, commands, steps, states) {
   kernel.view(parameters, task.parameters.length).set(task.parameters);
   const view = kernel.view(rows, steps.length * width);
   steps.forEach((_, i) => {
-    view.set(states[i], i * width);
+    view.set(states[i].subarray(0, size), i * width);
     view.set(signals.subarray(i * timed, (i + 1) * timed), i * width + size);
     if (channels) view.set(drawn[i], i * width + size + timed);
   });
@@ -174,7 +174,7 @@ export function simulated(task) {
   const noisy = drawn ? (2 + Math.ceil(Math.max(...segments.map(steps)) / drawn.hold)) * drawn.channels : 0;
   const watch = task.spectrum ? Watch.ofRun(task) : null;
   const windows = watch ? watch.rows.length : 0;
-  const { at, mask } = begun(kernel, task, longest * commands.width, Math.max(...segments.map((one) => one.blocks)), noisy, windows);
+  const { at, mask, ringAt } = begun(kernel, task, longest * commands.width, Math.max(...segments.map((one) => one.blocks)), noisy, windows);
   if (watch) watched(kernel, at, watch);
   const disturb = (start, count) => {
     if (!drawn) return;
@@ -190,7 +190,13 @@ export function simulated(task) {
   let kept = 0;
   let bounded = true;
   let stepping = 0;
+  let beforeTail = null;
+  const memory = () => kernel.view(at.state + 8 * task.own, task.judge.begins.length);
   for (const one of segments) {
+    if (one.inTail && !beforeTail) {
+      beforeTail = memory().slice();
+      renew(task.judge, memory());
+    }
     const rows = commands.rows(one.start, stopOf(one));
     kernel.view(at.signals, rows.length).set(rows);
     disturb(one.start, steps(one));
@@ -211,7 +217,9 @@ export function simulated(task) {
     if (!bounded) break;
   }
   const finalState = kernel.view(at.state, shape.states).slice();
-  let [reported, runaway] = [{}, null];
+  const ring = task.lag ? kernel.view(at.ring, ringAt).slice() : null;
+  let reported = {};
+  let whole = memory().slice();
   const keep = () => watch?.rows.set(kernel.view(at.watched, windows));
   if (bounded) {
     kernel.view(at.signals, commands.width).set(commands.final());
@@ -219,8 +227,7 @@ export function simulated(task) {
     kernel.call(1, 1, at, grid.steps, task.sampleEvery, mask);
     const last = Float64Array.from(kernel.view(at.out, size));
     totals.mergeFinal(last, shape.states);
-    last.set(finalState);
-    runaway = judgedRunaway(task, totals, [recorded, last], size);
+    whole = memory().slice();
     keep();
     reported = reportedAtEnd(kernel, task, at, mask, finalState);
   }
@@ -228,18 +235,45 @@ export function simulated(task) {
   const stop = totals.divergedStep ?? Infinity;
   const shown = keptBefore(stop, starts.subarray(0, kept), segments);
   const found = { recorded: recorded.subarray(0, shown * size).slice(), starts: starts.slice(0, shown), r: signals.slice(0, shown * timed) };
+  const all = { rows: recorded.subarray(0, kept * size), starts: starts.subarray(0, kept) };
+  const verdict = verdictFor(task, kernel, commands, totals, new Kept(task.judge, beforeTail ?? whole, whole), all, { state: finalState, ring });
   return {
-    condition: task.condition && conditionFor(task), numerics: watch && judged(task, kernel, commands, watch, stop, recorded.subarray(0, kept * size), starts.subarray(0, kept)),
-    timed, runaway, figures: { ...totals.figures(grid, finalState.subarray(...task.thetaHat)), ...reported }, size, stepping, ...found,
+    verdict, condition: task.condition && conditionFor(task), numerics: watch && judged(task, kernel, commands, watch, stop, all.rows, all.starts),
+    timed, figures: { ...totals.figures(grid, finalState.subarray(...task.thetaHat)), ...reported }, size, stepping, ...found,
     milliseconds: performance.now() - began,
   };
 }
 
-// From the recorded blocks and, as one more row, the end of the run.
-function judgedRunaway({ model, shape }, totals, rows, size) {
-  const [least, greatest] = ["e min", "e max"].map((name) => totals.rows[name].map((row) => shape.states + row));
-  const reached = rows.map((part) => reachedIn(least, greatest, part, size));
-  return runawayOf(Float64Array.from(reached.flatMap((part) => [...part])), Math.max(...rows.map((part) => motionOf(model, part, size))));
+// What the judge says of a run that ended in this state, with these rows on their way.
+function verdictFor(task, kernel, commands, totals, kept, recorded, { state, ring }) {
+  const { steps, tEnd } = task.grid;
+  const diverged = totals.divergedStep === null ? null : (totals.divergedStep * tEnd) / steps;
+  const cyclesOf = (band, held) => {
+    const jacobian = task.spectrum && matricesAt(task, commands, [0], [task.states])[0];
+    const going = new Continued(task, held, state.slice(), totals.rows["good steps"][0], furtherOf(task, kernel, ring));
+    return cycleOf(task, kept, slowestPeriod(task, jacobian), going, band);
+  };
+  return verdictOf(task, kept, diverged, recorded, tailOf(task, commands), cyclesOf);
+}
+
+// Takes a loop further with a table of its own and without noise; what is on its way is kept from call to call.
+function furtherOf(task, kernel, ring) {
+  const { shape } = task;
+  let past = ring;
+  return (blocks, length, step, state, table) => {
+    const watch = new Watch(shape.states, step, step + blocks * length, CHUNK_STEPS);
+    const quiet = task.noise ? (2 + Math.ceil((blocks * length) / task.noise.hold)) * task.noise.channels : 0;
+    const { at, mask, ringAt } = begun(kernel, task, table.length, blocks, quiet, watch.rows.length);
+    kernel.view(at.state, state.length).set(state);
+    if (past) kernel.view(at.ring, ringAt).set(past);
+    kernel.view(at.signals, table.length).set(table);
+    kernel.view(at.noise, quiet).fill(0);
+    watched(kernel, at, watch);
+    kernel.call(blocks, length, at, step, task.sampleEvery, mask);
+    past = past && kernel.view(at.ring, ringAt).slice();
+    const size = blocks * (shape.states + shape.accumulators);
+    return { out: kernel.view(at.out, size).slice(), state: kernel.view(at.state, state.length).slice() };
+  };
 }
 
 // How many of the recorded blocks end before the divergence; the first one where none does.

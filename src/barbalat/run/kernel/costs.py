@@ -35,6 +35,8 @@ def require_runs(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulati
     def room(points: float) -> Estimate:
         return sum((_of_record(loop, points) for loop in loops), Estimate(memory=made.memory))
 
+    if len(loops) > 1 and not budget.in_force().allows(room(min(2, steps))):
+        _require_fewer(problem, loops, simulation)
     beside = f"for {len(loops)} controllers" if len(loops) > 1 else "for its controller"
     asked = simulation.record_points
     budget.require(
@@ -45,6 +47,20 @@ def require_runs(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulati
     budget.require(
         "simulation.t_end", steps, lambda count: rest + of_steps(problem, loops, count), given=given,
         fits=lambda most: f"a t_end of {simulation.t_end / steps * most:.6g} s with this step", what="simulating",
+    )  # fmt: skip
+
+
+def _require_fewer(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulation: Simulation) -> None:
+    """InputError that names how many of the controllers would do: their kernels alone are beyond the budget."""
+    points = min(simulation.steps, simulation.record_points)
+
+    def cost(count: float) -> Estimate:
+        some = loops[: int(count)]
+        return sum((_of_record(loop, points) for loop in some), _made(some) + of_steps(problem, some, simulation.steps))
+
+    budget.require(
+        "the case", len(loops), cost, given=f"has {len(loops)} controllers, each with a kernel of its own: to simulate them",
+        fits=lambda most: f"at most {most} controllers",
     )  # fmt: skip
 
 

@@ -44,9 +44,11 @@ def outcome(run: Result) -> str:
 
 
 def outcome_in_brief(run: Result) -> str:
-    """In a few words: one of several on a line."""
-    if run.label or run.diverged_at is not None:
-        return run.label or f"diverged at t = {run.diverged_at:.4g} s"
+    """In a few words, one of several on a line: that it diverged, else the judge's verdict where there is one."""
+    if run.diverged_at is not None:
+        return f"diverged at t = {run.diverged_at:.4g} s"
+    if run.verdict is not None:
+        return str(run.verdict)
     return f"{FIGURE_LABELS['max_abs_e']} {text_of(run.figures['max_abs_e'])}"
 
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
+from barbalat.judge.settings import LOST_SHARE, component_names
+from barbalat.judge.verdict import Class
 from barbalat.loop.true_values import estimate_set
 from barbalat.pictures.panel_drawing import close_ups, draw, draw_into
 from barbalat.pictures.panels import Level, Panel, Series, around, as_typed, chosen, span_of, text_of, width_of
@@ -17,6 +19,7 @@ from barbalat.problem.labels import Labels
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.results.estimates import estimates_of
+from barbalat.run.results.outcome import outcome_in_brief
 from barbalat.validate import Array, InputError, counted, show
 
 if TYPE_CHECKING:
@@ -44,7 +47,7 @@ def _by_size(result: Result) -> tuple[list[int], list[int]]:
     """Indices of the estimates: those with the largest motion, and those with less than ``FLAT_SHARE`` of it."""
     moved = [span_of([one.value]) for one in estimates_of(result)]
     heights = [high - low for low, high in moved]
-    flat = [result.diverged_at is None and 0 < height < FLAT_SHARE * max(heights) for height in heights]
+    flat = [not _gone(result) and 0 < height < FLAT_SHARE * max(heights) for height in heights]
     return [i for i, one in enumerate(flat) if not one], [i for i, one in enumerate(flat) if one]
 
 
@@ -77,7 +80,7 @@ def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
         title=title,
         series=series,
         levels=[*levels, *marks],
-        limits=around(*shown) if result.diverged_at is None else None,
+        limits=None if _gone(result) else around(*shown),
         scale=scale_of(result),
         note="; ".join(said),
         may_part=True,
@@ -86,8 +89,18 @@ def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
 
 
 def scale_of(result: Result) -> str:
-    """The scale of the axes: for a run that diverged a symmetric logarithm, since the burst would hide what led to it."""
-    return "linear" if result.diverged_at is None else "symlog"
+    """The scale of the axes: for a run that has gone a symmetric logarithm, since the burst would hide what led to it."""
+    return "symlog" if _gone(result) else "linear"
+
+
+def _gone(result: Result) -> bool:
+    """Whether a run diverged, or is lost and beyond all proportion: panels that it shares show what the others need."""
+    verdict, figures = result.verdict, result.figures["max_abs_e"]
+    if result.diverged_at is not None or verdict is None or verdict.kind is not Class.LOST:
+        return result.diverged_at is not None
+    names = component_names(result.problem)
+    reached = figures[names.index(verdict.component)] if isinstance(figures, list) else None
+    return reached is None or reached > LOST_SHARE * verdict.scale
 
 
 def _edges_of_known_set(
@@ -212,7 +225,7 @@ def _tracking(results: Sequence[Result]) -> list[Panel]:
         title += f" = {text_of(labels.name(state))}" if labels.name(state) else ""
         names = ("motion", "y" if output else f"x_{state + 1}", *([labels.name(state)] if labels.name(state) else []))
         y = f"{'$y$' if output else f'$x_{state + 1}$'} {as_typed(labels.unit(state))}"
-        limits = _limits_beside_diverged(results, [s.value for s in runs], [s.value for s in others])
+        limits = _limits_beside_lost(results, [s.value for s in runs], [s.value for s in others])
         whole = Panel(
             title=f"{title}, model and command",
             series=[*runs, *others],
@@ -270,12 +283,12 @@ def _largest_error(results: Sequence[Result]) -> Panel:
         value = np.maximum(np.maximum.reduceat(largest, starts), np.finfo(float).tiny)
         name = text_of(result.name)
         series.append(Series(t=result.t[starts], value=value, label=name, colour=k, width=width_of(k, len(results))))
-    tops = [float(s.value.max()) for s, result in zip(series, results, strict=False) if result.diverged_at is None]
+    tops = [float(s.value.max()) for s, result in zip(series, results, strict=False) if not _gone(result)]
     bottom = min((float(np.quantile(s.value, 0.02)) for s in series), default=1.0)
     top = max(tops, default=0.0)
     limits = (max(bottom, 1e-9 * top) / 2, (LARGEST_SHOWN if len(tops) < len(series) else 2) * top) if 0 < bottom < top else None
-    gone = ", ".join(text_of(result.name) for result in results if result.diverged_at is not None)
-    note = f"diverges, beyond the upper edge: {gone}" if gone and limits is not None else ""
+    gone = ", ".join(text_of(result.name) for result in results if _gone(result))
+    note = f"lost, beyond the upper edge: {gone}" if gone and limits is not None else ""
     return Panel(
         title=f"Largest $|e_i|$ in each {width:.3g} s",
         series=series,
@@ -291,7 +304,7 @@ def _control(results: Sequence[Result]) -> Panel:
     paths = results[0].problem.plant.paths
     ends = sorted({float(end) for path in paths if path.saturation is not None for end in path.saturation})
     of_each = [np.concatenate([s.low, s.high]) if s.low is not None and s.high is not None else s.value for s in series]
-    limits = _limits_beside_diverged([r for r in results for _ in range(len(series) // len(results))], of_each, [])
+    limits = _limits_beside_lost([r for r in results for _ in range(len(series) // len(results))], of_each, [])
     drawn, far = reachable(ends, limits or span_of(of_each))
     note = f"limits of the actuator: {', '.join(f'{end:g}' for end in ends)}" if far else ""
     levels = [Level(value=end, label="limit of the actuator") for end in drawn]
@@ -317,11 +330,11 @@ def _inputs(result: Result, k: int, count: int) -> list[Series]:
     return found
 
 
-def _limits_beside_diverged(
+def _limits_beside_lost(
     results: Sequence[Result], of_each: Sequence[Array], of_all: Sequence[Array]
 ) -> tuple[float, float] | None:
-    """What the runs that did not diverge need; ``None``, for all, where none or every one did."""
-    bounded = [value for result, value in zip(results, of_each, strict=True) if result.diverged_at is None]
+    """What the runs that have not gone need; ``None``, for all, where none or every one did."""
+    bounded = [value for result, value in zip(results, of_each, strict=True) if not _gone(result)]
     if not bounded or len(bounded) == len(of_each):
         return None
     low, high = span_of([*bounded, *of_all])
@@ -343,7 +356,7 @@ def _error(result: Result, title: str) -> Panel:
         title=f"{title} {meaning}",
         series=series,
         scale=scale_of(result),
-        note="" if result.diverged_at is None else f"diverged at t = {result.diverged_at:.4g} s; logarithmic beyond 1",
+        note=f"{outcome_in_brief(result)}; logarithmic beyond 1" if _gone(result) else "",
         names=("error", result.name),
         y=f"$e$ {as_typed(labels.common_unit)}",
     )

@@ -1,0 +1,51 @@
+"""What a page needs for the judge's verdict: the rows that its kernels keep, and the numbers of the judge's rules."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from barbalat.cases.build import Case
+from barbalat.explorer.encoded import doubles
+from barbalat.judge import cycles, held
+from barbalat.judge.settings import FOLLOWS_SHARE, LOST_SHARE, ROUNDING, component_names
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import unflatten
+from barbalat.run.engine.judging import SAMPLES_EACH_REVERSAL, watched_in_sweeps
+from barbalat.signals.smooth import Clock
+
+
+def rules(case: Case) -> dict[str, Any]:
+    """By the names that ``templates/judge.js`` has for them, with the case's bands and which signals are the time."""
+    judge = case.judge
+    return {
+        "cycle": judge.cycle, "follows": dict(judge.follows), "lost": dict(judge.lost),
+        "followsShare": FOLLOWS_SHARE, "lostShare": LOST_SHARE, "rounding": ROUNDING, "instants": held.INSTANTS,
+        "fewestReversals": cycles.FEWEST_REVERSALS, "slowestPeriods": cycles.SLOWEST_PERIODS,
+        "fewestCycles": cycles.FEWEST_CYCLES,
+        "longestShare": cycles.LONGEST_SHARE, "keptShare": cycles.KEPT_SHARE, "steadyShare": cycles.STEADY_SHARE,
+        "levellingShare": cycles.LEVELLING_SHARE, "fewestWindows": cycles.FEWEST_WINDOWS, "mostWindows": cycles.MOST_WINDOWS,
+        "samplesEachReversal": SAMPLES_EACH_REVERSAL, "slowest": cycles.slowest_period(case.problem.model.matrices[0]),
+        "clock": [isinstance(signal, Clock) for signal in case.problem.signals],
+    }  # fmt: skip
+
+
+def kept(case: Case, loop: ClosedLoop) -> dict[str, Any]:
+    """What a controller's kernels keep behind the states of its loop, and what the components are called."""
+    memory, names, labels = watched_in_sweeps(case.judge).memory(loop), component_names(case.problem), case.problem.labels
+    marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
+    rows = np.asarray(marked.x).reshape(-1)
+    measured = loop.measured_outputs or len(rows) != loop.errors
+    noise = None if loop.noise_std is None or len(loop.noise_std) != loop.errors else np.abs(loop.noise_std)
+    return {
+        "rows": [[part.name, part.size] for part in memory.layout],
+        "begins": doubles(np.array(memory.begins)),
+        "renewed": list(memory.renewed),
+        "limited": list(memory.limited), "rateLimited": list(memory.rate_limited),
+        "names": list(names),
+        "units": ["" if labels is None else labels.unit(i)[1:-1] for i in range(len(names))],
+        "inputUnits": [] if labels is None else list(labels.input_units),
+        "initial": [] if measured else rows.tolist(),
+        "noise": [0.0] * loop.errors if noise is None else noise.tolist(),
+    }  # fmt: skip

@@ -1,0 +1,284 @@
+// The judge of barbalat run: from what a kernel kept behind the loop's states to a verdict and its sentence. The list that keeps it
+// is the kernel's own (judge/beside.py); the rules are those of judge/judged.py and run/engine/judging.py, the numbers the page's data.
+
+import { eigenvalues } from "./spectrum.js";
+import { CHUNK_STEPS, tailStart } from "./grid.js";
+
+// What is kept of a run before its tail and of all of it, by the names of the rows.
+export class Kept {
+  constructor({ rows }, beforeTail, whole) {
+    Object.assign(this, { places: placesOf(rows), beforeTail, whole });
+  }
+
+  of(name) {
+    return this.whole.subarray(...this.places[name]);
+  }
+
+  inTail(name) {
+    const before = this.beforeTail.subarray(...this.places[name]);
+    return Array.from(this.of(name), (value, i) => value - before[i]);
+  }
+}
+
+export function placesOf(rows) {
+  let start = 0;
+  return Object.fromEntries(rows.map(([name, size]) => [name, [start, start += size]]));
+}
+
+// The memory with the rows that begin anew with a tail, or a window, as they begin.
+export function renew(judge, memory) {
+  for (const row of judge.renewed) memory[row] = judge.begins[row];
+}
+
+// Of each component, as judge.settings.scale_of; initial: the rows of the states that are the components, if any.
+function scaleOf({ judge, states }, kept) {
+  const model = Array.from(kept.of("largest y_m"));
+  const most = Math.max(0, ...model);
+  return model.map((moved, i) => [moved > judge.rounding * most ? moved : 0, Math.abs(states[judge.initial[i]] ?? 0), judge.noise[i], kept.of("largest y")[i]].find((one) => one > 0) ?? 0);
+}
+
+// tail: {values, turns} of the signals there. cyclesOf(band, held) is asked for suspects alone.
+export function verdictOf(task, kept, diverged, recorded, tail, cyclesOf) {
+  const { judge, grid } = task;
+  const scale = scaleOf(task, kept);
+  const follows = judge.names.map((name, i) => judge.follows[name] ?? judge.followsShare * scale[i]);
+  const limits = judge.names.map((name, i) => judge.lost[name] ?? judge.lostShare * scale[i]);
+  const lost = diverged !== null || !limits.every((limit, i) => kept.of("largest y")[i] <= limit);
+  const suspect = !lost && kept.inTail("reversals").some((count) => count > judge.fewestReversals + 2 * tail.turns);
+  const cycle = suspect ? cyclesOf(Array.from(kept.of("range"), (one) => judge.cycle * one), tail.values) : null;
+  const error = Array.from(kept.of("largest e"));
+  const within = error.every((one, i) => one <= follows[i]);
+  const kind = lost ? "lost" : cycle ? "limit cycle" : within ? "follows" : "off";
+  const worst = worstOf(error, follows);
+  const found = {
+    kind, cycle, worst, component: judge.names[worst], unit: judge.units[worst], error: error[worst], band: follows[worst], scale: scale[worst],
+    atLimit: sharesOf(kept, "at limit", judge.limited, grid.steps + 1), atRateLimit: sharesOf(kept, "at rate limit", judge.rateLimited, grid.steps + 1),
+    lostAt: lost ? earliest([diverged, lostAt(task, kept, recorded, limits)]) : null,
+  };
+  const said = { ...found, inputUnit: (cycle && judge.inputUnits[cycle.input]) || "" };
+  return { ...said, sentence: sentenceOf(said) };
+}
+
+function worstOf(error, follows) {
+  const against = error.map((one, i) => (one > 0 ? one / follows[i] : Number.isNaN(one) ? Infinity : 0));
+  return against.indexOf(Math.max(...against));
+}
+
+function sharesOf(kept, name, which, instants) {
+  let k = 0;
+  return which.map((has) => (has ? kept.of(name)[k++] / instants : 0));
+}
+
+function earliest(times) {
+  const known = times.filter((one) => one !== null);
+  return known.length ? Math.min(...known) : null;
+}
+
+// When a component had left its limit, at a recorded instant [s].
+function lostAt({ shape, judge, grid, own }, kept, { rows, starts }, limits) {
+  const [first] = kept.places["largest y"];
+  const size = shape.states + shape.accumulators;
+  for (let k = 0; k < starts.length; k++) {
+    if (limits.some((limit, i) => rows[k * size + own + first + i] > limit)) return (starts[k] * grid.tEnd) / grid.steps;
+  }
+  return null;
+}
+
+// As judge/held.py, at steps of the tail; a clock is not held.
+export function tailOf(task, commands) {
+  const { judge, grid } = task;
+  const begin = tailStart(grid.steps);
+  const count = Math.min(judge.instants, grid.steps - begin + 1);
+  const steps = Array.from({ length: count }, (_, i) => begin + Math.round((i * (grid.steps - begin)) / Math.max(count - 1, 1)));
+  const values = commands.at(steps);
+  const found = { values: [], turns: 0 };
+  for (let j = 0; j < commands.count; j++) {
+    const own = steps.map((_, i) => values[i * commands.count + j]);
+    found.values.push(judge.clock[j] ? NaN : own.reduce((most, one) => (Math.abs(one) > Math.abs(most) ? one : most)));
+    if (!judge.clock[j]) found.turns += turnsOf(own);
+  }
+  return found;
+}
+
+function turnsOf(values) {
+  const steps = values.slice(1).map((value, i) => Math.sign(value - values[i]));
+  const moving = steps.filter(Boolean);
+  return moving.filter((one, i) => i && one !== moving[i - 1]).length + steps.filter((one, i) => i && one && !steps[i - 1]).length;
+}
+
+// The longest period of the model's modes [s], 0 where it has none; its matrix stands in the loop's Jacobian.
+export function slowestPeriod({ model, own, judge }, jacobian) {
+  if (!jacobian) return judge.slowest;
+  const { rows } = model;
+  const block = Float64Array.from(rows.flatMap((i) => rows.map((j) => jacobian[i * own + j])));
+  const found = eigenvalues(block, rows.length);
+  if (!found) return judge.slowest;
+  const rates = Array.from(found.re, (re, i) => Math.hypot(re, found.im[i])).filter((rate) => rate > 0);
+  return rates.length ? (2 * Math.PI) / Math.min(...rates) : 0;
+}
+
+// Windows of the run with everything held, as judge/cycles.py: the cycle that is the largest against its range, or null.
+export function cycleOf(task, kept, slowest, going, band) {
+  const { judge, grid, dt } = task;
+  const tail = grid.tEnd - (tailStart(grid.steps) * grid.tEnd) / grid.steps;
+  const reversals = Math.max(...kept.inTail("reversals"));
+  const periods = reversals > 0 ? (judge.fewestCycles * 2 * tail) / reversals : 0;
+  const steps = Math.max(Math.round(Math.min(Math.max(judge.slowestPeriods * slowest, periods), judge.longestShare * grid.tEnd) / dt), 1);
+  const seen = [];
+  do seen.push(going.window(steps)); while (seen.length < judge.fewestWindows || (seen.length < judge.mostWindows && !decided(judge, seen, band)));
+  const which = cycling(judge, seen, band);
+  const last = seen[seen.length - 1];
+  if (!which.some(Boolean)) return null;
+  const { times, path } = going.traced(steps, Math.floor(judge.samplesEachReversal * Math.max(...last.reversals)));
+  const against = which.map((is, j) => (is ? last.swing[j] / kept.of("range")[j] : -1));
+  const input = against.indexOf(Math.max(...against));
+  return { input, amplitude: last.swing[input] / 2, frequency: frequencyOf(times, path.map((row) => row[input])) };
+}
+
+function swings({ swing, reversals, lost }, band) {
+  return swing.map((one, j) => one > band[j] && reversals[j] >= 2 && !lost);
+}
+
+function decided(judge, seen, band) {
+  const [before, last] = seen.slice(-2);
+  const moves = swings(last, band);
+  return last.lost || last.swing.every((one, j) => Math.abs(one - before.swing[j]) <= judge.steadyShare * one || !moves[j]);
+}
+
+function cycling(judge, seen, band) {
+  const [earlier, before, last] = seen.slice(-3);
+  return swings(last, band).map((moves, j) => {
+    const change = Math.log(last.swing[j] / before.swing[j]);
+    const changeBefore = Math.log(before.swing[j] / earlier.swing[j]);
+    const ends = Math.abs(change) <= judge.levellingShare * Math.abs(changeBefore) || change * changeBefore < 0;
+    return moves && Math.abs(change) <= -Math.log(judge.keptShare) && (ends || Math.abs(change) <= judge.steadyShare);
+  });
+}
+
+// How often a control passes from below a quarter of its swing to above three [rad/s].
+function frequencyOf(times, values) {
+  const [low, high] = values.reduce(([least, most], v) => [Math.min(least, v), Math.max(most, v)], [Infinity, -Infinity]);
+  const up = [];
+  let side = 0;
+  values.forEach((v, k) => {
+    const here = v > low + 0.75 * (high - low) ? 1 : v < low + 0.25 * (high - low) ? -1 : 0;
+    if (here === 1 && side === -1) up.push(times[k]);
+    if (here) side = here;
+  });
+  return up.length > 1 ? (2 * Math.PI * (up.length - 1)) / (up[up.length - 1] - up[0]) : 0;
+}
+
+// A run beyond its end: commands and disturbances are held, and the measurement has no noise. advance(blocks, length, step, table)
+// takes the loop further and gives out the rows of its blocks; state is the whole of it, the memory behind the loop's own states.
+export class Continued {
+  constructor(task, held, state, good, advance) {
+    Object.assign(this, { task, held, state, good, advance, step: task.grid.steps, places: placesOf(task.judge.rows) });
+  }
+
+  table(count) {
+    const { nodes, grid, shape } = this.task;
+    const width = this.held.length * nodes.length + (shape.pieces ? 3 : 0);
+    const found = new Float64Array(count * width);
+    for (let i = 0; i < count; i++) {
+      nodes.forEach((node, n) => this.held.forEach((value, j) => {
+        found[i * width + n * this.held.length + j] = Number.isNaN(value) ? ((this.step + i + node) * grid.tEnd) / grid.steps : value;
+      }));
+      if (shape.pieces) found.fill(1, (i + 1) * width - 3, (i + 1) * width);
+    }
+    return found;
+  }
+
+  call(blocks, length) {
+    const { out, state } = this.advance(blocks, length, this.step, this.state, this.table(blocks * length));
+    this.state = state;
+    this.step += blocks * length;
+    return out;
+  }
+
+  window(steps) {
+    const { task: { judge, own, shape }, places } = this;
+    const memory = () => this.state.subarray(own, own + judge.begins.length);
+    const before = memory().slice();
+    renew(judge, memory());
+    let good = 0;
+    for (let done = 0; done < steps;) {
+      const count = Math.min(CHUNK_STEPS, steps - done);
+      good += this.call(1, count)[shape.states + this.good];
+      done += count;
+    }
+    const after = memory();
+    const of = (name, from = after) => Array.from(from.subarray(...places[name]));
+    const [low, high] = [of("low"), of("high")];
+    const turned = of("reversals").map((value, j) => value - of("reversals", before)[j]);
+    return { swing: high.map((value, j) => value - low[j]), reversals: turned, lost: good < steps };
+  }
+
+  traced(steps, samples) {
+    const { own, shape } = this.task;
+    const [first, stop] = this.places.held;
+    const length = Math.min(Math.max(Math.floor(steps / Math.max(samples, 1)), 1), CHUNK_STEPS);
+    const [blocks, most] = [Math.floor(steps / length), Math.floor(CHUNK_STEPS / length)];
+    const size = shape.states + shape.accumulators;
+    const found = { times: [], path: [] };
+    for (let begin = 0; begin < blocks; begin += most) {
+      const count = Math.min(most, blocks - begin);
+      const at = this.step;
+      const out = this.call(count, length);
+      for (let i = 0; i < count; i++) {
+        found.times.push((at + i * length) * this.task.dt);
+        found.path.push(Array.from(out.subarray(i * size + own + first, i * size + own + stop)));
+      }
+    }
+    return found;
+  }
+}
+
+// So many decimal digits of a number and the power of ten of the first; an exact half goes to the even digit, as in Python.
+function digitsOf(value, digits) {
+  const [mantissa, exponent] = Math.abs(value).toExponential(90).split("e");
+  const exact = mantissa.replace(".", "");
+  const [kept, rest] = [BigInt(exact.slice(0, digits)), exact.slice(digits)];
+  const half = `5${"0".repeat(rest.length - 1)}`;
+  const up = rest > half || (rest === half && kept % 2n === 1n);
+  const found = String(kept + (up ? 1n : 0n));
+  return [found.slice(0, digits), Number(exponent) + found.length - digits];
+}
+
+function positional(found, power) {
+  if (power >= found.length - 1) return found + "0".repeat(power - found.length + 1);
+  const all = power < 0 ? "0".repeat(-power) + found : found;
+  const point = Math.max(power, 0) + 1;
+  return `${all.slice(0, point)}.${all.slice(point)}`.replace(/\.?0+$/, "");
+}
+
+// A number with so many digits, as Python's %g writes it.
+export function brief(value, digits = 3) {
+  if (!Number.isFinite(value)) return Number.isNaN(value) ? "nan" : value < 0 ? "-inf" : "inf";
+  if (value === 0) return "0";
+  const sign = value < 0 ? "-" : "";
+  const [found, power] = digitsOf(value, digits);
+  if (power >= -4 && power < digits) return sign + positional(found, power);
+  return `${sign}${positional(found, 0)}e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}`;
+}
+
+// Two digits, without a power of ten.
+export function percent(share) {
+  return share === 0 ? "0 %" : `${positional(...digitsOf(100 * share, 2))} %`;
+}
+
+export function sentenceOf(verdict) {
+  const said = [saidOf(verdict)];
+  for (const [shares, what] of [[verdict.atLimit, "limits"], [verdict.atRateLimit, "rate limit"]]) {
+    const share = Math.max(0, ...shares);
+    if (share > 0) said.push(`at its ${what} ${percent(share)} of the time`);
+  }
+  return said.join(", ");
+}
+
+function saidOf({ kind, cycle, component, unit, inputUnit, error, scale, lostAt: at }) {
+  if (kind === "lost") return at === null ? "lost" : `lost at t = ${brief(at, 4)} s`;
+  if (cycle) return `limit cycle, u swings by ±${brief(cycle.amplitude)}${inputUnit ? ` ${inputUnit}` : ""} at ${brief(cycle.frequency)} rad/s`;
+  const how = kind === "follows" ? "follows within" : "off by";
+  if (!(scale > 0)) return `${how} ${brief(error)}${unit ? ` ${unit}` : ""} in ${component}`;
+  return `${how} ${percent(error / scale)}${kind === "follows" ? "" : ` in ${component}`}`;
+}
