@@ -327,3 +327,19 @@ def test_many_frequencies_are_solved_in_parts_with_the_same_bits(monkeypatch):
     assert (system.response(w) == whole).all()
     assert np.allclose(whole, system.transfer_function().at(1j * w), rtol=1e-12)  # ten thousand roundings
     assert system.response(np.zeros(0)).shape == (0,)
+
+
+def test_too_many_controllers_are_told_how_many_would_do():
+    """That many are run within the same budget, and one more is not."""
+
+    def ran(count, budget):
+        with budget:
+            return simulate(problem(), [Mrac(gamma=1.0 + i, name=f"{i}") for i in range(count)], recorded(10))
+
+    budget = Budget(memory=2e7)
+    with pytest.raises(InputError, match="the case has 60 controllers, each with a kernel of its own") as refused:
+        ran(60, budget)
+    most = int(re.search(r"at most (\d+) controllers would do", str(refused.value))[1])
+    assert len(ran(most, budget)) == most
+    with pytest.raises(InputError, match="controllers"):
+        ran(most + 1, budget)

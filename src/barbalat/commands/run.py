@@ -64,7 +64,7 @@ def execute(options: argparse.Namespace) -> int:
         if options.json:
             print_json(document)
         else:
-            show(options, case.name, results, folder, plots=plots)
+            show(case.name, results, folder, plots=plots, more="" if options.full else f"barbalat run {options.case} --full")
             show_exported(checked or {})
     return exit_code(checked or {})
 
@@ -145,19 +145,22 @@ def with_page(
     return document
 
 
-def show(options: argparse.Namespace, case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool) -> None:
-    """Print a sentence for each controller, a table and the findings, or with --full everything, and where the files lie."""
+def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool, more: str = "") -> None:
+    """Print a sentence for each controller, a table and the findings, and where the files lie.
+
+    more  the command that shows everything; where there is none, everything is shown
+    """
     from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import runs
     from barbalat.report.terminal.layout import Screen
 
     screen = Screen()
-    (runs.show_full if options.full else runs.show)(screen, case, results)
+    (runs.show if more else runs.show_full)(screen, case, results)
     screen.line("")
     if folder is not None:
         screen.whole(f"page: {folder.path / PAGE}" if plots else f"written to {folder.path}")
-    if not options.full:
-        screen.whole(f"everything: barbalat run {options.case} --full")
+    if more:
+        screen.whole(f"everything: {more}")
 
 
 def require_sampled(case: Case) -> None:

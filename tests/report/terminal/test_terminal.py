@@ -194,7 +194,7 @@ def test_findings_are_told_once_for_all_runs():
 def test_findings_without_room_are_counted():
     found = [dataclasses.replace(result) for result in results("paper")]
     text = shown(80, lambda screen: runs.show(screen, "paper", found, room=0))
-    assert "more: --full has all of them." in text
+    assert "more findings: --full has all of them." in text
     assert len(text.splitlines()) < len(shown(80, SCREENS["run paper"]).splitlines())
 
 

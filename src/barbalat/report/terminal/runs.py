@@ -99,7 +99,7 @@ def _told_together(screen: Screen, results: Sequence[Result], room: int) -> None
         text = f"{owners}{one.text}." if owners else _sentence(one.text)
         lines, rest = len(screen.folded(text, "    ", "  ")), len(told) - k - 1
         if lines + (rest > 0) > left and k:
-            screen.line(f"{counted(rest + 1, 'finding')} more: --full has all of them.", "yellow", "    ", "  ")
+            screen.line(f"{counted(rest + 1, 'more finding')}: --full has all of them.", "yellow", "    ", "  ")
             return
         screen.line(text, "yellow", "    ", "  ")
         left -= lines
