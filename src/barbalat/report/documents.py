@@ -70,5 +70,6 @@ def run_block(result: Result) -> dict[str, Any]:
         "finer_step": check,
         **({} if result.damping is None else {"solver_damping": result.damping.as_json()}),
         **lost,
+        "findings": [finding.sentence for finding in result.findings],
         "adapting": None if result.adapting is None else result.adapting.as_json(),
     }

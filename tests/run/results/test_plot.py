@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from barbalat import (  # fmt: skip
     DirectMrac,
+    KnownParameters,
     Mrac,
     NetworkMrac,
     ParameterBox,
@@ -294,3 +295,15 @@ def test_each_of_several_commands_says_where_the_model_settles():
         assert "the others at zero" in panel.note and "settles at" in panel.note
         gain = next(series.label.split(" × ")[0] for series in panel.series if " × " in series.label)
         assert gain in panel.note
+
+
+def test_a_run_that_is_lost_leaves_shared_panels_to_the_others():
+    """Without feedback x grows like e^(2.3 t), to 1e5 in 5 s, and has not diverged; MRAC's motion of some 1 stays to be seen."""
+    plant = Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=[0.0, 1.0], theta=[5.0, 3.0], x0=[0.1, 0.0])
+    unstable = Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Sine(amplitude=1.0, frequency=1.0))
+    nothing = KnownParameters(theta=[0.0, 0.0], name="nothing")
+    runs = simulate(unstable, [nothing, Mrac(gamma=10.0)], Simulation(t_end=5.0, dt=1e-2))
+    assert runs["nothing"].diverged_at is None and str(runs["nothing"].verdict).startswith("lost at t = ")
+    assert runs["nothing"].figures["max_abs_e"][0] > 1e4
+    shared = [panel for panel in panels(list(runs.values())) if {"nothing", "MRAC"} <= {series.label for series in panel.series}]
+    assert len(shared) >= 3 and all(panel.limits is not None and max(map(abs, panel.limits)) < 1e3 for panel in shared)

@@ -103,7 +103,7 @@ def _row(name: str, run: Result) -> str:
 
 
 def html_of(results: Sequence[Result]) -> str:
-    """Runs as a notebook shows them: the figures as a table, what deserves a second look, the plot."""
+    """Runs as a notebook shows them: the verdicts, the figures as a table, what deserves a second look, the plot."""
     from html import escape
 
     from barbalat.pictures.plotted import image_of
@@ -120,4 +120,5 @@ def html_of(results: Sequence[Result]) -> str:
         for sentence in (result.numerics, *result.warnings)
     ]
     picture = image_of(figure_of(results), f"{', '.join(result.name for result in results)} over time")
-    return f"{table(results, results[0].problem.labels)}<small>{'<br>'.join(notes)}</small><br>{picture}"
+    verdicts = "<br>".join(escape(f"{result.name}: {result.verdict}") for result in results if result.verdict is not None)
+    return f"<p>{verdicts}</p>{table(results, results[0].problem.labels)}<small>{'<br>'.join(notes)}</small><br>{picture}"
