@@ -10,6 +10,7 @@ from barbalat.cases.load import load_case
 from barbalat.judge.verdict import Class
 from barbalat.plants import PlantInput
 from barbalat.report.documents import run_block
+from barbalat.run.engine.settle import settle
 from barbalat.run.results.step_comparison import FinerStep, label
 from barbalat.signals import Constant, Steps
 from barbalat.studies import check_numerics
@@ -269,3 +270,12 @@ def test_a_sound_sampled_run_is_not_called_unstable(tmp_path):
     assert result.label is None and result.verdict.settled
     assert str(result.verdict) == "follows within 4.3 %"
     assert "numerically unstable" not in result.numerics
+
+
+def test_what_is_not_examined_is_a_finding():
+    """At a step that damps what it does not resolve; a finer one of the same class takes the finding away."""
+    coarse = simulate(PAPER, Mrac(gamma=1.0), Simulation(t_end=20, dt=1e-3))
+    assert coarse["MRAC"].stiffness.unstable_from is None and coarse["MRAC"].verdict.settled is None
+    assert any("was not tried" in finding.sentence for finding in coarse["MRAC"].findings)
+    settled = settle(coarse)["MRAC"]
+    assert settled.verdict.settled and not any(finding.kind in ("solver", "damping") for finding in settled.findings)

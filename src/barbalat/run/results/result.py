@@ -156,8 +156,8 @@ class Result:
 
     @property
     def damping(self) -> SolverDamping | None:
-        """What the method's own damping may hide of the loop's oscillations; None where nothing, or where the run is labelled."""
-        return None if self.label else self.stiffness.damping
+        """What the method's own damping may hide of the loop's oscillations; None where nothing, or outside the region."""
+        return None if self.stiffness.unstable_from is not None else self.stiffness.damping
 
     @property
     def numerics(self) -> str:
@@ -190,13 +190,26 @@ class Result:
         """What of the numerics, of the problem and of this run deserves a second look."""
         own = self.check is None or (self.label is None and self.check.origin == "loop")  # then a finer step shows nothing else
         outside = "; ".join(filter(None, (self.label, None if own or self.check is None else self.check.sentence)))
+        settled = self.verdict is not None and self.verdict.settled
         numeric = {
-            "solver": outside or None,
-            "damping": None if self.damping is None else self.damping.sentence,
+            "solver": outside or self._unexamined,
+            "damping": None if self.damping is None or settled else self.damping.sentence,
             "order": None if self.lost is None else self.lost.sentence,
         }
         found = [Finding(kind, sentence) for kind, sentence in numeric.items() if sentence is not None]
         return (*found, *self._others)
+
+    @property
+    def _unexamined(self) -> str | None:
+        """A sentence where nobody has settled whether the verdict is the plant's or the solver's."""
+        if self.verdict is None or self.verdict.settled is not None or self.stiffness.unstable_from is not None:
+            return None
+        if np.isnan(self.finer_by):
+            return None
+        if np.isinf(self.finer_by):
+            return "no step that is tried resolves every oscillation: whether this is the plant or the solver is not settled"
+        finer = f"a step {self.finer_by:g} times smaller"
+        return f"{finer}, which would settle whether this is the plant or the solver, was not tried"
 
     @property
     def _others(self) -> tuple[Finding, ...]:
