@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import hypothesis
 import pytest
@@ -14,6 +14,7 @@ from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, Refere
 from barbalat.processes import Here
 from barbalat.report import drawing_process
 from barbalat.signals import Sine, Sines
+from turns import drawn
 
 if TYPE_CHECKING:
     from barbalat.papers.jafari_2013.section_v import Runs
@@ -52,7 +53,7 @@ def _left_out(item: pytest.Item) -> bool:
 
 
 def _draws_samples(item: pytest.Item) -> bool:
-    return "sample" in getattr(item, "fixturenames", ())
+    return not {"sample", "by_turns"}.isdisjoint(getattr(item, "fixturenames", ()))
 
 
 @pytest.fixture(autouse=True)
@@ -77,6 +78,16 @@ def sample(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
     """``sample(short, full)``: how many random problems a test draws, by the command that runs it."""
     all_of_them = request.config.getoption("full") or request.config.getoption("rest")
     return lambda short, full: full if all_of_them else short
+
+
+@pytest.fixture(scope="session")
+def by_turns(request: pytest.FixtureRequest) -> Callable[[Sequence[Any], int], list[Any]]:
+    """``by_turns(items, few)``: few in the short command, with --rest a quarter, which the commit draws, and all with --full."""
+    if request.config.getoption("full"):
+        return lambda items, few: list(items)
+    if request.config.getoption("rest"):
+        return lambda items, few: drawn(items, max(-(-len(items) // 4), few))
+    return lambda items, few: list(items[:few])
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -16,6 +16,7 @@ from barbalat.testing import CheckFailed, check, problem_kinds
 from foreign import Bare, Plain, PlainEquations, PlainState, Proportional, wrong
 from independent import example_controllers, example_output_controllers, refusal
 from strangers import CONTROLLERS, LayeredEquations, TwoLayers
+from turns import drawn
 
 
 @pytest.fixture
@@ -45,16 +46,16 @@ def test_an_adaptive_law_is_checked_within_a_scheme(law):
     assert found.name == type(law).__name__ and "keeps theta_hat" in str(found)
 
 
+OUTPUT = {f"{name} on y": made for name, made in example_output_controllers(2).items() if name != "l1-output"}
+OWN = example_controllers(2) | OUTPUT
+TURN = drawn(list(OWN), 5)
+"""Those that CI checks this time."""
+
+
 @pytest.mark.full
-@pytest.mark.parametrize("name", example_controllers(2))
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.bulk] * (name not in TURN)) for name in OWN])
 def test_the_package_s_own_schemes_pass(name):
-    check(example_controllers(2)[name][0])
-
-
-@pytest.mark.full
-@pytest.mark.parametrize("name", [name for name in example_output_controllers(2) if name != "l1-output"])
-def test_those_on_the_output_too(name):
-    check(example_output_controllers(2)[name][0])
+    check(OWN[name][0])
 
 
 def test_a_controller_sampled_by_nature_is_compared_sample_by_sample(one):

@@ -29,10 +29,10 @@ DRAWN = {"state": (state_feedback, state_controllers), "output": (output_feedbac
 
 @pytest.mark.parametrize("part", range(2))
 @pytest.mark.parametrize("feedback", DRAWN)
-def test_no_mixture_does_what_is_denied(feedback, part, sample, no_searches):
+def test_no_mixture_does_what_is_denied(feedback, part, sample, by_turns, no_searches):
     """Seeded problems with all schemes that fit; one of these each in the short command."""
-    count, problem_of, controllers_of = sample(7, 50), *DRAWN[feedback]
-    for seed in range(part * count, (part + 1) * count):
+    problem_of, controllers_of = DRAWN[feedback]
+    for seed in by_turns(range(50 * part, 50 * (part + 1)), 7):
         random = np.random.default_rng([seed, list(DRAWN).index(feedback)])
         problem = problem_of(random)
         controllers = controllers_of(random, problem)
@@ -51,13 +51,12 @@ PAIRS = list(combinations(FEATURES, 2))
 
 
 @pytest.mark.parametrize("name", bundled())
-def test_no_pair_of_disturbing_features_leaves_a_guarantee(name, sample, no_searches):
+def test_no_pair_of_disturbing_features_leaves_a_guarantee(name, by_turns, no_searches):
     """Of the bundled cases; what small gain still gives of a linear output loop is held against a run."""
     case = load_case(name)
     horizon = Simulation(t_end=min(case.simulation.t_end, 10.0), dt=1e-3)
     random = np.random.default_rng(len(name))
-    drawn = random.choice(len(PAIRS), size=sample(1, len(PAIRS)), replace=False)
-    for pair in [PAIRS[i] for i in drawn]:
+    for pair in by_turns([PAIRS[i] for i in random.permutation(len(PAIRS))], 1):
         problem = disturbed(case.problem, pair)
         for controller in case.controllers:
             certificate, column = judged(problem, controller, horizon)

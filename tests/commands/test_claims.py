@@ -2,8 +2,6 @@
 
 import json
 
-import pytest
-
 from barbalat.cli import main
 from barbalat.papers.jafari_2013.paper import PAPER
 
@@ -32,15 +30,6 @@ def test_an_unknown_name(capsys):
 
 
 def test_the_names_are_those_of_the_rows(section_v_runs):
-    """Of the quick rows; those of all in the full command."""
-    _assert_names([part for part in PAPER.ledger if part.quick], section_v_runs)
-
-
-@pytest.mark.full
-def test_all_names_are_those_of_the_rows(section_v_runs):
-    _assert_names([part for part in PAPER.ledger if not part.quick], section_v_runs)
-
-
-def _assert_names(parts, runs):
-    for part in parts:
-        assert [row.id for row in part.rows(*([runs] if part.judges_runs else []))] == list(part.names)
+    """Of the quick rows; of all, ``tests/papers/test_ledger.py`` looks."""
+    for part in (part for part in PAPER.ledger if part.quick):
+        assert [row.id for row in part.rows(*([section_v_runs] if part.judges_runs else []))] == list(part.names)

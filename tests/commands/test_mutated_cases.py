@@ -124,10 +124,10 @@ def refuse(constant):
 
 @pytest.mark.parametrize("part", range(10))
 @pytest.mark.short(kept=lambda part: part == 0)
-def test_mutants_run_or_are_refused_in_one_sentence(part, sample, tmp_path, capsys):
+def test_mutants_run_or_are_refused_in_one_sentence(part, by_turns, tmp_path, capsys):
     """1500 of them, in parts that several workers take."""
     cases = originals()
-    for seed in range(150 * part, 150 * part + sample(40, 150)):
+    for seed in by_turns(range(150 * part, 150 * (part + 1)), 40):
         rng = random.Random(seed)
         text = written(mutated(rng, rng.choice(cases), cases))
         file = tmp_path / f"{seed}.toml"

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import random
-import shutil
-import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +18,7 @@ from barbalat.run.engine.simulate import recorded
 from barbalat.run.kernel.sampled_controller import initial_acting
 from export.examples import LONG, OUTPUT, SIMULATION, STATE, sampled_examples, schemes_covered
 from export.targets import ISO, drive, needs, needs_gcc, same_bits, write
+from turns import drawn
 
 EXAMPLES = {name: (problem, controller) for name, problem, controller in sampled_examples()}
 SHORT = [name for i, name in enumerate(EXAMPLES) if i % 61 == 0 or name == "L1PiecewiseConstant-state-0"]
@@ -43,14 +40,7 @@ ONE_OF_EACH = frozenset({kinds(name): name for name in reversed(EXAMPLES)}.value
 MORE_OF_THEM = 24
 """Of the others, that are replayed beside them: half a minute on one core. Each commit draws its own: all get their turn."""
 
-
-def commit() -> str:
-    """The sources' own; of what is no clone nothing."""
-    command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
-    return subprocess.run(command, capture_output=True, text=True, check=False).stdout if shutil.which("git") else ""
-
-
-REPLAYED = {*ONE_OF_EACH, *random.Random(commit()).sample([name for name in EXAMPLES if name not in ONE_OF_EACH], MORE_OF_THEM)}
+REPLAYED = {*ONE_OF_EACH, *drawn([name for name in EXAMPLES if name not in ONE_OF_EACH], MORE_OF_THEM)}
 
 
 def exported(name, folder):

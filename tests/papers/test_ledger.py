@@ -2,6 +2,7 @@
 
 import io
 import json
+import os
 import re
 import sys
 from dataclasses import replace
@@ -14,6 +15,7 @@ from rich.console import Console
 from barbalat.certificates.certificates import Table1
 from barbalat.certificates.certify import Certified
 from barbalat.cli import main
+from barbalat.explorer import section_v
 from barbalat.papers import ledger
 from barbalat.papers.claim import Claim, Measurement, Reading, of_readings, table, verdict
 from barbalat.papers.jafari_2013.figures import paper_figures
@@ -23,6 +25,7 @@ from barbalat.papers.paper import papers
 from barbalat.report import page
 from barbalat.report.terminal.layout import Screen
 from barbalat.report.terminal.ledger import overview
+from turns import once
 
 
 @pytest.fixture(scope="module")
@@ -33,9 +36,11 @@ def quick(section_v_runs) -> tuple[dict[str, Claim], list[float]]:
 
 
 @pytest.fixture(scope="module")
-def claims(section_v_runs) -> dict[str, Claim]:
+def claims(section_v_runs, tmp_path_factory) -> dict[str, Claim]:
     """All of them, in half a minute and more."""
-    return {claim.id: claim for claim in ledger.measure(PAPER, section_v_runs)}
+    base = tmp_path_factory.getbasetemp()
+    folder = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    return {claim.id: claim for claim in once(folder, "claims", lambda: ledger.measure(PAPER, section_v_runs))}
 
 
 EXPECTED = {
@@ -101,6 +106,11 @@ def test_quick_verdicts(quick):
     assert {name: claim.verdict for name, claim in measured.items() if name in EXPECTED} == {
         name: verdict for name, verdict in EXPECTED.items() if name in measured
     }
+
+
+@pytest.mark.full
+def test_the_names_are_those_of_the_rows(claims):
+    assert list(claims) == [name for part in PAPER.ledger for name in part.names]
 
 
 @pytest.mark.full
@@ -235,21 +245,43 @@ def test_full_measures_what_sharpens_a_row_instead(monkeypatch, section_v_runs):
         assert [claim.id for claim in ledger.measure(one_row, section_v_runs, quick=True, full=full)] == [row]
 
 
+SHARPER = [part for part in PAPER.ledger if part.sharper]
+
+
 @pytest.mark.full
-def test_the_full_command_sharpens_and_keeps_the_verdicts(claims, section_v_runs, monkeypatch, tmp_path, capsys):
-    """All of it, more than three minutes of one core."""
-    monkeypatch.setitem(
-        papers(), PAPER.name, replace(PAPER, run=lambda progress: section_v_runs)
-    )  # the same, which other tests share
-    assert main(["reproduce", "--full", "--out", str(tmp_path), "--json"]) == 0
-    rows = {row["id"]: row for row in json.loads(capsys.readouterr().out)["claims"]}
-    assert {name: row["verdict"] for name, row in rows.items()} == {name: claim.verdict for name, claim in claims.items()}
+@pytest.mark.parametrize(
+    "part",
+    [pytest.param(part, id=min(part.names), marks=[pytest.mark.bulk] * (part.sharper_seconds > 60)) for part in SHARPER],
+)
+def test_what_sharpens_a_row_keeps_its_verdict(claims, section_v_runs, part):
+    """Each measures more than the plain command does, and says before it what that is."""
+    for row in part.rows(*[section_v_runs] * part.judges_runs, full=True):
+        plain = claims[row.id]
+        assert row.verdict == plain.verdict
+        assert row.sharpened == plain.sharpened
+        assert row.as_json() != plain.as_json(), f"{row.id}: --full measures nothing more"
+
+
+@pytest.mark.full
+def test_what_is_said_to_be_sharpened_is(claims):
     sharpened = {name for name, claim in claims.items() if claim.sharpened}
     assert sharpened >= {"stiff-solvers", "bound-9", "bound-10"}
-    for name in sharpened:
-        row, plain = rows[name], claims[name]
-        assert row["sharpened"] == plain.sharpened
-        assert row != json.loads(json.dumps(plain.as_json())), f"{name}: --full measures nothing more"
+    assert sharpened == {name for part in SHARPER for name in part.names}
+
+
+@pytest.mark.full
+def test_the_full_command_measures_what_sharpens(monkeypatch, section_v_runs, tmp_path, capsys):
+    """Of a ledger with one row, which is another one in full; the runs are those that other tests share."""
+    plain, sharper = paper_figures.as_described, paper_figures.without_projection
+    only = Measurement(
+        plain, 0.1, {"figures-2-5": "the figures"}, quick=True, judges_runs=True, sharper=sharper, sharper_seconds=0.3
+    )
+    paper = replace(PAPER, run=lambda progress: section_v_runs)
+    vars(paper)["ledger"] = (only,)
+    monkeypatch.setitem(papers(), PAPER.name, paper)
+    monkeypatch.setattr(section_v, "PAPER", "another paper, whose report has no pages with sliders")
+    assert main(["reproduce", "--full", "--out", str(tmp_path), "--json"]) == 0
+    assert [row["id"] for row in json.loads(capsys.readouterr().out)["claims"]] == ["no-projection"]
 
 
 @pytest.mark.full
