@@ -15,8 +15,8 @@ from barbalat.comparison.search.quantity import TunedQuantity
 from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, search
 from barbalat.comparison.tune.tune import Tuner
 from barbalat.studies import Budget, delay_margins, sweep, trade_off, tune
-from barbalat.study.criteria import ReferenceMotion
 from barbalat.study.ideal_benchmark import known_width
+from barbalat.study.reference_motion import ReferenceMotion
 from independent import refusal
 
 DRIVE = """

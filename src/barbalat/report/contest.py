@@ -7,7 +7,7 @@ import numpy as np
 from barbalat.comparison.contest.result import Contest, Paired
 from barbalat.comparison.contest.tuned import Qualified
 from barbalat.report.terminal.layout import Screen
-from barbalat.study.delay_margin import Criterion
+from barbalat.study.verdicts import Criterion
 from barbalat.validate import counted
 
 FAILURES = ("entrant", "failed", "up to", "diverged", "delay", "gain up", "gain down")

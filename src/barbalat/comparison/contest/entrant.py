@@ -14,6 +14,7 @@ from barbalat.comparison.grids import reach_of
 from barbalat.comparison.ranges import Range, Space
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.tuning_grid import Tunable, TuningGrid
+from barbalat.judge.settings import Judge
 from barbalat.loop.binding import bound
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import Varied
@@ -87,6 +88,7 @@ class VariedEntrant(Varied):
     problem: Problem
     simulation: Simulation
     paths: tuple[FieldPath, ...]
+    judge: Judge
 
     @property
     def source(self) -> str:
@@ -95,7 +97,7 @@ class VariedEntrant(Varied):
     def at(self, values: Sequence[float] | Array) -> Case:
         controller = self.entrant.controller(values)
         bound(self.problem, controller)
-        return Case(self.problem, (controller,), self.simulation)
+        return Case(self.problem, (controller,), self.simulation, judge=self.judge)
 
 
 def entrants_of(

@@ -166,6 +166,7 @@ def _cycles(
     tail = simulation.t_end - float(simulation.time(simulation.tail_start))
     reversals = kept.in_tail("reversals")
     which, amplitude, frequency = (np.zeros((members, inputs)) for _ in range(3))
+    growing = np.zeros(members, dtype=bool)
 
     def look(group: Group) -> None:
         columns = group.columns
@@ -185,6 +186,7 @@ def _cycles(
                 break
         cycling = found.cycling(band[columns]) & mine[:, None]
         which[columns] = cycling
+        growing[columns] = found.growing(band[columns]) & mine
         amplitude[columns] = np.where(cycling, 0.5 * found.swing[-1], 0.0)
         if cycling.any():
             t, path = going.traced(steps, int(SAMPLES_EACH_REVERSAL * found.reversals[-1].max()))
@@ -194,7 +196,7 @@ def _cycles(
     pending = [group for group in batch.groups if suspect[group.columns].any()]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         list(pool.map(look, pending))
-    return Cycles(which.astype(bool), amplitude, frequency, suspect)
+    return Cycles(which.astype(bool), amplitude, frequency, suspect, growing)
 
 
 @dataclass(eq=False)
