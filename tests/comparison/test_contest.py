@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from barbalat import Adrc, InputError, KnownParameters, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation, simulate
-from barbalat.comparison.contest.entrant import entrants_of, start_of
+from barbalat.comparison.contest.entrant import entrants_of
 from barbalat.comparison.contest.result import paired
 from barbalat.comparison.contest.validation import Paced, Validation
+from barbalat.comparison.starts import start_of
 from barbalat.interfaces import TuningGrid
 from barbalat.plants import PlantInput
 from barbalat.signals import Constant, Sine, Square
@@ -41,11 +42,27 @@ def found():
     return compete(DRIVE, SIMULATION, [mrac(), fixed(1.0)], RULE, members=16)
 
 
+class ThenHeld:
+    """The command until t = 4 s, and from then on its largest value of the last quarter, 1."""
+
+    def __call__(self, t):
+        return np.where(np.asarray(t) < 4.0, DRIVE.reference(np.asarray(t)), 1.0)
+
+    def before(self, t):
+        return np.where(np.asarray(t) <= 4.0, DRIVE.reference(np.asarray(t)), 1.0)
+
+
 def borne_by_hand(controller, theta: float, delay: float = 0.0, gain: float = 1.0) -> bool:
-    """Whether a single run is neither lost nor a limit cycle; the plant has no noise."""
+    """Whether u comes to rest with the command held, on a single run that goes on for long."""
     path = PlantInput(delay=delay, gain=gain) if delay or gain != 1 else None
-    problem = replace(DRIVE, plant=Plant(A_m=[[-2.0]], b=[1.5], theta=[theta], x0=[0.3], input=path))
-    return simulate(problem, controller, SIMULATION)[controller.name].verdict.kind not in ("lost", "limit cycle")
+    plant = Plant(A_m=[[-2.0]], b=[1.5], theta=[theta], x0=[0.3], input=path)
+    longer = replace(SIMULATION, t_end=24.0, record_points=10_000)
+    run = simulate(replace(DRIVE, plant=plant, reference=ThenHeld()), controller, longer)[controller.name]
+    if run.diverged_at is not None:
+        return False
+    u, t = np.ravel(run.u), run.t
+    before, last = (np.ptp(u[(t >= begin) & (t < begin + 2.0)]) for begin in (10.0, 22.0))
+    return last < 0.025 * np.ptp(u[t <= 4.0]) or last < 0.95 * before
 
 
 @pytest.mark.full

@@ -43,7 +43,7 @@ NUMBERS = np.zeros(1, dtype=int)
 )
 def test_true_delays_are_confirmed_and_false_ones_are_not(factors, said):
     """Delays that were never found, by these factors: the finer step says on which side the true one lies."""
-    members = [(DRIVE, Mrac(gamma=1000.0))]
+    members = [(DRIVE, Mrac(gamma=100.0))]
     found = delay_margins_ensemble(members, SIMULATION)
     assert 0 < 2 * found.onset.bears[0] < found.loss.bears[0] < 1.0  # the factors keep the two apart
     false = (Bracket(f * one.bears, f * one.loses) for f, one in zip(factors, (found.onset, found.loss), strict=True))

@@ -74,7 +74,9 @@ class Verdicts:
         progress: Progress | None = None,
     ) -> Verdicts:
         """Simulate and judge these members, as ``simulate_ensemble`` does."""
-        found = simulate_ensemble(members, simulation, numbers=numbers, judge=judge, threads=threads, progress=progress)
+        found = simulate_ensemble(
+            members, simulation, numbers=numbers, judge=judge, closely=True, threads=threads, progress=progress
+        )
         judged = found.judged
         assert judged is not None
         lost = judged.kinds == CLASSES.index(Class.LOST)

@@ -13,7 +13,7 @@ from barbalat import budget, validate
 from barbalat.budget import Estimate, Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
-from barbalat.comparison.contest.entrant import Entrant, entrants_of, initial_estimates
+from barbalat.comparison.contest.entrant import Entrant, entrants_of
 from barbalat.comparison.contest.result import Contest, paired
 from barbalat.comparison.contest.rule import (
     DEFAULT_GAIN_MARGIN,
@@ -28,6 +28,7 @@ from barbalat.comparison.contest.tuned import Qualified, qualify
 from barbalat.comparison.contest.validation import Draws, Remeasured, Validation, measure, measured_again
 from barbalat.comparison.search.aim import Plants
 from barbalat.comparison.search.search import least_trials
+from barbalat.comparison.starts import initial_estimates
 from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.judge.settings import Judge
 from barbalat.loop.structure import comes_from_outside

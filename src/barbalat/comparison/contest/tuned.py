@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.budget import Progress
 from barbalat.certificates.certify import certify
-from barbalat.comparison.contest.entrant import Entrant, VariedEntrant, start_of
+from barbalat.comparison.contest.entrant import Entrant, VariedEntrant
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.ranges import Space
 from barbalat.comparison.search.aim import Plants, StepCheck, Trial
@@ -17,6 +17,7 @@ from barbalat.comparison.search.probing import Probing
 from barbalat.comparison.search.quantity import PROBES
 from barbalat.comparison.search.search import least_trials, search
 from barbalat.comparison.search.trials import Trials, in_one_kernel
+from barbalat.comparison.starts import start_of
 from barbalat.comparison.tune.result import best_of
 from barbalat.judge.settings import Judge
 from barbalat.judge.verdict import Verdict

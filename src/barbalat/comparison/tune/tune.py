@@ -20,6 +20,7 @@ from barbalat.comparison.search.aim import DEFAULT_PLANTS, Aim, Plants
 from barbalat.comparison.search.quantity import LINEAR_DELAYS, LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
 from barbalat.comparison.search.search import least_trials, search
 from barbalat.comparison.search.trials import Trials, in_one_kernel
+from barbalat.comparison.starts import different_starts
 from barbalat.comparison.tune.result import Tuned, Tuning, choose
 from barbalat.controllers import Sampled
 from barbalat.controllers.tuning_grid import OutputTunable, Tunable, TuningGrid
@@ -277,9 +278,11 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
                 f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
-    aim = tuner.aim
+    problem, aim = tuner.case.problem, tuner.aim
     for name, one in found.items():
         said += [f"{name}: {sentence}" for sentence in _beside_linear(one)]
+    if isinstance(problem, Problem):
+        said += different_starts(problem, [one for one in tuner.case.controllers if one.name in found])
     if aim.asks(Origin.PROBE) and tuner.case.problem.noise is not None:
         said.append(NOISE_SENTENCE)
     said += [LINEAR_SENTENCE.format(key=one.name) for one in aim.quantities if one.key in OF_A_LINEAR_LOOP]

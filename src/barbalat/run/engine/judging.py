@@ -75,15 +75,18 @@ class Terms:
         )
 
 
-def judged(batch: Batch, simulation: Simulation, terms: Terms, *, threads: int | None = None) -> Judged:
-    """The verdicts on a batch whose run is over."""
+def judged(batch: Batch, simulation: Simulation, terms: Terms, *, closely: bool = False, threads: int | None = None) -> Judged:
+    """The verdicts on a batch whose run is over.
+
+    closely  every run is a suspect, however seldom its control reverses: the tail may be too short for it
+    """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
     scale = scale_of(kept.of("largest y_m"), _initial(batch), _noise(loop), kept.of("largest y"))
     bands = judge.bands(terms.names, terms.units, scale)
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
-        suspect = suspects(kept.in_tail("reversals"), held.turns) & ~lost
+        suspect = (suspects(kept.in_tail("reversals"), held.turns) | closely) & ~lost
     cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads)
     return Judged.of(
         kept,
@@ -179,9 +182,9 @@ def _cycles(
             seen.append(going.window(steps))
             if len(seen) < FEWEST_WINDOWS:
                 continue
-            found = Windows(
-                np.array([one.high - one.low for one in seen]), np.array([one.reversals for one in seen]), seen[-1].lost
-            )
+            with np.errstate(invalid="ignore"):
+                swing = np.array([one.high - one.low for one in seen])
+            found = Windows(swing, np.array([one.reversals for one in seen]), seen[-1].lost)
             if len(seen) == MOST_WINDOWS or (found.decided(band[columns]) | ~mine).all():
                 break
         cycling = found.cycling(band[columns]) & mine[:, None]
