@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
-from barbalat.controllers import KnownParameters, L1Adaptive, Mrac
+from barbalat.controllers import KnownParameters, L1Adaptive, Mrac, Sampled
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
@@ -253,6 +254,34 @@ def test_what_a_disturbance_drives_is_no_oscillation_of_the_loop():
     assert found.undelayed.theta_hat_variation_rate.min() > 1.0
     assert not found.oscillates[0]
     assert found.onset.bears[0] > 0
+
+
+def test_noise_does_not_buy_a_delay_margin():
+    """Sampled MRAC at a gain of 1e4: its noise hid the oscillation from 0.0106 s on up to 0.194 s."""
+    simulation, controller = Simulation(t_end=HORIZON, dt=1e-3), Sampled(Mrac(gamma=1e4), 0.01)
+    with_noise, without = (
+        delay_margins_ensemble([(p, controller)], simulation) for p in (NOISY, replace(NOISY, sensor=None))
+    )
+    for found in (with_noise, without):
+        assert found.onset.bears[0] == pytest.approx(0.0106, rel=0.02)
+    assert with_noise.fills[0] and not without.fills[0]
+
+
+def test_a_margin_is_that_of_the_case_with_its_limits():
+    """The flexible joint: its limits end in a limit cycle at a delay that the linear loop bears ten times."""
+    case = load_case(str(Path(__file__).parents[1] / "judge" / "flexible-joint.toml"))
+    problem, controller, simulation = case.problem, case.controllers[0], case.simulation
+    certificates = certify(problem, controller, simulation)
+    found = with_simulated_margins(certificates, problem, [controller], simulation, judge=case.judge)["MRAC"]
+    bears = found.values["delay_margin_measured"]
+    assert bears < 0.1 * found.values["delay_margin_adapting"]
+    assert any("less than half of delay_margin, " in text for text in found.findings)
+    still = replace(problem, sensor=None)
+    for delay, cycles in ((0.9 * bears, False), (0.02, True)):
+        (run,) = simulate(with_error(still, DelayError(), delay), [controller], simulation).values()
+        assert (run.verdict.kind == "limit cycle") == cycles
+    assert found.simulated.verdict["class"] == "off" and "the input's limits" in found.simulated.run
+    assert found.values["gain_margin_measured"] == pytest.approx(1.23, abs=0.01)
 
 
 def test_estimates_that_noise_drives_through_the_known_set_are_a_finding():

@@ -97,13 +97,13 @@ class Certificates(Named[Certificate]):
                 f'<th scope="row">{escape(one.label)}</th><td>{escape(one.text)}</td>'
                 for one in lines(column, certificate, self.simulation.dt)
             ]
-        lines = "".join(f"<tr>{row}</tr>" for row in rows)
+        shown = "".join(f"<tr>{row}</tr>" for row in rows)
         notes = "<br>".join(escape(f"{name}: {note}") for name, certificate in self.items() for note in certificate.notes)
         pictures = (
             image_of(figure_of(loops, TITLE, shown=False), f"{CAPTION}: {'; '.join(one.name for one in loops)}")
             for loops in grouped(distinct(self))
         )
-        return f"<table>{lines}</table><small>{notes}</small><br>{''.join(pictures)}"
+        return f"<table>{shown}</table><small>{notes}</small><br>{''.join(pictures)}"
 
     def plot(self, *, narrow: bool = False) -> Figure:
         """The loops of all, each once, as ``Certificate.plot`` shows those of one; ``narrow`` for a phone or a column."""
