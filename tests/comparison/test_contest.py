@@ -14,6 +14,8 @@ from barbalat.comparison.contest.validation import Paced, Validation
 from barbalat.comparison.starts import start_of
 from barbalat.interfaces import TuningGrid
 from barbalat.plants import PlantInput
+from barbalat.report import contest as report
+from barbalat.report.page import contest as contest_page
 from barbalat.signals import Constant, Sine, Square
 from barbalat.studies import Entrant, Rule, compete
 from foreign import Plain, PlainEquations, PlainState
@@ -113,6 +115,13 @@ def test_who_diverges_on_what_no_tuning_saw_is_counted_and_stays_in():
     assert losses == sorted(losses)  # failures before errors
     lost = [found.held_out[name].lost for name in (pair.first, pair.second)]
     assert pair.worse.count >= int((lost[0] & ~lost[1]).sum()) and pair.both_failed == int((lost[0] & lost[1]).sum())
+    first = report.verdicts(found)
+    assert [name for name, _, _ in first] == [one.name for one in found.entrants]
+    sentences = {name: sentence for name, sentence, _ in first}
+    assert sentences["Fixed"].endswith(f"; {int(held.lost.sum())} of 40 runs failed")
+    assert sentences["Fixed"].startswith(str(found["Fixed"].verdict))
+    page = contest_page(found, None)
+    assert page.index(sentences["Fixed"].split(";")[0]) < page.index("The rule:")
 
 
 @pytest.mark.full

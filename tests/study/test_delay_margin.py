@@ -259,9 +259,7 @@ def test_what_a_disturbance_drives_is_no_oscillation_of_the_loop():
 def test_noise_does_not_buy_a_delay_margin():
     """Sampled MRAC at a gain of 1e4: its noise hid the oscillation from 0.0106 s on up to 0.194 s."""
     simulation, controller = Simulation(t_end=HORIZON, dt=1e-3), Sampled(Mrac(gamma=1e4), 0.01)
-    with_noise, without = (
-        delay_margins_ensemble([(p, controller)], simulation) for p in (NOISY, replace(NOISY, sensor=None))
-    )
+    with_noise, without = (delay_margins_ensemble([(p, controller)], simulation) for p in (NOISY, replace(NOISY, sensor=None)))
     for found in (with_noise, without):
         assert found.onset.bears[0] == pytest.approx(0.0106, rel=0.02)
     assert with_noise.fills[0] and not without.fills[0]

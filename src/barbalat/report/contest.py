@@ -46,7 +46,7 @@ def verdicts(found: Contest) -> list[tuple[str, str, bool]]:
     rows = []
     for one in found.entrants:
         held = found.held_out.get(one.name)
-        failed = "does not meet the rule" if held is None else f"fails {int(held.lost.sum())} of {len(held.lost)} held-out runs"
+        failed = "does not meet the rule" if held is None else f"{int(held.lost.sum())} of {len(held.lost)} runs failed"
         margins = f"bears {one.delay_margin_measured:.3g} s, gain {one.gain_margin_measured:.3g}"
         rows.append((one.name, f"{one.verdict}; {margins}; {failed}", held is not None))
     return rows
