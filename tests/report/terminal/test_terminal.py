@@ -404,7 +404,7 @@ def test_what_was_simulated_stands_on_the_short_screen():
     name = table.columns[0].name
     changed = {name: made[name].with_simulated(Simulated("20 s of the case's own run: follows within 3 %", {}, "delay 0.0106 s"))}
     text = shown(80, lambda screen: certificates.show(screen, "case", dict(made) | changed, table, 1e-3)).replace(HELD_BLANK, " ")
-    lines = text.split(name)[1].splitlines()
+    lines = text.split(f"{name}: ")[1].splitlines()
     assert [line.split(maxsplit=1) for line in lines[1:3]] == [
         ["measured", "delay 0.0106 s"],
         ["simulated", "20 s of the case's own run: follows within 3 %"],
