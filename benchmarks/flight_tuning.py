@@ -26,11 +26,12 @@ from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified, qualify
 from barbalat.comparison.search.aim import Plants
 from barbalat.controllers.tuning_grid import TuningGrid
+from barbalat.judge.settings import Judge
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.signals import Step
-from barbalat.study.delay_margin import Criterion
+from barbalat.study.verdicts import Criterion
 from barbalat.vehicles.f16.axis import Axis
 from barbalat.vehicles.f16.schemes import SCHEMES
 from barbalat.vehicles.quadrotor.schemes import SCHEMES as QUADROTOR_SCHEMES
@@ -70,7 +71,7 @@ def tuned(axis: Axis, scheme: str) -> Qualified:
     entrant = Entrant(knobs=TuningGrid(scheme=scheme, values=values, make=made))
     problem = as_linearised(axis, contestant.make(axis, least).problem)
     plants = Plants.of(Case(problem, (made(**least),), SIMULATION), RULE.aim, [problem])
-    return qualify(entrant, RULE, plants, plants, SIMULATION)  # no sensor has noise, so that the silent plants are the same
+    return qualify(entrant, RULE, plants, SIMULATION, judge=Judge())
 
 
 PAGES = Path(__file__).parents[1] / "docs" / "guides"

@@ -22,6 +22,7 @@ from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified, qualify
 from barbalat.comparison.search.aim import Plants
 from barbalat.controllers.tuning_grid import TuningGrid
+from barbalat.judge.settings import Judge
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.actuation import PlantInput
@@ -29,8 +30,7 @@ from barbalat.problem.measurement import Noise, Sensor
 from barbalat.protocols import Controller, Sample, SampledEquations, Value
 from barbalat.roles import Role, declared_roles
 from barbalat.signals import Step, Steps
-from barbalat.study.delay_margin import Criterion
-from barbalat.study.ideal_benchmark import quiet
+from barbalat.study.verdicts import Criterion
 from barbalat.validate import Array
 from barbalat.vehicles.quadrotor.axes import Axes, Axis
 from barbalat.vehicles.quadrotor.schemes import SCHEMES
@@ -158,5 +158,6 @@ def tuned(axes: Axes, axis: Axis, scheme: str, rule: Rule) -> Qualified:
     least = made(**{knob: float(tried[0]) for knob, tried in values.items()})
     problem = as_linearised(axes, axis)
     simulation = Simulation(t_end=_samples(axis, T_END), dt=axis.sample_time)
-    noisy, silent = (Plants.of(Case(one, (least,), simulation), rule.aim, [one]) for one in (problem, quiet(problem)))
-    return qualify(Entrant(knobs=TuningGrid(scheme=scheme, values=values, make=made)), rule, noisy, silent, simulation)
+    plants = Plants.of(Case(problem, (least,), simulation), rule.aim, [problem])
+    entrant = Entrant(knobs=TuningGrid(scheme=scheme, values=values, make=made))
+    return qualify(entrant, rule, plants, simulation, judge=Judge())

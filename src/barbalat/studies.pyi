@@ -12,10 +12,9 @@ from .comparison.tune.tune import tune as tune
 from .explorer.explorer import Explorer as Explorer
 from .explorer.explorer import explore as explore
 from .run.engine.check_numerics import check_numerics as check_numerics
-from .study.criteria import Lost as Lost
-from .study.criteria import Onset as Onset
 from .study.delay_margin import DelayMargins as DelayMargins
 from .study.delay_margin import delay_margins as delay_margins
 from .study.delay_margin import delay_margins_ensemble as delay_margins_ensemble
+from .study.verdicts import Lost as Lost
 from .sweeps.result import SweepResult as SweepResult
 from .sweeps.sweep import sweep as sweep

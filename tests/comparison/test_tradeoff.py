@@ -32,7 +32,7 @@ from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Sine
 from barbalat.solvers import RK4
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset
+from barbalat.study.ideal_benchmark import Judging
 from barbalat.validate import InputError
 from independent import refusal
 
@@ -238,7 +238,7 @@ def _found(section_v, onset, loss) -> TradeOff:
     )
     return TradeOff(
         problem=section_v, simulation=Simulation(t_end=1.0, dt=0.01), thetas=np.zeros((1, 2)), clouds=clouds,
-        criteria=(Onset(), Lost()), notes=(), runs=0, seconds=0.0,
+        by=Judging(), notes=(), runs=0, seconds=0.0,
     )  # fmt: skip
 
 

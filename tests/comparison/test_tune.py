@@ -14,9 +14,10 @@ from barbalat.comparison.search.aim import Aim, Trial
 from barbalat.comparison.search.quantity import TunedQuantity
 from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, search
 from barbalat.comparison.tune.tune import Tuner
+from barbalat.report import tuning
 from barbalat.studies import Budget, delay_margins, sweep, trade_off, tune
-from barbalat.study.criteria import ReferenceMotion
-from barbalat.study.ideal_benchmark import known_width
+from barbalat.study.reference_motion import ReferenceMotion
+from barbalat.study.ringing import known_width
 from independent import refusal
 
 DRIVE = """
@@ -368,8 +369,21 @@ def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
     case.write_text(DRIVE)
     found = tune(str(case), "rms_e", subject_to=["delay_margin_adapting >= 1e-3"], controller="MRAC", plants=1, trials=288)
     assert any(note.startswith("delay_margin_adapting is of a linear loop: it knows no limit") for note in found.notes)
+    tuned = found.controllers["MRAC"]
+    ((_, linear),) = tuned.chosen.found.items()
+    half = tuned.delay_margin_measured < 0.5 * linear
+    assert half == any(
+        "measured delay margin" in note and "less than half of delay_margin_adapting" in note for note in found.notes
+    )
+    ((name, sentence, meets),) = tuning.verdicts(found)
+    assert (
+        name == "MRAC"
+        and meets
+        and sentence.startswith(str(tuned.verdict))
+        and f"{tuned.delay_margin_measured:.3g} s" in sentence
+    )
     assert not any(
-        "delay_onset_simulated asks" in note for note in tune(str(case), "rms_e", controller="MRAC", plants=1, trials=288).notes
+        "delay_margin_measured asks" in note for note in tune(str(case), "rms_e", controller="MRAC", plants=1, trials=288).notes
     )
 
 

@@ -14,7 +14,7 @@ import strangers
 from barbalat import Sampled, simulate
 from barbalat.certificates.certify import certify
 from barbalat.cli import main
-from barbalat.comparison.contest.entrant import initial_estimates
+from barbalat.comparison.starts import initial_estimates
 from barbalat.export.c99.files import files
 from barbalat.export.fmu.archive import units
 from barbalat.interfaces import Role

@@ -16,7 +16,6 @@ from barbalat.problem.state_feedback import ParameterBox, Problem
 from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine, Square
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import EXAMINED, EXAMINED_WITHOUT_ESTIMATES
 from barbalat.study.delay_margin import Bracket, delay_margins_ensemble
 from barbalat.study.finer_step import PlainRun, delays_confirmed
 from barbalat.study.simulated_margins import with_simulated_margins
@@ -44,7 +43,7 @@ NUMBERS = np.zeros(1, dtype=int)
 )
 def test_true_delays_are_confirmed_and_false_ones_are_not(factors, said):
     """Delays that were never found, by these factors: the finer step says on which side the true one lies."""
-    members = [(DRIVE, Mrac(gamma=1000.0))]
+    members = [(DRIVE, Mrac(gamma=100.0))]
     found = delay_margins_ensemble(members, SIMULATION)
     assert 0 < 2 * found.onset.bears[0] < found.loss.bears[0] < 1.0  # the factors keep the two apart
     false = (Bracket(f * one.bears, f * one.loses) for f, one in zip(factors, (found.onset, found.loss), strict=True))
@@ -71,11 +70,10 @@ def test_an_oscillation_that_is_the_solvers_is_told(section_v):
     assert not any("same verdicts" in text for text in said)  # what is unstable itself confirms nothing
 
 
-def test_what_is_examined_is_said_of_each_controller():
+def test_a_finer_step_confirms_each_controller():
     controllers = Mrac(gamma=10.0), Adrc(bandwidth=10.0)
     found = with_simulated_margins(certify(DRIVE, controllers, SIMULATION), DRIVE, controllers, SIMULATION)
     said = {name: one.assumptions for name, one in found.items()}
-    assert EXAMINED in said["MRAC"] and EXAMINED_WITHOUT_ESTIMATES in said["ADRC"]
     assert all(any("a step of 0.0005 s gives the same verdicts" in text for text in one) for one in said.values())
 
 
@@ -90,12 +88,18 @@ RELAY_LIKE = Problem(
 def test_a_limit_cycle_at_the_actuators_limits_is_told():
     """With a gain that the delay does not admit the demand goes from rail to rail for ever; with a smaller one it settles.
 
-    Beyond the limits u acts as a relay does: a swing of at most 2 to either side.
+    The frequency is counted by hand from a run with every step recorded.
     """
     simulation = Simulation(t_end=8.0, dt=2e-3)
     wild, tame = PlainRun.of(RELAY_LIKE, Gain(60.0), simulation), PlainRun.of(RELAY_LIKE, Gain(2.0), simulation)
-    assert tame.swinging is None
-    assert "limit cycle, u swings by ±2 " in wild.swinging and "neither criterion counts it" in wild.swinging
+    assert tame.verdict.cycle is None
+    (run,) = simulate(RELAY_LIKE, [Gain(60.0)], replace(simulation, record_points=simulation.steps)).values()
+    rising = run.t[1:][np.diff(np.sign(np.ravel(run.u))) > 0]
+    late = rising[rising >= 4.0]
+    assert wild.verdict.cycle.amplitude == pytest.approx(2.0)
+    assert wild.verdict.cycle.frequency == pytest.approx(2 * np.pi / np.diff(late).mean(), rel=0.02)
+    margins = delay_margins_ensemble([(RELAY_LIKE, Gain(60.0))], simulation)
+    assert margins.oscillates[0] and margins.onset.bears[0] == margins.onset.loses[0] == 0
 
 
 def test_a_command_that_asks_for_both_limits_is_no_limit_cycle():
@@ -107,7 +111,7 @@ def test_a_command_that_asks_for_both_limits_is_no_limit_cycle():
     )
     (run,) = simulate(asked, [Gain(0.0)], simulation).values()
     assert run.u.max() > 2 and run.u.min() < -2
-    assert PlainRun.of(asked, Gain(0.0), simulation).swinging is None
+    assert PlainRun.of(asked, Gain(0.0), simulation).verdict.cycle is None
 
 
 class Gain:

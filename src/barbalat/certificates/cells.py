@@ -25,15 +25,11 @@ NONLINEAR = "known for phi(x) = x; where phi grows faster, a normalised law may 
 
 @dataclass(frozen=True)
 class Column:
-    """One controller's column of Table 1: its cells by the keys of PROPERTIES.
-
-    limited  whether the plant's input has limits, which linear loops leave aside
-    """
+    """One controller's column of Table 1: its cells by the keys of PROPERTIES."""
 
     name: str
     scheme: str
     cells: dict[str, Entry]
-    limited: bool = False
 
     def as_json(self) -> dict[str, Any]:
         """The contract's block for a column; ``text`` is the statement, or why there is none."""

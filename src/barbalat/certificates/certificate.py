@@ -18,6 +18,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@dataclass(frozen=True)
+class Simulated:
+    """What was simulated beside a certificate, and what came of it.
+
+    run      what was run, and the judge's verdict on it, as a sentence
+    verdict  the same as ``run --json`` has it
+    margins  what the run bears, in words
+    """
+
+    run: str
+    verdict: Mapping[str, Any]
+    margins: str
+
+    def as_json(self) -> dict[str, Any]:
+        return {"run": self.run, "verdict": dict(self.verdict), "margins": self.margins}
+
+
 @dataclass(frozen=True, repr=False)
 class Certificate:
     """One controller's certificate.
@@ -26,12 +43,14 @@ class Certificate:
     notes    what else was found, as sentences
     loops    the linear loops whose margins stand among the entries
     failure  why there is no certificate, where its computation fails
+    simulated  what was simulated on request; None where nothing was
     """
 
     entries: tuple[Entry, ...] = ()
     notes: tuple[str, ...] = ()
     loops: tuple[MarginLoop, ...] = field(default=(), compare=False)
     failure: str = ""
+    simulated: Simulated | None = None
 
     @classmethod
     def failed(cls, why: str) -> Certificate:
@@ -119,7 +138,11 @@ class Certificate:
         if self.findings:
             document["findings"] = list(self.findings)
         document["entries"] = [entry.as_json() for entry in self.entries]
-        return document
+        return document if self.simulated is None else document | {"simulated": self.simulated.as_json()}
+
+    def with_simulated(self, simulated: Simulated) -> Certificate:
+        """Return a copy that says what was simulated beside it."""
+        return replace(self, simulated=simulated)
 
     def with_entries(self, entries: tuple[Entry, ...], *notes: str) -> Certificate:
         """Return a copy with other entries and further notes."""

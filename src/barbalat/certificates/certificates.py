@@ -33,8 +33,7 @@ def column_of(problem: TrackingProblem, controller: Controller, certificate: Cer
     file = scheme_file(controller) or unregistered
     try:
         scheme, cells = file.column(problem, controller, certificate)
-        limited = not all(path.is_linear for path in problem.plant.paths)
-        return Column(controller.name, scheme, Named.of("cell", cells), limited)
+        return Column(controller.name, scheme, Named.of("cell", cells))
     except Exception as error:  # noqa: BLE001 (one column; the others stand)
         return Column(controller.name, type(controller).__name__, {key: nothing(key, reason(error)) for key in PROPERTIES})
 
@@ -87,7 +86,7 @@ class Certificates(Named[Certificate]):
 
     def _repr_html_(self) -> str:
         """For notebooks: five lines for each controller, what was noted, the pictures of the loops."""
-        from barbalat.certificates.summary import five, measured
+        from barbalat.certificates.summary import lines
         from barbalat.pictures.plotted import image_of
 
         rows = []
@@ -96,16 +95,15 @@ class Certificates(Named[Certificate]):
             rows.append(f'<th scope="rowgroup">{escape(column.name)}</th><th scope="col">{escape(column.scheme)}</th>')
             rows += [
                 f'<th scope="row">{escape(one.label)}</th><td>{escape(one.text)}</td>'
-                for one in (*five(column, certificate, self.simulation.dt), measured(certificate))
-                if one is not None
+                for one in lines(column, certificate, self.simulation.dt)
             ]
-        lines = "".join(f"<tr>{row}</tr>" for row in rows)
+        shown = "".join(f"<tr>{row}</tr>" for row in rows)
         notes = "<br>".join(escape(f"{name}: {note}") for name, certificate in self.items() for note in certificate.notes)
         pictures = (
             image_of(figure_of(loops, TITLE, shown=False), f"{CAPTION}: {'; '.join(one.name for one in loops)}")
             for loops in grouped(distinct(self))
         )
-        return f"<table>{lines}</table><small>{notes}</small><br>{''.join(pictures)}"
+        return f"<table>{shown}</table><small>{notes}</small><br>{''.join(pictures)}"
 
     def plot(self, *, narrow: bool = False) -> Figure:
         """The loops of all, each once, as ``Certificate.plot`` shows those of one; ``narrow`` for a phone or a column."""

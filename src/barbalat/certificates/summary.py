@@ -19,19 +19,14 @@ class Line(NamedTuple):
     kind: str
 
 
-MEASURED = {
-    "delay_onset_simulated": ("oscillates beyond a delay of", "{:.3g} s"),
-    "delay_margin_simulated": ("lost beyond", "{:.3g} s"),
-    "gamma_float32": ("32 bits leave the run from", "gain {:.3g}"),
-}
-"""What is simulated on request, by key, in words."""
-
-
-def measured(certificate: Certificate) -> Line | None:
-    """A further line where something was simulated; None where nothing was."""
-    found = {key: certificate.values[key] for key in MEASURED if certificate.values.get(key) is not None}
-    parts = [f"{words} {held(number.format(found[key]))}" for key, (words, number) in MEASURED.items() if key in found]
-    return Line("simulated", f"{', '.join(parts)}, measured on the case's run", "estimate") if parts else None
+def lines(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
+    """The five lines, below what was simulated on request: the margins that were measured, and on which run."""
+    gain, simulated = certificate.values.get("gamma_float32"), certificate.simulated
+    leading = [] if simulated is None else [
+        Line("measured", simulated.margins, "estimate"), Line("simulated", simulated.run, "estimate")
+    ]  # fmt: skip
+    last = [] if gain is None else [Line("32 bits", f"leave the case's run from {held(f'gain {gain:.3g}')} on", "estimate")]
+    return (*leading, *five(column, certificate, dt), *last)
 
 
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
@@ -43,7 +38,7 @@ def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Li
     return (
         _condition(column.cells.get("stability"), certificate.entry("condition")),
         _bound(certificate),
-        _margin(certificate, limited=column.limited),
+        _margin(certificate),
         _limits(certificate, dt),
         _assumed(column, certificate),
     )
@@ -74,7 +69,11 @@ def _bound(certificate: Certificate) -> Line:
     return Line("bound of e", text, bound.kind)
 
 
-def _margin(certificate: Certificate, *, limited: bool) -> Line:
+LINEAR = "linear, without limits"
+"""What is said beside a margin of a linear loop."""
+
+
+def _margin(certificate: Certificate) -> Line:
     margin, adapting = certificate.entry("delay_margin"), certificate.entry("delay_margin_adapting")
     parts = []
     searched = certificate.entry("margins_over_known_set")
@@ -97,16 +96,14 @@ def _margin(certificate: Certificate, *, limited: bool) -> Line:
     if not parts and each is not None and each.applies:
         delays = ", ".join(_delay(value) for value in each.value)
         said = f"{'unsampled: ' * each.unsampled}{delays}: of each input, the others without delay{_at_rest(each)}"
-        return Line("margin", said, each.kind)
+        return Line("margin", f"{said}; {LINEAR}", each.kind)
     if not parts:
         why = margin.why if margin is not None and margin.why else "no stable linear loop describes it"
         return Line("margin", f"none: {why}", "does not apply")
     text = ", ".join(parts)
     if margin is not None and margin.unsampled:
         text = f"unsampled: {text}"
-    if limited:
-        text = f"{text}, input limits ignored"
-    return Line("margin", text, margin.kind if margin is not None and len(parts) == 1 else "estimate")
+    return Line("margin", f"{text}; {LINEAR}", margin.kind if margin is not None and len(parts) == 1 else "estimate")
 
 
 def _at_rest(entry: Entry) -> str:
@@ -154,5 +151,4 @@ def _assumed(column: Column, certificate: Certificate) -> Line:
     if not claimed:
         return Line("assumed", "nothing: nothing is guaranteed", "")
     kept = "one thing" if len(claimed) == 1 else f"{len(claimed)} things"
-    aside = "; the margin ignores the input's limits" if column.limited else ""
-    return Line("assumed", f"{kept}, checked on this case: none fails{aside}", "guaranteed")
+    return Line("assumed", f"{kept}, checked on this case: none fails", "guaranteed")

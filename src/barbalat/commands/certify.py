@@ -105,13 +105,13 @@ def _certified(case: Case, options: argparse.Namespace, running: Work) -> Certif
     with running.part("certifying") as progress:
         certificates = certify(case.problem, case.controllers, case.simulation, progress=progress)
     if options.simulate:
-        from barbalat.study.criteria import Lost
         from barbalat.study.simulated_margins import with_simulated_margins
+        from barbalat.study.verdicts import Lost
 
         lost = Lost() if options.share is None else Lost(share=options.share)
         with running.part("simulating") as progress:
             certificates = with_simulated_margins(
-                certificates, case.problem, case.controllers, case.simulation, lost=lost, progress=progress
+                certificates, case.problem, case.controllers, case.simulation, judge=case.judge, lost=lost, progress=progress
             )
     if options.float32:
         from barbalat.export.single_precision import with_float32_gains

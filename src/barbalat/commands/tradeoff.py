@@ -79,7 +79,7 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
     from barbalat.comparison.tradeoff.tradeoff import trade_off
     from barbalat.loop.structure import comes_from_outside
     from barbalat.problem.state_feedback import Problem
-    from barbalat.study.criteria import Lost
+    from barbalat.study.verdicts import Lost
     from barbalat.targets import TRADE_OFF
 
     TRADE_OFF.require(case.problem)
@@ -91,6 +91,7 @@ def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:
             density=options.density,
             own=[one for one in case.controllers if comes_from_outside(one)],
             plants=options.plants,
+            judge=case.judge,
             lost=Lost(share=options.share),
             progress=progress,
         )

@@ -26,7 +26,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--maximize", action="store_true", help="make it large instead")
     add_list(
         parser, "--subject-to", metavar="REQUIREMENT", form="[<>]",
-        help='such as "delay_onset_simulated >= 0.02", "delay_margin_adapting >= 0.02", "condition < 1" (L1), "max_abs_u < 9"; '
+        help='such as "delay_margin_measured >= 0.02", "gain_margin_measured >= 1.5", "condition < 1" (L1), "max_abs_u < 9"; '
         "delay_margin is of the loop with its estimates at rest, on which MRAC's gain has no influence, and "
         "delay_margin_adapting of the linear loop with its law: neither knows limits of the input or a moving command",
     )  # fmt: skip

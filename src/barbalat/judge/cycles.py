@@ -84,6 +84,13 @@ class Windows:
             lasting = (np.abs(change) <= -np.log(KEPT_SHARE)) & (ends | (np.abs(change) <= STEADY_SHARE))
         return np.asarray(lasting & self._swings(band))
 
+    def growing(self, band: Array) -> Array:
+        """(M,) which swing more in each window than in the one before, or diverged: nothing ends the oscillation as far as it was
+        looked at, though it is no limit cycle yet."""
+        earlier, before, last = self.swing[-3:]
+        rising = (last > before) & (before > earlier) & self._swings(band)
+        return np.asarray(rising.any(axis=1) | self.lost)
+
     def decided(self, band: Array) -> Array:
         """(M,) which members need no further window: they rest, swing steadily, or are lost."""
         before, last = self.swing[-2:]

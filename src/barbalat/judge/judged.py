@@ -42,17 +42,19 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Cycles:
-    """What became of suspects: (M, m) which controls cycle, their amplitudes and frequencies [rad/s]; (M,) who is a suspect."""
+    """What became of suspects: (M, m) which controls cycle, their amplitudes and frequencies [rad/s]; (M,) who is a suspect, and
+    whose oscillation still grows where the windows end, which may be on its way to a limit cycle, or without one."""
 
     which: Array
     amplitude: Array
     frequency: Array
     suspect: Array
+    growing: Array
 
     @classmethod
     def none(cls, members: int, inputs: int, suspect: Array) -> Cycles:
         shape = (members, inputs)
-        return cls(np.zeros(shape, dtype=bool), np.zeros(shape), np.zeros(shape), suspect)
+        return cls(np.zeros(shape, dtype=bool), np.zeros(shape), np.zeros(shape), suspect, np.zeros(members, dtype=bool))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,11 +7,13 @@ import numpy as np
 from barbalat.comparison.contest.result import Contest, Paired
 from barbalat.comparison.contest.tuned import Qualified
 from barbalat.report.terminal.layout import Screen
-from barbalat.study.delay_margin import Criterion
+from barbalat.study.verdicts import Criterion
 from barbalat.validate import counted
 
 FAILURES = ("entrant", "failed", "up to", "diverged", "delay", "gain up", "gain down")
 """Columns of ``failures``."""
+SUMMARY = ("entrant", "failed", "median error", "delay [s]", "gain")
+"""Columns of ``summary``: runs that failed, the median of the others' errors, what the tuning bears as measured."""
 MARGINS = ("entrant", "meets", "error", "delay [s]", "gain up", "gain down", "slack")
 ERRORS = ("entrant", "median", "nine in ten", "worst", "max |u|")
 PAIRS = ("first", "second", "ratio", "from", "to", "better", "worse")
@@ -24,9 +26,9 @@ def rule(found: Contest) -> str:
     until = "it begins to oscillate" if asked.until is Criterion.ONSET else "its motion is lost"
     return (
         f"each scheme has the tuning with the least RMS |e| among those that bear {asked.delay_margin:g} s of added delay and "
-        f"the input's gain times {asked.gain_margin:g} and over {asked.gain_margin:g} before {until}, without noise; both on the "
-        f"worst of {counted(len(found.thetas), 'plant')}, {counted(asked.trials, 'tuning')} at most each, the same plants, "
-        "command and noise for all"
+        f"the input's gain times {asked.gain_margin:g} and over {asked.gain_margin:g} before {until}, without noise and with it; "
+        f"both on the worst of {counted(len(found.thetas), 'plant')}, {counted(asked.trials, 'tuning')} at most each, the same "
+        "plants, command and noise for all"
     )
 
 
@@ -37,6 +39,28 @@ def held_out(found: Contest) -> str:
         f"{counted(len(found.draws), 'plant')} of the known set that no tuning saw, the command {sizes.min():.2g} to "
         f"{sizes.max():.2g} times as large and {paces.min():.2g} to {paces.max():.2g} times as fast, new noise"
     )
+
+
+def verdicts(found: Contest) -> list[tuple[str, str, bool]]:
+    """Of each entrant its name, one sentence on its tuning, and whether that meets the rule."""
+    rows = []
+    for one in found.entrants:
+        held = found.held_out.get(one.name)
+        failed = "does not meet the rule" if held is None else f"{int(held.lost.sum())} of {len(held.lost)} runs failed"
+        margins = f"bears {one.delay_margin_measured:.3g} s, gain {one.gain_margin_measured:.3g}"
+        rows.append((one.name, f"{one.verdict}; {margins}; {failed}", held is not None))
+    return rows
+
+
+def summary(found: Contest) -> list[list[str]]:
+    """Return rows of all: held-out runs that failed, the median of their error, and the margins as measured on the worst tuning
+    plant."""
+    rows = []
+    for one in found.entrants:
+        held = found.held_out.get(one.name)
+        runs = ["-", "-"] if held is None else [str(int(held.lost.sum())), _number(held.quantiles["median"])]
+        rows.append([one.name, *runs, f"{one.delay_margin_measured:.3g}", f"{one.gain_margin_measured:.3g}"])
+    return rows
 
 
 def failures(found: Contest) -> list[list[str]]:
@@ -113,6 +137,10 @@ def _in_order(found: Contest, rows: list[list[str]]) -> list[list[str]]:
 def show(screen: Screen, found: Contest) -> None:
     """Tables, the first's columns last explained by the rule above it."""
     screen.line(f"{found.problem.name}: {counted(len(found.entrants), 'scheme')} under one rule", "bold")
+    for name, sentence, meets in verdicts(found):
+        screen.line(f"{screen.name(name)}: {sentence}", "green" if meets else "red", indent="    ", start="  ")
+    screen.table(SUMMARY, [[screen.name(name), *cells] for name, *cells in summary(found)])
+    screen.line("")
     screen.line(f"The rule: {rule(found)}.")
     screen.line(f"Held out: {held_out(found)}.")
     for heading, columns, rows in (

@@ -201,15 +201,21 @@ def dispersed_flights(found: DispersedComparison) -> str:
 def tuning(found: Tuning, picture: ReportFigure | None) -> str:
     """The page of ``barbalat tune``."""
     rows_of = tuning_rows
-    made = (rows_of.points, rows_of.columns, rows_of.changes, rows_of.held_out, rows_of.front, rows_of.judged)
+    made = (
+        rows_of.verdicts, rows_of.points, rows_of.columns, rows_of.changes, rows_of.held_out, rows_of.front, rows_of.judged,
+    )  # fmt: skip
     return _render("tuning.html", found=found, picture=picture, **{one.__name__: one for one in made})
 
 
 def contest(found: Contest, picture: ReportFigure | None) -> str:
     """The page of ``barbalat contest``."""
     rows_of = contest_rows
-    made = (rows_of.rule, rows_of.held_out, rows_of.failures, rows_of.margins, rows_of.errors, rows_of.pairs, rows_of.own)
+    made = (
+        rows_of.verdicts, rows_of.summary, rows_of.rule, rows_of.held_out, rows_of.failures, rows_of.margins, rows_of.errors,
+        rows_of.pairs, rows_of.own,
+    )  # fmt: skip
     headings = {
+        "SUMMARY": rows_of.SUMMARY,
         "FAILURES": rows_of.FAILURES,
         "MARGINS": rows_of.MARGINS,
         "ERRORS": rows_of.ERRORS,

@@ -17,7 +17,6 @@ ERRORS = (1e-3, 1e-2, 3e-2, 0.1, 0.3)
 
 def as_document(found: TradeOff) -> dict[str, Any]:
     """Everything measured, in plain numbers; None for what has no finite value."""
-    onset, lost = found.criteria
     return {
         "case": found.problem.name,
         "simulation": found.simulation.as_json(),
@@ -25,7 +24,7 @@ def as_document(found: TradeOff) -> dict[str, Any]:
         "runs": found.runs,
         "notes": list(found.notes),
         "seconds": found.seconds,
-        "criteria": {"onset": {"share": onset.share, "multiple": onset.multiple}, "loss": {"share": lost.share}},
+        "criteria": {"onset": {"cycle": found.by.judge.cycle}, "loss": {"share": found.by.lost.share}},
         "finer_step": {one.scheme: one.as_json() for one in found.checks},
         "schemes": {
             cloud.scheme: {

@@ -8,6 +8,19 @@ from barbalat.report.terminal.layout import Screen, grouped
 from barbalat.validate import counted
 
 
+def verdicts(found: Tuning) -> list[tuple[str, str, bool]]:
+    """Of each controller its name, one sentence on the tuning that was found, and whether that meets every constraint."""
+    rows = []
+    for name, one in found.controllers.items():
+        point, meets = (one.nearest, False) if one.chosen is None else (one.chosen, True)
+        reached = f"{found.aim.quantity.name} {number_text(_known(point.value))}"
+        asked = "" if not found.aim.constraints else "; meets every constraint" if meets else "; no tuning meets every constraint"
+        measured = one.delay_margin_measured
+        bears = "" if measured is None else f"; bears {measured:.3g} s of delay as measured"
+        rows.append((name, f"{one.verdict}; {reached}{asked}{bears}", meets))
+    return rows
+
+
 def points(found: Tuning) -> list[list[str]]:
     """Controller, which tuning, its numbers, what it reaches, the constraints' values, whether it meets them."""
     rows = []
@@ -90,6 +103,8 @@ def _known(value: float | None) -> float | None:
 def show(screen: Screen, found: Tuning) -> None:
     """A table, the changes, the new plants."""
     screen.line(f"{found.case.name}: {judged(found)}", "bold")
+    for name, sentence, meets in verdicts(found):
+        screen.line(f"{screen.name(name)}: {sentence}", "green" if meets else "red", indent="    ", start="  ")
     for one in found.aim.constraints:
         screen.line(f"subject to {one.requirement}", start="  ")
     rows = [[screen.name(name), *cells] for name, *cells in points(found)]

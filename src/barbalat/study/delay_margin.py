@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from barbalat import budget, validate
 from barbalat.budget import Progress, part_of
+from barbalat.judge.settings import Judge
 from barbalat.linear.largest import halvings
 from barbalat.loop.binding import bound, numbered
 from barbalat.loop.closed_loop import ClosedLoop
@@ -23,13 +23,12 @@ from barbalat.loop.user_errors import named
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.kernel.costs import of_members
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Member
-from barbalat.validate import Array, InputError, hint, show
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Judging, Undelayed
+from barbalat.study.verdicts import Lost, Member
+from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,21 +37,6 @@ LONGEST_DELAY = 2.0
 """The largest delay that is tried unless another is asked for [s]."""
 SCANNED_DELAYS = 12
 """Delays up to that one, from the shortest on: a factor of 2 to 3 from one to the next."""
-
-
-class Criterion(Enum):
-    """The criterion by which a loop is lost."""
-
-    ONSET = "onset"
-    LOSS = "loss"
-
-    @classmethod
-    def accept(cls, field: str, given: Criterion | str) -> Criterion:
-        """One of the two, given itself or by its name; InputError names the field."""
-        known = [one.value for one in cls]
-        if not isinstance(given, cls) and given not in known:
-            raise InputError.of(field, f"must be {' or '.join(known)}, got {show(given)}{hint(given, known)}")
-        return cls(given)
 
 
 LARGEST_GAIN_ERROR = 15.0
@@ -127,13 +111,12 @@ class Bracket:
 class DelayMargins(Plotted):
     """For M members; what is said of a delay holds of whatever modelling error was tried.
 
-    onset, loss  by the two criteria, ``Onset`` and ``Lost``; the onset is never later than the loss
-    tracks       (M,) whether the loop follows its model without a delay; one that does not bears nothing: 0 and 0
-    swings       (M,) whether its estimates oscillate without a delay and without measurement noise already; the onset of such a
-                 one is 0 and 0
-    quiet_tracks (M,) the same as ``tracks`` without measurement noise; where that is false, the onset is 0 and 0 too
-    driven       (M,) whether the estimates move so fast without a delay that slower oscillations are hidden: ``Onset.driven``
-    noisy        whether the members have measurement noise, which is left out of the runs that the onset is judged by
+    onset, loss  where each begins to oscillate, and where it loses its motion, by ``Lost``; the onset is never later
+    tracks       (M,) whether the loop follows its model without a delay, with its noise and without; one that does not bears
+                 nothing: 0 and 0
+    oscillates   (M,) whether it oscillates without a delay already, judged without noise; the onset of such a one is 0 and 0
+    fills        (M,) whether its estimates fill the range in which they are known to lie without a delay already, with the noise
+    noisy        whether the members have measurement noise
     undelayed    figures without an added delay, with the noise
     runs         simulations made
     """
@@ -141,9 +124,8 @@ class DelayMargins(Plotted):
     onset: Bracket
     loss: Bracket
     tracks: Array
-    swings: Array
-    quiet_tracks: Array
-    driven: Array
+    oscillates: Array
+    fills: Array
     noisy: bool
     undelayed: Metrics
     runs: int
@@ -154,11 +136,10 @@ class DelayMargins(Plotted):
             onset=Bracket(self.onset.bears[chosen], self.onset.loses[chosen]),
             loss=Bracket(self.loss.bears[chosen], self.loss.loses[chosen]),
             tracks=self.tracks[chosen],
-            swings=self.swings[chosen],
-            quiet_tracks=self.quiet_tracks[chosen],
-            driven=self.driven[chosen],
+            oscillates=self.oscillates[chosen],
+            fills=self.fills[chosen],
             noisy=self.noisy,
-            undelayed=Metrics.together([self.undelayed.of(slice(i, i + 1)) for i in chosen]),
+            undelayed=self.undelayed.of(chosen),
             runs=self.runs,
         )
 
@@ -188,7 +169,7 @@ def delay_margins(
     longest: float = LONGEST_DELAY,
     scan: int = SCANNED_DELAYS,
     resolution: float = 0.02,
-    onset: Onset | None = None,
+    judge: Judge | None = None,
     lost: Lost | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -202,7 +183,7 @@ def delay_margins(
         with named(controller.name):
             bound(problem, controller)
         found[controller.name] = delay_margins_ensemble(
-            [(problem, controller)], simulation, longest=longest, scan=scan, resolution=resolution, onset=onset, lost=lost,
+            [(problem, controller)], simulation, longest=longest, scan=scan, resolution=resolution, judge=judge, lost=lost,
             threads=threads, progress=part_of(progress, i / len(controllers), 1 / len(controllers)),
         )  # fmt: skip
     return found
@@ -215,7 +196,7 @@ def delay_margins_ensemble(
     longest: float = LONGEST_DELAY,
     scan: int = SCANNED_DELAYS,
     resolution: float = 0.02,
-    onset: Onset | None = None,
+    judge: Judge | None = None,
     lost: Lost | None = None,
     numbers: Sequence[int] | Array | None = None,
     threads: int | None = None,
@@ -227,8 +208,10 @@ def delay_margins_ensemble(
     scan        delays tried first, geometrically from two solver steps (the shortest that can be simulated) to ``longest``:
                 a loop that is lost, saved and lost again as the delay grows is caught where the scan resolves it
     resolution  relative distance of ``bears`` and ``loses`` at which bisection ends
-    numbers     as for ``simulate_ensemble``: a member has one noise in all its runs, whoever runs beside it. The onset is judged
-                without noise, the loss with it: see ``JudgedRuns``
+    judge       what counts as lost and as a limit cycle; by default derived from the model's motion
+    lost        what counts as the loss of the motion
+    numbers     as for ``simulate_ensemble``: a member has one noise in all its runs, whoever runs beside it. All is judged
+                without noise, and again with it: see ``ideal_benchmark``
 
     Members have one structure, as for ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
     Raises InputError.
@@ -243,7 +226,7 @@ def delay_margins_ensemble(
     )  # fmt: skip
     return margins_ensemble(
         members, simulation, scanned(simulation, longest, scan), Ideals.over(simulation, longest),
-        resolution=resolution, criteria=(onset or Onset(), lost or Lost()), numbers=numbers, threads=threads, progress=progress,
+        resolution=resolution, by=Judging(judge or Judge(), lost or Lost()), numbers=numbers, threads=threads, progress=progress,
     )  # fmt: skip
 
 
@@ -254,7 +237,7 @@ def margins_ensemble(
     ideals: Ideals,
     *,
     resolution: float = 0.02,
-    criteria: tuple[Onset, Lost] | None = None,
+    by: Judging | None = None,
     numbers: Sequence[int] | Array | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -262,22 +245,23 @@ def margins_ensemble(
     """The margins of each loop for the modelling error of ``ideals``, whose ``sizes`` are tried first."""
     resolution = validate.positive("resolution", resolution)
     streams = np.arange(len(members)) if numbers is None else np.asarray(numbers)
-    undelayed = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
-    judged = JudgedRuns(members, simulation, undelayed, streams, ideals, criteria or (Onset(), Lost()), threads)
-    begun = judged.swings | ~judged.quiet_tracks
-    search = DelaySearch(judged.tracks, begun, len(sizes), halvings(float((sizes[1:] / sizes[:-1]).max()), resolution))
+    by = by or Judging()
+    undelayed = Undelayed.run(members, simulation, by.judge, streams, threads)
+    judged = JudgedRuns(members, simulation, undelayed, streams, ideals, by, threads)
+    search = DelaySearch(
+        judged.tracks, judged.oscillates, len(sizes), halvings(float((sizes[1:] / sizes[:-1]).max()), resolution)
+    )
     _advance(search, judged, sizes, progress)
     brackets = [Bracket(search.bears[c], search.loses[c]) for c in range(2)]
     return DelayMargins(
         onset=brackets[0],
         loss=brackets[1],
         tracks=judged.tracks,
-        swings=judged.swings,
-        quiet_tracks=judged.quiet_tracks,
-        driven=judged.driven,
+        oscillates=judged.oscillates,
+        fills=judged.fills,
         noisy=judged.noisy,
-        undelayed=undelayed,
-        runs=judged.runs + len(members),
+        undelayed=undelayed.noisy.metrics,
+        runs=judged.runs + (1 + judged.noisy) * len(members),
     )
 
 

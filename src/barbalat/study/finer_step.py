@@ -11,15 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.judge.settings import Judge
+from barbalat.judge.verdict import Verdict
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset
 from barbalat.study.delay_margin import LONGEST_DELAY, DelayMargins
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Member, quiet
+from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Judging, Undelayed, quiet
+from barbalat.study.verdicts import Member
 from barbalat.validate import Array
 
 FINER_BY = 4
@@ -40,7 +41,7 @@ class PlainRun:
     h_lambda_max  the largest step times |eigenvalue| along it, and ``limits`` the solver's on the imaginary and the real axis
     label         *outside the region of stability from ...*, or None
     damping       what the solver's own damping may hide, as a sentence, or None
-    swinging      that it is a limit cycle without any delay, as a sentence, or None
+    verdict       the judge's
     settles       whether a step that is FINER_BY times smaller stays inside the solver's region of stability; only then does what
                   it says count
     """
@@ -49,25 +50,25 @@ class PlainRun:
     limits: tuple[float, float]
     label: str | None
     damping: str | None
-    swinging: str | None
+    verdict: Verdict
     settles: bool
 
     @classmethod
-    def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> PlainRun:
+    def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge | None = None) -> PlainRun:
         """Simulate it and look."""
-        (run,) = simulate(quiet(problem), [controller], simulation).values()
+        (run,) = simulate(quiet(problem), [controller], simulation, judge=judge).values()
         solver, settles = simulation.solver, True
         if run.label is not None:
             (fine,) = simulate(quiet(problem), [controller], refined(simulation)).values()
             settles = fine.label is None
-        cycles = run.verdict is not None and run.verdict.cycle is not None
+        assert run.verdict is not None
         return cls(
             settles=settles,
             h_lambda_max=run.stiffness.h_lambda_max,
             limits=(solver.imaginary_limit, solver.real_limit),
             label=run.label,
             damping=None if run.damping is None else run.damping.sentence,
-            swinging=None if not cycles else f"without any delay added it is a {run.verdict}; neither criterion counts it",
+            verdict=run.verdict,
         )
 
     @property
@@ -81,7 +82,7 @@ class PlainRun:
                 f"{imaginary:.3g} on the imaginary axis and {real:.3g} on the real one; what oscillates may be the solver"
                 f"{'' if self.settles else f'. A step {FINER_BY} times smaller leaves the region too and settles nothing'}"
             )
-        return [*said, *filter(None, (self.damping, self.swinging))]
+        return [*said, *filter(None, (self.damping,))]
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -89,7 +90,7 @@ class PlainRun:
             "limits": list(self.limits),
             "label": self.label,
             "settles": self.settles,
-            "swinging": self.swinging,
+            "verdict": self.verdict.as_json(),
         }
 
 
@@ -127,24 +128,25 @@ def delays_confirmed(
     *,
     numbers: Array,
     longest: float = LONGEST_DELAY,
-    criteria: tuple[Onset, Lost] | None = None,
+    by: Judging | None = None,
     threads: int | None = None,
 ) -> list[Confirmed]:
     """Whether a finer step confirms the delays ``found`` for each of M members.
 
-    Where a little less is tolerated at the finer step too, and a little more is not; where the onset lies at no delay, whether
-    the estimates oscillate there too. Nothing is asked of delays that are too short to be simulated or longer than the longest.
+    Where a little less is tolerated at the finer step too, and a little more is not; where it oscillates without a
+    delay, whether it does there too. Nothing is asked of delays that are too short to be simulated or longer than the longest.
     """
     fine, changes = refined(simulation), [list[str]() for _ in members]
     both = found.onset.bears, found.loss.bears
     asked = [(c, sign, (1 + sign * BESIDE_SHARE) * both[c]) for c in (0, 1) for sign in (-1, 1)]
     sizes = np.unique(np.concatenate([size[size > 0] for _, _, size in asked]))
     ideals = Ideals(fine, sizes) if 0 < len(sizes) <= SIZES_TRIED else Ideals.over(fine, longest)
-    undelayed = simulate_ensemble(members, fine, numbers=numbers, threads=threads).metrics
-    judged = JudgedRuns(members, fine, undelayed, numbers, ideals, criteria or (Onset(), Lost()), threads)
-    count = found.swings.astype(int)
-    for i in np.flatnonzero(found.swings & ~judged.swings):
-        changes[i].append(f"at h = {fine.dt:g} s its estimates do not oscillate without a delay")
+    by = by or Judging()
+    undelayed = Undelayed.run(members, fine, by.judge, numbers, threads)
+    judged = JudgedRuns(members, fine, undelayed, numbers, ideals, by, threads)
+    count = found.oscillates.astype(int)
+    for i in np.flatnonzero(found.oscillates & ~judged.oscillates):
+        changes[i].append(f"at h = {fine.dt:g} s it does not oscillate without a delay")
     shortest = SHORTEST_DELAY_STEPS * simulation.dt
     for c, sign, size in asked:
         which = np.flatnonzero((size >= shortest) & (size <= longest))

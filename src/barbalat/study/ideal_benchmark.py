@@ -1,6 +1,8 @@
-"""Runs with a modelling error, judged: the onset of oscillation without measurement noise, the loss with it.
+"""Runs with a modelling error, judged on their noise-free twins, and again with the noise against the loop that knows theta.
 
-They are judged against the undelayed runs, the model's motion and the loop that knows theta.
+Noise moves estimates and controls as fast as an oscillation does, and no criterion tells the two apart. So the judge decides
+without it; with it a loop must not be lost, nor may the noise cost it more than it costs without the modelling error and than it
+costs the loop with known parameters under the same noise.
 """
 
 from __future__ import annotations
@@ -14,140 +16,24 @@ import numpy as np
 
 from barbalat.budget import Progress, part_of
 from barbalat.controllers import KnownParameters
-from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.true_values import estimate_set, true_values
-from barbalat.problem.known_set import Projecting
+from barbalat.judge.settings import Judge
 from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
-from barbalat.run.engine.ensemble import simulate_ensemble
-from barbalat.run.kernel.metrics import Metrics
-from barbalat.signals import Constant
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Expected, Lost, Onset, ReferenceMotion, tail_error, tracks
+from barbalat.study.ringing import fills, known_width
+from barbalat.study.verdicts import Criterion, Lost, Member, Verdicts
 from barbalat.validate import Array
-
-Member = tuple[TrackingProblem, Controller]
 
 SHORTEST_DELAY_STEPS = 2
 """Solver steps: the shortest delay that can be simulated."""
-SIZES_TRIED = 40
-"""Sizes of a modelling error with which the loop that knows theta is run; in between its error is interpolated."""
-
-
-def without_error(members: Sequence[Member], metrics: Metrics, motions: Sequence[ReferenceMotion]) -> Expected:
-    """What the runs of M members with a modelling error are judged against; ``metrics`` and ``motions`` of those without."""
-    return Expected(
-        error=tail_error(metrics),
-        rate=metrics.theta_hat_variation_rate,
-        motion=np.array([motion.largest for motion in motions]),
-        width=np.stack([known_width(*member) for member in members]),
-        crossings=np.array([motion.crossings for motion in motions]),
-        explained=np.zeros(len(members)),
-    )
-
-
-@dataclass(eq=False)
-class Ideals:
-    """What the model and the loop that knows theta do on problems, found once for each; the problems are kept.
-
-    sizes  (K,) of the modelling error with which the loop is run; of a delay [s]
-    """
-
-    simulation: Simulation
-    sizes: Array
-    error: ModellingError = field(default_factory=DelayError)
-    known: dict[int, tuple[TrackingProblem, ReferenceMotion, Array]] = field(default_factory=dict)
-
-    @classmethod
-    def over(cls, simulation: Simulation, longest: float) -> Ideals:
-        """For delays from the shortest one on [s]."""
-        return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, SIZES_TRIED))
-
-    def of(self, problem: TrackingProblem) -> tuple[ReferenceMotion, Array]:
-        """The model's motion, and (K,) what the sizes explain, without measurement noise."""
-        if id(problem) not in self.known:
-            self.find([problem])
-        return self.known[id(problem)][1:]
-
-    def find(self, problems: Sequence[TrackingProblem]) -> None:
-        """Find motions and ideal errors of several problems of one structure, side by side."""
-        motions = [ReferenceMotion.of(problem, self.simulation) for problem in problems]
-        if isinstance(problems[0], Problem):
-            silent = [quiet(problem) for problem in problems]
-            groups = [[problem, *(with_error(problem, self.error, float(s)) for s in self.sizes)] for problem in silent]
-            added = _added_errors(groups, self.simulation, motions)
-        else:
-            added = np.array([np.full(len(self.sizes), motion.largest) for motion in motions])
-        self.known |= {id(one): (one, *found) for one, *found in zip(problems, motions, added, strict=True)}
-
-
-@dataclass(frozen=True, eq=False)
-class Benchmark:
-    """What runs are judged against with a modelling error of any size: ``explained`` (M, K) at the ``sizes`` (K,)."""
-
-    without: Expected
-    sizes: Array
-    explained: Array
-
-    @classmethod
-    def of(cls, members: Sequence[Member], undelayed: Metrics, ideals: Ideals) -> Benchmark:
-        """Members that share a problem share its motion and its ideal loop."""
-        found = [ideals.of(problem) for problem, _ in members]
-        without = without_error(members, undelayed, [motion for motion, _ in found])
-        return cls(without, ideals.sizes, np.stack([explained for _, explained in found]))
-
-    def at(self, chosen: Array, added: Array) -> Expected:
-        """For these members with errors of these sizes."""
-        explained = [np.interp(np.log(s), np.log(self.sizes), self.explained[i]) for i, s in zip(chosen, added, strict=True)]
-        return self.without.of(chosen, np.array(explained))
-
-
-def known_width(problem: TrackingProblem, controller: Controller) -> Array:
-    """(p,) of the known set in each estimate's direction; without one, of -|theta|_2 ... |theta|_2; infinite without theta."""
-    loop = ClosedLoop.of(problem, controller)
-    theta, known_set = true_values(problem, loop), estimate_set(loop)
-    if known_set is None and theta is not None and isinstance(problem.known, Projecting):
-        known_set = problem.known.estimate_set  # a network's weights, say, lie in no known set
-    if known_set is not None and known_set.bounds_theta:
-        extents = [part.extent for part in (known_set.sphere, known_set.intervals) if part is not None]
-        return np.concatenate([high - low for low, high in extents])[: loop.parameters]
-    return np.full(loop.parameters, np.inf if theta is None else 2 * float(np.linalg.norm(theta)))
-
-
-def ideal_errors(problems: Sequence[Any], simulation: Simulation, motion: ReferenceMotion) -> Array | None:
-    """(K,) what each problem's modelling error adds to the tail's error where the controller knows theta.
-
-    The first problem is the one without it; all others have one structure. Measurement noise, if any, is left out: see
-    ``quiet``. At most the model's own motion: there is no more to
-    be explained. Nothing where the loop that knows theta is not stable itself, so that its own limit cycle explains nothing.
-    ``None`` where the problem has no theta, as with output feedback.
-    """
-    if not isinstance(problems[0], Problem):
-        return None
-    return _added_errors([[quiet(problem) for problem in problems]], simulation, [motion])[0]
-
-
-def _added_errors(groups: Sequence[Sequence[Any]], simulation: Simulation, motions: Sequence[ReferenceMotion]) -> Array:
-    """(P, K) the same for P groups of as many problems, which all have one structure and no noise; each with its motion."""
-    first, others = [group[0] for group in groups], [problem for group in groups for problem in group[1:]]
-    without = tail_error(simulate_ensemble([ideal(problem) for problem in first], simulation).metrics)
-    knowing = [KnownParameters(theta=group[0].parameters) for group in groups for _ in group[1:]]  # not the error
-    found = tail_error(simulate_ensemble(list(zip(others, knowing, strict=True)), simulation).metrics)
-    left_alone = [(_left_alone(problem), one) for problem, one in zip(others, knowing, strict=True)]
-    alone = simulate_ensemble(left_alone, simulation).metrics
-    decays = tail_error(alone) < DECAY_SHARE * alone.max_abs_e.max(axis=1)
-    most = np.array([motion.largest for motion in motions])[:, None]
-    added, decays = (values.reshape(len(groups), -1) for values in (found, decays))
-    with np.errstate(invalid="ignore"):
-        clipped = np.clip(added - without[:, None], 0.0, most)
-    return np.where(decays, np.where(np.isnan(clipped), most, clipped), 0.0)
-
-
-DECAY_SHARE = 0.5
-"""A disturbed linear loop is stable if in the last quarter of the run its error is below this part of its largest: one that
-grows has its largest there."""
+SIZES_TRIED = 16
+"""Sizes of a modelling error with which the loop that knows theta is run; in between what the noise costs it is interpolated."""
+NOISE_SENTENCE = (
+    "oscillation is judged on the same run without the case's measurement noise, which moves controls as fast as an oscillation "
+    "does; with the noise the loop must not be lost, nor may the noise cost it more than the judge's band beyond what it costs "
+    "without the modelling error and with theta known"
+)
 
 
 def ideal(problem: Problem) -> Member:
@@ -155,29 +41,52 @@ def ideal(problem: Problem) -> Member:
     return problem, KnownParameters(theta=problem.parameters)
 
 
-def _left_alone(problem: Problem) -> Problem:
-    """The problem with no limits at its input, no command and no disturbance, a little away from rest."""
-    paths = tuple(replace(path, quantization=None, saturation=None, rate_limit=None) for path in problem.plant.paths)
-    plant = replace(problem.plant, input=paths if len(paths) > 1 else paths[0], x0=np.full(problem.plant.n, SMALL_DISTURBANCE))
-    silent = tuple(Constant(0.0) for _ in problem.commands)
-    return replace(
-        problem,
-        plant=plant,
-        reference=silent if isinstance(problem.reference, tuple) else silent[0],
-        disturbance=None,
-        unmatched=(),
-    )
+@dataclass(eq=False)
+class Ideals:
+    """What measurement noise costs the loop that knows theta, with modelling errors of some sizes; found once, where it is asked.
 
+    sizes  (K,) of the modelling error with which the loop is run; of a delay [s]
+    """
 
-SMALL_DISTURBANCE = 1e-6
-"""A disturbance [units of x] at which a nonlinear phi(x) is linear, to that part."""
+    simulation: Simulation
+    sizes: Array
+    error: ModellingError = field(default_factory=DelayError)
+    known: dict[tuple[int, int], tuple[TrackingProblem, Array]] = field(default_factory=dict)
+
+    @classmethod
+    def over(cls, simulation: Simulation, longest: float) -> Ideals:
+        """For delays from the shortest one on [s]."""
+        return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, SIZES_TRIED))
+
+    def noise_costs(self, problems: Sequence[TrackingProblem], numbers: Array, sizes: Array, judge: Judge) -> Array:
+        """(J, n) what the noise of these streams adds to the tail's error with errors of these sizes; infinite without theta.
+
+        0 where the loop that knows theta oscillates itself: its own limit cycle explains nothing.
+        """
+        if not isinstance(problems[0], Problem):
+            return np.array(np.inf)
+        keys = [(id(problem), int(number)) for problem, number in zip(problems, numbers, strict=True)]
+        new = {key: problem for key, problem in zip(keys, problems, strict=True) if key not in self.known}
+        if new:
+            found = self._found(list(new.values()), [number for _, number in new], judge)
+            self.known |= {key: (problem, costs) for (key, problem), costs in zip(new.items(), found, strict=True)}
+        x, at = np.log(self.sizes), np.log(sizes)
+        return np.array([[np.interp(a, x, row) for row in self.known[key][1].T] for key, a in zip(keys, at, strict=True)])
+
+    def _found(self, problems: Sequence[Any], numbers: Sequence[int], judge: Judge) -> Array:
+        """(P, K, n) of problems of one structure, side by side."""
+        members = [ideal(problem) for problem in problems for _ in self.sizes]
+        noisy = with_errors(members, self.error, np.tile(self.sizes, len(problems)))
+        streams = np.repeat(np.array(numbers), len(self.sizes))
+        with_noise = Verdicts.run(noisy, self.simulation, judge, numbers=streams)
+        without = Verdicts.run(quiet_members(noisy), self.simulation, judge)
+        with np.errstate(invalid="ignore"):
+            costs = np.where(without.oscillates[:, None], 0.0, np.maximum(with_noise.error - without.error, 0.0))
+        return costs.reshape(len(problems), len(self.sizes), -1)
 
 
 def quiet(problem: Any) -> Any:
-    """The problem without its measurement noise; itself where it has none.
-
-    Noise moves estimates as fast as an oscillation does: margins are looked for without it.
-    """
+    """The problem without its measurement noise; itself where it has none."""
     return problem if problem.noise is None else replace(problem, sensor=replace(problem.sensor, noise=None))
 
 
@@ -206,30 +115,69 @@ def with_errors(members: Sequence[Member], error: ModellingError, sizes: Array) 
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class Judging:
+    """By what runs are judged: the case's bands, and what counts as the loss of the motion."""
+
+    judge: Judge = field(default_factory=Judge)
+    lost: Lost = field(default_factory=Lost)
+
+
+@dataclass(frozen=True, eq=False)
+class Undelayed:
+    """M members without a modelling error: as they stand, and without their noise, which is the same where they have none."""
+
+    noisy: Verdicts
+    quiet: Verdicts
+
+    @classmethod
+    def run(
+        cls,
+        members: Sequence[Member],
+        simulation: Simulation,
+        judge: Judge,
+        numbers: Array,
+        threads: int | None = None,
+        *,
+        twin: bool = True,
+    ) -> Undelayed:
+        """Simulate and judge both; without the ``twin`` the noisy runs alone, which then stand for both."""
+        noisy = Verdicts.run(members, simulation, judge, numbers=numbers, threads=threads)
+        if members[0][0].noise is None or not twin:
+            return cls(noisy, noisy)
+        return cls(noisy, Verdicts.run(quiet_members(members), simulation, judge, threads=threads))
+
+    def of(self, chosen: Array | slice) -> Undelayed:
+        """Those of some members."""
+        return Undelayed(self.noisy.of(chosen), self.quiet.of(chosen))
+
+    @classmethod
+    def together(cls, parts: Sequence[Undelayed]) -> Undelayed:
+        """All of these."""
+        return cls(Verdicts.together([one.noisy for one in parts]), Verdicts.together([one.quiet for one in parts]))
+
+
 @dataclass(eq=False)
 class JudgedRuns:
-    """M members with what their runs with a modelling error are judged against.
+    """M members of one structure, and the judge of their runs with a modelling error.
 
-    Noise moves estimates as fast as an oscillation does, so that the onset can't be told from it: that criterion looks at runs
-    without noise, and compares them with runs without noise. The loss looks at runs as the case describes them.
-
-    undelayed  figures of the members without a modelling error
+    undelayed  their runs without one
     numbers    (M,) of the members' noise
     runs       simulations made so far, those behind ``undelayed`` left out
     """
 
     members: Sequence[Member]
     simulation: Simulation
-    undelayed: Metrics
+    undelayed: Undelayed
     numbers: Array
     ideals: Ideals
-    criteria: tuple[Onset, Lost] = field(default_factory=lambda: (Onset(), Lost()))
+    by: Judging = field(default_factory=Judging)
     threads: int | None = None
     runs: int = 0
 
     @property
     def noisy(self) -> bool:
-        """Whether the members' measurement is noisy; members have one structure."""
+        """Whether the members' measurement is noisy."""
         return self.members[0][0].noise is not None
 
     @cached_property
@@ -237,66 +185,62 @@ class JudgedRuns:
         """The members without noise."""
         return quiet_members(self.members) if self.noisy else self.members
 
-    @cached_property
-    def quiet_undelayed(self) -> Metrics:
-        """Figures of these without a modelling error."""
-        if not self.noisy:
-            return self.undelayed
-        self.runs += len(self.members)
-        return simulate_ensemble(self.quiet, self.simulation, threads=self.threads).metrics
-
-    @cached_property
-    def benchmark(self) -> Benchmark:
-        """For the loss."""
-        return Benchmark.of(self.members, self.undelayed, self.ideals)
-
-    @cached_property
-    def quiet_benchmark(self) -> Benchmark:
-        """For the onset."""
-        return Benchmark.of(self.members, self.quiet_undelayed, self.ideals) if self.noisy else self.benchmark
-
     @property
     def tracks(self) -> Array:
-        """(M,) whether a member follows its model without a modelling error."""
-        return tracks(self.benchmark.without.error, self.benchmark.without.motion)
+        """(M,) whether a member follows its model without a modelling error, with its noise and without."""
+        return np.asarray(self.undelayed.noisy.tracks & self.undelayed.quiet.tracks)
 
     @property
-    def swings(self) -> Array:
-        """(M,) whether its estimates oscillate without a modelling error and without noise."""
-        return self.criteria[0].undelayed(self.quiet_undelayed, self.quiet_benchmark.without)
+    def oscillates(self) -> Array:
+        """(M,) whether it oscillates without a modelling error, judged without noise."""
+        return self.undelayed.quiet.oscillates
 
     @property
-    def quiet_tracks(self) -> Array:
-        """(M,) whether a member follows its model without a modelling error and without noise."""
-        return tracks(self.quiet_benchmark.without.error, self.quiet_benchmark.without.motion)
+    def fills(self) -> Array:
+        """(M,) whether its estimates fill their known range without a modelling error, with the noise."""
+        metrics = self.undelayed.noisy.metrics
+        found = [fills(metrics.of(slice(i, i + 1)), known_width(*member)) for i, member in enumerate(self.members)]
+        return np.concatenate(found)
 
-    @property
-    def driven(self) -> Array:
-        """(M,) whether the motion without a modelling error hides slower oscillations from the onset: see ``Onset.driven``."""
-        return self.criteria[0].driven(self.quiet_benchmark.without)
-
-    def lost(self, chosen: Array, added: Array, *, onset: bool = True, progress: Progress | None = None) -> tuple[Array, Array]:
+    def lost(
+        self, chosen: Array, added: Array, *, asked: Criterion | None = None, progress: Progress | None = None
+    ) -> tuple[Array, Array]:
         """(J,) by the onset and by the loss: which of the members ``chosen`` are lost with errors of the sizes ``added``.
 
-        The onset is never later than the loss. With ``onset`` false the loss stands for both.
+        The onset is never later than the loss. Where one criterion alone is ``asked``, the other's answer may be too good: what
+        is decided without the noise is not run with it.
         """
         if not len(chosen):
             return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)
-        twice = onset and self.noisy
-        metrics = self._run(self.members, chosen, added, part_of(progress, 0.0, 0.5 if twice else 1.0))
-        loss = self.criteria[1].judge(metrics, self.benchmark.at(chosen, added))
-        if not onset:
-            return loss, loss
-        begun = loss.copy()
-        left = ~loss if self.noisy else np.ones(len(chosen), dtype=bool)
-        if left.any():
+        without = self._run(self.quiet, chosen, added, part_of(progress, 0.0, 0.5 if self.noisy else 1.0))
+        loss = self.by.lost.judge(without, self.undelayed.quiet.of(chosen))
+        begun = loss | without.oscillates
+        left = ~(begun if asked is Criterion.ONSET else loss)
+        if self.noisy and left.any():
             which, sizes = chosen[left], added[left]
-            seen = self._run(self.quiet, which, sizes, part_of(progress, 0.5, 0.5)) if self.noisy else metrics
-            begun[left] |= self.criteria[0].judge(seen, self.quiet_benchmark.at(which, sizes))
+            seen = self._run(self.members, which, sizes, part_of(progress, 0.5, 0.5))
+            loss[left] |= self.by.lost.judge(seen, self.undelayed.noisy.of(which))
+            begun[left] |= loss[left] | seen.oscillates
+            if asked is not Criterion.LOSS:
+                begun[left] |= self._costs_more(seen, without.of(left), which, sizes)
         return begun, loss
 
-    def _run(self, members: Sequence[Member], chosen: Array, added: Array, progress: Progress | None) -> Metrics:
+    def _costs_more(self, noisy: Verdicts, without: Verdicts, chosen: Array, added: Array) -> Array:
+        """(J,) whether the noise adds more to a tail's error than without the error and where theta is known, by the band."""
+        with np.errstate(invalid="ignore"):
+            usual = np.maximum((self.undelayed.noisy.error - self.undelayed.quiet.error)[chosen], 0.0)
+            more = noisy.error - without.error - usual - without.band
+        beyond = np.asarray((more > 0).any(axis=1))
+        which = np.flatnonzero(beyond)  # the loop that knows theta is run for these alone
+        if len(which):
+            problems = [self.members[i][0] for i in chosen[which]]
+            known = self.ideals.noise_costs(problems, self.numbers[chosen[which]], added[which], self.by.judge)
+            beyond[which] = (more[which] > known).any(axis=1)
+        return beyond
+
+    def _run(self, members: Sequence[Member], chosen: Array, added: Array, progress: Progress | None) -> Verdicts:
         changed = with_errors([members[i] for i in chosen], self.ideals.error, added)
         self.runs += len(chosen)
-        numbers = self.numbers[chosen]
-        return simulate_ensemble(changed, self.simulation, numbers=numbers, threads=self.threads, progress=progress).metrics
+        return Verdicts.run(
+            changed, self.simulation, self.by.judge, numbers=self.numbers[chosen], threads=self.threads, progress=progress
+        )

@@ -1,29 +1,44 @@
-"""Certificates with the delays that the loops bear in simulation, beside the linear loops' exact margins."""
+"""Certificates with the margins that the case itself has in simulation, with its limits, commands and noise, beside those of the
+linear loops, which know neither."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.budget import Progress
-from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.budget import Progress, part_of
+from barbalat.certificates.certificate import Certificate, Draft, Simulated
 from barbalat.certificates.certificates import Certificates
+from barbalat.judge.settings import Judge
 from barbalat.loop.binding import numbered
+from barbalat.problem.modelling_error import GainError
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import (
-    EXAMINED,
-    EXAMINED_WITHOUT_ESTIMATES,
-    NOISE_SENTENCE,
-    REST_SENTENCE,
-    Lost,
-    Onset,
-    ReferenceMotion,
+from barbalat.study.delay_margin import (
+    LARGEST_GAIN_ERROR,
+    LONGEST_DELAY,
+    DelayMargins,
+    delay_margins,
+    gains_scanned,
+    margins_ensemble,
 )
-from barbalat.study.delay_margin import Bracket, DelayMargins, delay_margins
 from barbalat.study.finer_step import PlainRun, delays_confirmed
+from barbalat.study.ideal_benchmark import NOISE_SENTENCE, Ideals, Judging
+from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
+from barbalat.study.verdicts import Lost
+
+MEASURED_SENTENCE = (
+    "measured on the case's own run with its limits and commands, no guarantee: it ends where the judge calls the run lost or a "
+    "limit cycle, or where an oscillation grows for as long as it was looked at"
+)
+FILLED_SENTENCE = (
+    "its estimates already fill the known set without a delay: the noise drives one of them from end to end in the last quarter"
+)
+PARTS = 3
+"""Searches of each controller: the delay, the gain upwards and downwards."""
 
 
 def with_simulated_margins(
@@ -32,91 +47,156 @@ def with_simulated_margins(
     controllers: Sequence[Controller],
     simulation: Simulation,
     *,
+    judge: Judge | None = None,
     lost: Lost | None = None,
     progress: Progress | None = None,
 ) -> Certificates:
-    """The certificates with ``delay_onset_simulated`` and ``delay_margin_simulated`` [s], by ``Onset`` and by ``Lost``."""
-    result, criterion = {}, lost or Lost()
-    resting = (REST_SENTENCE,) if ReferenceMotion.of(problem, simulation).comes_to_rest else ()
-    noisy = () if problem.noise is None else (NOISE_SENTENCE,)
-    by_name = {one.name: one for one in numbered(controllers)}
-    for name, found in delay_margins(problem, controllers, simulation, lost=criterion, progress=progress).items():
-        controller = by_name[name]
-        looked = _looked_at(problem, controller, simulation, found, criterion) if found.tracks[0] else ()
-        disturbed = problem.disturbance is not None or bool(getattr(problem, "unmatched", ()))
-        result[name] = _with(certificates[name], found, criterion, simulation, (*resting, *noisy, *looked), disturbed=disturbed)
+    """The certificates with ``delay_margin_measured`` [s], ``gain_margin_measured``, and what was simulated for them.
+
+    Beside them ``delay_onset_simulated``, which is the measured one under its older name, and ``delay_margin_simulated`` [s], by
+    ``Lost``.
+    """
+    result, by = {}, Judging(judge or Judge(), lost or Lost())
+    given = numbered(controllers)
+    for i, controller in enumerate(given):
+        part = part_of(progress, i / len(given), 1 / len(given))
+        found = _Measured.of(problem, controller, simulation, by, part)
+        result[controller.name] = found.on(certificates[controller.name], problem, simulation)
     return certificates.with_changed(result)
 
 
-def _with(
-    certificate: Certificate,
-    found: DelayMargins,
-    lost: Lost,
-    simulation: Simulation,
-    beside: tuple[str, ...],
-    *,
-    disturbed: bool,
-) -> Certificate:
-    if not found.tracks[0]:
-        return certificate.with_entries(certificate.entries, _not_tracking(found))
-    onset = Onset()
-    meanings = {
-        "delay_onset_simulated": (
-            found.onset,
-            f"the loop is taken to oscillate when it is lost, when an estimate moves in the tail over more than {onset.share:g} "
-            "of its known range, as fast as if it crossed that more often than the model crosses its own and "
-            f"{onset.multiple:g} times as fast as without the delay, or when the error "
-            f"has grown by {onset.share:g} of the largest |x_m| beyond what the delay adds where theta is known"
-            f"{_begun(found, disturbed=disturbed)}{_driven(found, onset)}",
-        ),
-        "delay_margin_simulated": (
-            found.loss,
-            f"the loop is taken to be lost when the error in the tail has grown by {lost.share:g} times the largest |x_m| or it "
-            f"diverged, so that a smaller oscillation is borne{'; with the measurement noise' if found.noisy else ''}",
-        ),
-    }
-    measured = Draft()
-    for key, (bracket, what) in meanings.items():
-        rests_on = f"{key} was measured on the case's own run, no guarantee: {what}{_limit(bracket, simulation)}"
-        measured.estimate({key: float(bracket.bears[0])}, rests_on, *beside)
-    return certificate.with_entries((*certificate.entries, *measured.entries.values()))
+@dataclass(frozen=True, eq=False)
+class _Measured:
+    """What was measured of one controller: margins, its run without a modelling error, and what a finer step says."""
+
+    controller: Controller
+    by: Judging
+    delay: DelayMargins
+    gains: tuple[DelayMargins, DelayMargins]
+    plain: PlainRun
+    confirmed: str | None
+
+    @classmethod
+    def of(
+        cls,
+        problem: TrackingProblem,
+        controller: Controller,
+        simulation: Simulation,
+        by: Judging,
+        progress: Progress | None,
+    ) -> _Measured:
+        member, zero = (problem, controller), np.zeros(1, dtype=int)
+        part = part_of(progress, 0.0, 1 / PARTS)
+        delay = delay_margins(problem, [controller], simulation, judge=by.judge, lost=by.lost, progress=part)[controller.name]
+        gains, sizes = [], gains_scanned()
+        for k, downwards in enumerate((False, True), start=1):
+            ideals, part = Ideals(simulation, sizes, GainError(downwards)), part_of(progress, k / PARTS, 1 / PARTS)
+            gains.append(margins_ensemble([member], simulation, sizes, ideals, by=by, progress=part))
+        plain, confirmed = PlainRun.of(problem, controller, simulation, by.judge), None
+        if delay.tracks[0] and plain.settles:
+            confirmed = delays_confirmed([member], simulation, delay, numbers=zero, by=by)[0].sentence
+        return cls(controller, by, delay, (gains[0], gains[1]), plain, confirmed)
+
+    @property
+    def gain(self) -> float:
+        """By which the input's effectiveness may be multiplied and divided."""
+        return 1 + float(min(one.onset.bears[0] for one in self.gains))
+
+    def on(self, certificate: Certificate, problem: TrackingProblem, simulation: Simulation) -> Certificate:
+        """The certificate with all of it."""
+        said, verdict = f"{_run_of(problem, simulation)}: {self.plain.verdict}", self.plain.verdict.as_json()
+        notes = [FILLED_SENTENCE] if self.delay.noisy and self.delay.fills[0] else []
+        if not self.delay.tracks[0]:
+            simulated = Simulated(said, verdict, "no margin: it does not follow its model without a delay")
+            return certificate.with_simulated(simulated).with_entries(certificate.entries, *notes, _not_tracking(self.delay))
+        simulated = Simulated(said, verdict, self._in_words(simulation))
+        entries = (*self._entries(problem, simulation).entries.values(), *certificate.entries)
+        return certificate.with_simulated(simulated).with_entries(entries, *notes, *self._beside(certificate))
+
+    def _entries(self, problem: TrackingProblem, simulation: Simulation) -> Draft:
+        resting = (REST_SENTENCE,) if ReferenceMotion.of(problem, simulation).comes_to_rest else ()
+        noisy = (NOISE_SENTENCE,) if self.delay.noisy else ()
+        beside = (*resting, *noisy, *self.plain.sentences, *filter(None, [self.confirmed]))
+        onset, begun = float(self.delay.onset.bears[0]), self._begun
+        limit = _limit(self.delay.onset.bears[0], self.delay.onset.loses[0], simulation)
+        loss = (
+            "delay_margin_simulated was measured on the case's own run, no guarantee: the loop is taken to be lost when the "
+            f"judge calls it so, or the error in the tail has grown by {self.by.lost.share:g} times the largest |x_m|, so that a "
+            f"smaller oscillation is borne{'; with the measurement noise and without' if self.delay.noisy else ''}"
+            f"{_limit(self.delay.loss.bears[0], self.delay.loss.loses[0], simulation)}"
+        )
+        drawn = Draft()
+        delay = f"delay_margin_measured was {MEASURED_SENTENCE}{begun}{limit}"
+        drawn.estimate({"delay_margin_measured": onset}, delay, *beside)
+        drawn.estimate({"gain_margin_measured": self.gain}, f"gain_margin_measured was {MEASURED_SENTENCE}{begun}", *beside)
+        drawn.estimate({"delay_onset_simulated": onset}, delay, *beside)
+        drawn.estimate({"delay_margin_simulated": float(self.delay.loss.bears[0])}, loss, *beside)
+        return drawn
+
+    @property
+    def _begun(self) -> str:
+        """Why the margin ends at no delay."""
+        return "; it oscillates without a delay already, and without noise" if self.delay.oscillates[0] else ""
+
+    def _in_words(self, simulation: Simulation) -> str:
+        if self.delay.oscillates[0]:
+            return "none: it is in a limit cycle, or oscillates more and more, without any delay"
+        delay, loses = float(self.delay.onset.bears[0]), float(self.delay.onset.loses[0])
+        longest = " at least" if np.isinf(loses) else ""
+        borne = f"delay{longest} {delay:.3g} s" if delay > 0 else f"delay below {2 * simulation.dt:.3g} s"
+        all_gains = all(np.isinf(one.onset.loses[0]) for one in self.gains)
+        noise = ", or the noise outgrows its band" if self.delay.noisy else ""
+        until = f"until it is lost or in a limit cycle{noise}"
+        return f"{borne}, gain{' at least' * all_gains} {self.gain:.3g} {until}"
+
+    def _beside(self, certificate: Certificate) -> list[str]:
+        """Findings where the linear loop is said to bear more than twice what the case does."""
+        values, delay = certificate.values, float(self.delay.onset.bears[0])
+        keys = [key for key in ("delay_margin", "delay_margin_adapting") if key in values]
+        larger = [f"{key}, {_of_linear(values[key])}" for key in keys if less_than_half(delay, values[key])]
+        said = [half_sentence(f"delay margin, {delay:.3g} s,", larger)] if larger else []
+        up, down = values.get("gain_margin"), values.get("gain_reduction_margin")
+        linear = min(up or np.inf, 1 / down if down else np.inf)
+        if linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR))):
+            said.append(half_sentence(f"gain margin, {self.gain:.3g}, in decibels", [f"gain_margin, {linear:.3g}"]))
+        return said
 
 
-def _looked_at(
-    problem: TrackingProblem, controller: Controller, simulation: Simulation, found: DelayMargins, lost: Lost
-) -> tuple[str, ...]:
-    """Sentences: what is examined, what the run without a delay shows, whether a finer step says the same."""
-    member = problem, controller
-    (confirmed,) = delays_confirmed([member], simulation, found, numbers=np.zeros(1, dtype=int), criteria=(Onset(), lost))
-    estimates = found.undelayed.theta_hat_final.shape[1] > 0
-    examined = EXAMINED if estimates else EXAMINED_WITHOUT_ESTIMATES
-    plain = PlainRun.of(*member, simulation)
-    return (examined, *plain.sentences, *filter(None, [confirmed.sentence if plain.settles else None]))
+def less_than_half(measured: float, linear: float | None) -> bool:
+    """Whether a margin that was measured is less than half of a linear loop's; None: nothing exhausts that one."""
+    return measured < 0.5 * (LONGEST_DELAY if linear is None else min(linear, LONGEST_DELAY))
 
 
-def _begun(found: DelayMargins, *, disturbed: bool) -> str:
-    """Why the onset lies at no delay."""
-    if found.swings[0]:
-        driven = ", be it that the disturbance drives them" if disturbed else ""
-        return f"; its estimates oscillate without a delay already{', and without noise' if found.noisy else ''}{driven}"
-    return "" if found.quiet_tracks[0] else "; without the noise it does not follow its model even without a delay"
+def half_sentence(measured: str, linear: Sequence[str]) -> str:
+    """The finding that a measured margin is less than half of linear ones."""
+    return f"the measured {measured} is less than half of {'; of '.join(linear)}: of linear loops, which know no limits"
 
 
-def _driven(found: DelayMargins, onset: Onset) -> str:
-    """What moves the estimates without a delay."""
-    if not found.driven[0] or found.swings[0]:
-        return ""
-    return (
-        "; its estimates move fast without a delay already, by the command or a disturbance: an oscillation that is slower than "
-        f"{onset.multiple:g} times that is not seen in them"
-    )
+def _of_linear(value: float | None) -> str:
+    return "any delay" if value is None else f"{value:.3g} s"
 
 
-def _limit(bracket: Bracket, simulation: Simulation) -> str:
+def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
+    """What is simulated, in a few words."""
+    commands = ", ".join(dict.fromkeys(type(one).__name__.lower() for one in problem.commands))
+    paths = problem.plant.paths
+    parts = [f"{simulation.t_end:g} s of the case's own run, {commands} command"]
+    if any(path.saturation is not None or path.rate_limit is not None for path in paths):
+        parts.append("with the input's limits")
+    if problem.delay > 0:
+        parts.append(f"its delay of {problem.delay:g} s")
+    if problem.disturbance is not None or problem.unmatched:
+        parts.append("its disturbances")
+    if problem.noise is not None:
+        parts.append("judged without its noise and again with it")
+    return f"{', '.join(parts)}; {simulation.solver.name}, h = {simulation.dt:g} s"
+
+
+def _limit(bears: float, loses: float, simulation: Simulation) -> str:
     """What the number alone does not say: that the search ended at its first or last delay."""
-    if np.isinf(bracket.loses[0]):
+    if np.isinf(loses):
         return "; it tolerates the longest delay that was tried"
-    if bracket.bears[0] == 0 and bracket.loses[0] > 0:
+    if bears == 0 and loses > 0:
         return f"; it does not tolerate even the shortest delay that can be simulated, two steps, {2 * simulation.dt:g} s"
     return ""
 
@@ -128,5 +208,5 @@ def _not_tracking(found: DelayMargins) -> str:
     error = float(found.undelayed.tail_max_abs_e[0].max())
     return (
         "no simulated delay margin: without a delay the loop does not follow its model, |e| in the tail reaches "
-        f"{error:.4g}, more than the largest |x_m|"
+        f"{error:.4g}, more than the model's own motion in every component"
     )

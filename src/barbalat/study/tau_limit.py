@@ -21,7 +21,7 @@ from barbalat.problem.modelling_error import ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import ReferenceMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:

@@ -24,8 +24,8 @@ from barbalat.run.kernel.breaks import can_be_split
 from barbalat.run.kernel.members import Members
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Expected, Onset, ReferenceMotion, tail_error
-from barbalat.study.ideal_benchmark import known_width
+from barbalat.study.reference_motion import ReferenceMotion
+from barbalat.study.ringing import known_width, rings
 from barbalat.sweeps.chunks import Columns
 from barbalat.sweeps.plan import Plan
 from barbalat.validate import Array, InputError
@@ -79,7 +79,7 @@ def _alike(one: Sequence[Array], other: Sequence[Array]) -> bool:
 
 
 OSCILLATED = "oscillated"
-"""A controller's column: whether its estimates swing, by ``Onset``; NaN where it has none, or where their range is not known."""
+"""A controller's column: whether its estimates ring; NaN where it has none, or where their range is not known."""
 VERDICT, SETTLED, RINGS, FINER_BY = "verdict", "settled", "rings", "finer_by"
 """A controller's columns: the number of the judge's class, by the finer step where one was needed; 1 where that class is settled,
 0 where no step that was afforded settles it, NaN where nobody looked; as ``oscillated``, likewise by the finer step; and by how
@@ -314,16 +314,8 @@ class Study:
         found = []
         controllers = setting.example.controllers[first : first + len(metrics)]
         for controller, one in zip(controllers, metrics, strict=True):
-            width, count = known_width(problem, controller), len(one.diverged_at)
-            expected = Expected(
-                error=tail_error(one),
-                rate=one.theta_hat_variation_rate,
-                motion=np.full(count, motion.largest),
-                width=np.tile(width, (count, 1)),
-                crossings=np.full(count, motion.crossings),
-                explained=np.zeros(count),
-            )
-            swings = Onset().undelayed(one, expected).astype(float)
+            width = known_width(problem, controller)
+            swings = rings(one, width, motion.crossings).astype(float)
             unknown = len(width) == 0 or not np.isfinite(width).all()
             found.append(np.where(np.isfinite(one.diverged_at) | unknown, np.nan, swings))
         return found

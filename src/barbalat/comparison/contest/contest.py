@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from barbalat import budget, validate
 from barbalat.budget import Estimate, Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
-from barbalat.comparison.contest.entrant import Entrant, entrants_of, initial_estimates
+from barbalat.comparison.contest.entrant import Entrant, entrants_of
 from barbalat.comparison.contest.result import Contest, paired
 from barbalat.comparison.contest.rule import (
     DEFAULT_GAIN_MARGIN,
@@ -29,15 +28,17 @@ from barbalat.comparison.contest.tuned import Qualified, qualify
 from barbalat.comparison.contest.validation import Draws, Remeasured, Validation, measure, measured_again
 from barbalat.comparison.search.aim import Plants
 from barbalat.comparison.search.search import least_trials
+from barbalat.comparison.starts import initial_estimates
 from barbalat.comparison.tradeoff.tradeoff import plants_of
+from barbalat.judge.settings import Judge
 from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import EXAMINED, REST_SENTENCE, ReferenceMotion
-from barbalat.study.delay_margin import Criterion
 from barbalat.study.finer_step import FINER_BY, refined
-from barbalat.study.ideal_benchmark import quiet
+from barbalat.study.ideal_benchmark import NOISE_SENTENCE
+from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
+from barbalat.study.verdicts import Criterion
 from barbalat.targets import CONTEST
 from barbalat.validate import InputError, Named, counted
 
@@ -87,8 +88,9 @@ def contest(
     if not entrants:
         raise InputError(f"no scheme takes part: {'; '.join(left_out)}")
     return compete(
-        noisy, whole.simulation, entrants, rule, members=members, left_out=left_out, threads=threads, progress=progress
-    )
+        noisy, whole.simulation, entrants, rule, judge=whole.judge, members=members, left_out=left_out, threads=threads,
+        progress=progress,
+    )  # fmt: skip
 
 
 def posed(problem: TrackingProblem) -> Problem:
@@ -104,6 +106,7 @@ def compete(
     entrants: Sequence[Entrant],
     rule: Rule,
     *,
+    judge: Judge | None = None,
     members: int = DEFAULT_MEMBERS,
     left_out: Sequence[str] = (),
     threads: int | None = None,
@@ -111,11 +114,12 @@ def compete(
 ) -> Contest:
     """Tune every entrant on the problem under the rule, then measure those that meet it on ``members`` runs that it never saw.
 
+    judge     what counts as following, as lost and as a limit cycle; by default derived from the model's motion
     left_out  sentences on who does not take part, which are handed on
 
     Raises InputError for a problem without a known set, and for entrants of one name.
     """
-    started = time.perf_counter()
+    started, judge = time.perf_counter(), judge or Judge()
     _require(problem, simulation, entrants, rule, members)
     _require_budget(simulation, len(entrants), rule, members)
     assert problem.uncertainty is not None
@@ -124,14 +128,14 @@ def compete(
     tuned = []
     for i, one in enumerate(entrants):
         part = part_of(progress, TUNING_SHARE * i / len(entrants), TUNING_SHARE / len(entrants))
-        tuned.append(qualify(one, rule, *plants.read_by(one), simulation, threads=threads, progress=part))
+        tuned.append(qualify(one, rule, plants.read_by(one), simulation, judge=judge, threads=threads, progress=part))
     qualified = [one for one in tuned if one.meets]
     draws = Draws.drawn(problem, members, rule)
     rest = part_of(progress, TUNING_SHARE, 1 - TUNING_SHARE)
-    held = measure(qualified, draws, rule, simulation, threads=threads, progress=rest)
+    held = measure(qualified, draws, rule, simulation, judge=judge, threads=threads, progress=rest)
     ordered = sorted(tuned, key=lambda one: _rank(one, held))
     best = [one for one in ordered if one.meets]
-    again = measured_again(best, draws, rule, simulation, held, threads=threads)
+    again = measured_again(best, draws, rule, simulation, held, judge=judge, threads=threads)
     pairs = [paired((a.name, held[a.name]), (b.name, held[b.name])) for a, b in combinations(ordered, 2) if a.meets and b.meets]
     return Contest(
         problem=problem,
@@ -154,17 +158,15 @@ class _Shared:
 
     def __init__(self, family: Sequence[Problem], rule: Rule, simulation: Simulation) -> None:
         self.family, self.rule, self.simulation = family, rule, simulation
-        self.found: list[tuple[Plants, Plants]] = []
+        self.found: list[Plants] = []
 
-    def read_by(self, entrant: Entrant) -> tuple[Plants, Plants]:
-        """With the noise, and without it."""
+    def read_by(self, entrant: Entrant) -> Plants:
+        """As this entrant reads them."""
         problems = [entrant.reads(problem) for problem in self.family]
         for one in self.found:
-            if all(a is b for a, b in zip(one[0].problems, problems, strict=True)):
+            if all(a is b for a, b in zip(one.problems, problems, strict=True)):
                 return one
-        case, aim = Case(problems[0], (), self.simulation), self.rule.aim
-        noisy = Plants.of(case, replace(aim, constraints=()), problems)
-        self.found.append((noisy, Plants.of(case, aim, [quiet(problem) for problem in problems])))
+        self.found.append(Plants.of(Case(problems[0], (), self.simulation), self.rule.aim, problems))
         return self.found[-1]
 
 
@@ -228,11 +230,8 @@ def _notes(
             )
         said += [f"{one.name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
     said += [one.sentence(name, refined(simulation).dt) for name, one in again.items()]
-    if rule.until is Criterion.ONSET:
-        said.append(EXAMINED)
-        without = [one.name for one in tuned if not len(initial_estimates(one.entrant.reads(problem), one.controller))]
-        if without:
-            said.append(f"{', '.join(without)}: without estimates, so that oscillation is judged by |e| alone")
+    if rule.until is Criterion.ONSET and problem.noise is not None:
+        said.append(NOISE_SENTENCE)
     for one in tuned:
         if one.at_edge:
             said.append(f"{one.name}: {' and '.join(one.at_edge)} at the end of what was searched; beyond it may be better")

@@ -14,12 +14,12 @@ from barbalat.comparison.grids import reach_of
 from barbalat.comparison.ranges import Range, Space
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.tuning_grid import Tunable, TuningGrid
+from barbalat.judge.settings import Judge
 from barbalat.loop.binding import bound
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import Varied
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, SampledEquations
-from barbalat.roles import main_estimates, state_parts, taken_from
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -87,6 +87,7 @@ class VariedEntrant(Varied):
     problem: Problem
     simulation: Simulation
     paths: tuple[FieldPath, ...]
+    judge: Judge
 
     @property
     def source(self) -> str:
@@ -95,7 +96,7 @@ class VariedEntrant(Varied):
     def at(self, values: Sequence[float] | Array) -> Case:
         controller = self.entrant.controller(values)
         bound(self.problem, controller)
-        return Case(self.problem, (controller,), self.simulation)
+        return Case(self.problem, (controller,), self.simulation, judge=self.judge)
 
 
 def entrants_of(
@@ -114,7 +115,7 @@ def entrants_of(
 
     All start from the same knowledge: estimates in the middle of the known set, which linear designs assume as well, and where
     the input saturates each with what it has against windup. One from outside starts there where its class has a field
-    ``theta_hat0``, or its ``knobs`` pass on ``reach.theta_hat0``; of another one ``start_of`` says where it starts.
+    ``theta_hat0``, or its ``knobs`` pass on ``reach.theta_hat0``; of another one ``starts.start_of`` says where it starts.
     """
     if unknown := [name for name in schemes if name not in SCHEMES]:
         raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
@@ -151,7 +152,7 @@ def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entra
     try:
         bound(problem, _first(moved))
     except InputError:
-        return entrant  # it is refused for itself, or starts where it starts, which ``start_of`` tells
+        return entrant  # it is refused for itself, or starts where it starts, which ``starts`` tells
     return moved
 
 
@@ -166,20 +167,6 @@ def _with_start(controller: Any, theta_hat0: Array) -> Any:
     given = getattr(controller, found.name)
     left_alone = default is not MISSING and (given is default or np.array_equal(given, default))
     return replace(controller, **{found.name: theta_hat0}) if left_alone else controller
-
-
-def initial_estimates(problem: Problem, controller: Controller) -> Array:
-    """theta_hat at t = 0, whatever it estimates; empty where the controller has no estimates."""
-    equations = bound(problem, controller)
-    state = equations.initial()
-    return np.asarray(taken_from(state, main_estimates(state_parts(equations, state))), dtype=float)
-
-
-def start_of(problem: Problem, controller: Controller) -> Array | None:
-    """(p,) where a controller's estimates of theta start; None where it has none, or none that are known to be theta's."""
-    start = initial_estimates(problem, controller)
-    p, gains = len(problem.plant.theta), problem.known.inputs if problem.known.matched.gain_unknown else 0
-    return start[:p] if len(start) in (p, p + gains) else None
 
 
 def _first(entrant: Entrant) -> Controller:

@@ -16,7 +16,7 @@ from barbalat.comparison.contest.validation import Draws, Remeasured, Validation
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import ReferenceMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.sweeps.statistics import CONFIDENCE_LEVEL, Median, Share
 from barbalat.validate import Array, Named
 

@@ -15,9 +15,10 @@ from barbalat.problem.measurement import Noise, Sensor
 from barbalat.problem.state_feedback import Problem
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import ReferenceMotion
-from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, LONGEST_DELAY, Criterion
+from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, LONGEST_DELAY
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
+from barbalat.study.reference_motion import ReferenceMotion
+from barbalat.study.verdicts import Criterion
 from barbalat.validate import InputError
 
 DEFAULT_GAIN_MARGIN = 1.5
@@ -26,8 +27,8 @@ scheme at all; 3.5 dB is what many of them can be asked."""
 DEFAULT_PLANTS, DEFAULT_TRIALS = 4, 384
 """As of ``tune``."""
 OBJECTIVE_FIGURE = "rms_e"
-DELAY_KEYS = {Criterion.ONSET: "delay_onset_simulated", Criterion.LOSS: "delay_margin_simulated"}
-GAIN_KEYS = {Criterion.ONSET: "gain_onset_simulated", Criterion.LOSS: "gain_margin_simulated"}
+DELAY_KEYS = {Criterion.ONSET: "delay_margin_measured", Criterion.LOSS: "delay_margin_simulated"}
+GAIN_KEYS = {Criterion.ONSET: "gain_margin_measured", Criterion.LOSS: "gain_margin_simulated"}
 
 
 @dataclass(frozen=True, kw_only=True, init=False)

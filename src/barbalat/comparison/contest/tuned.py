@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.budget import Progress
 from barbalat.certificates.certify import certify
-from barbalat.comparison.contest.entrant import Entrant, VariedEntrant, start_of
+from barbalat.comparison.contest.entrant import Entrant, VariedEntrant
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.ranges import Space
 from barbalat.comparison.search.aim import Plants, StepCheck, Trial
@@ -17,12 +17,18 @@ from barbalat.comparison.search.probing import Probing
 from barbalat.comparison.search.quantity import PROBES
 from barbalat.comparison.search.search import least_trials, search
 from barbalat.comparison.search.trials import Trials, in_one_kernel
+from barbalat.comparison.starts import start_of
 from barbalat.comparison.tune.result import best_of
+from barbalat.judge.settings import Judge
+from barbalat.judge.verdict import Verdict
 from barbalat.loop.binding import bound
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, SampledEquations
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import Criterion, DelayMargins
+from barbalat.study.delay_margin import DelayMargins
+from barbalat.study.ideal_benchmark import Judging
+from barbalat.study.verdicts import Criterion
 from barbalat.validate import Array
 
 EDGE_SHARE = 0.02
@@ -62,6 +68,7 @@ class Qualified:
     start        (p,) of its estimates of theta; None where it has none, or none that are known to be theta's
     step         what a finer step says of the tuning; None where it does not meet the rule at the case's step either
     refused      the same of better tunings, which meet the rule at the case's step alone
+    verdict      the judge's on the tuning's run, on the case's own plant
     """
 
     entrant: Entrant
@@ -79,6 +86,18 @@ class Qualified:
     start: Array | None
     step: StepCheck | None
     refused: tuple[StepCheck, ...]
+    verdict: Verdict
+
+    @property
+    def delay_margin_measured(self) -> float:
+        """[s] on the worst of the tuning's plants: up to where it is lost or in a limit cycle."""
+        return self.margins[Criterion.ONSET].delay
+
+    @property
+    def gain_margin_measured(self) -> float:
+        """The factor by which the input's gain may be multiplied and divided, on the worst of these plants."""
+        found = self.margins[Criterion.ONSET]
+        return min(found.gain_up, found.gain_down)
 
     @property
     def name(self) -> str:
@@ -88,6 +107,9 @@ class Qualified:
         """But for what is measured on held-out plants."""
         return {
             "meets": self.meets,
+            "verdict": self.verdict.as_json(),
+            "delay_margin_measured": self.delay_margin_measured,
+            "gain_margin_measured": self.gain_margin_measured,
             "tuning": dict(self.tuning),
             "ranges": {name: str(one) for name, one in zip(self.tuning, self.entrant.space.ranges.values(), strict=True)},
             "sample_time": self.sample_time,
@@ -109,25 +131,26 @@ def qualify(
     entrant: Entrant,
     rule: Rule,
     plants: Plants,
-    silent: Plants,
     simulation: Simulation,
     *,
+    judge: Judge,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Qualified:
-    """Search under the rule; ``plants`` are those of the rule as this entrant reads them, ``silent`` the same without noise."""
+    """Search under the rule; ``plants`` are those of the rule as this entrant reads them."""
     space, problem = entrant.space, plants.problems[0]
     assert isinstance(problem, Problem)
-    varied = VariedEntrant(entrant, problem, simulation, space.paths)
-    trials = Trials(
-        varied, 0, rule.aim, together=not len(space) or in_one_kernel(varied, space), shared=plants, threads=threads, quiet=silent
-    )
+    varied = VariedEntrant(entrant, problem, simulation, space.paths, judge)
+    together = not len(space) or in_one_kernel(varied, space)
+    trials = Trials(varied, 0, rule.aim, together=together, shared=plants, threads=threads)
     _try_tunings(trials, space, rule, progress)
     best = best_of(trials)
     found = best.nearest
     controller = entrant.controller(found.row)
     equations = bound(problem, controller)
-    margins = _probed(trials, silent, controller, rule, simulation)
+    margins = _probed(trials, plants, controller, rule, simulation, judge)
+    (run,) = simulate(problem, [controller], simulation, judge=judge).values()
+    assert run.verdict is not None
     return Qualified(
         entrant=entrant,
         controller=controller,
@@ -144,6 +167,7 @@ def qualify(
         start=start_of(problem, controller),
         step=best.check,
         refused=tuple(best.refused),
+        verdict=run.verdict,
     )
 
 
@@ -157,11 +181,11 @@ def _try_tunings(trials: Trials, space: Space, rule: Rule, progress: Progress | 
 
 
 def _probed(
-    trials: Trials, plants: Plants, controller: Controller, rule: Rule, simulation: Simulation
+    trials: Trials, plants: Plants, controller: Controller, rule: Rule, simulation: Simulation, judge: Judge
 ) -> dict[Criterion, Probed]:
     """All margins of the tuning, by both criteria: on each of the plants, of which the worst counts."""
     members = [(problem, controller) for problem in plants.problems]
-    probing = Probing(members, simulation, np.arange(len(members)), plants, trials.threads)
+    probing = Probing(members, simulation, np.arange(len(members)), plants, Judging(judge), trials.threads)
     delays, gains = (PROBES[one.quantity.name] for one in rule.constraints)
     (delay,) = probing.each_margin(delays, rule.delay_margin)
     up, down = probing.each_margin(gains, rule.gain_margin - 1)

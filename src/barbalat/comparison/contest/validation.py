@@ -13,15 +13,16 @@ from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified
 from barbalat.comparison.search.probing import Question
 from barbalat.comparison.tradeoff.tradeoff import plants_of
+from barbalat.judge.settings import Judge
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import BreakingSignal, Signal
-from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import ReferenceMotion, tail_error, tracks
 from barbalat.study.finer_step import different, refined
-from barbalat.study.ideal_benchmark import Ideals, Member, quiet
+from barbalat.study.ideal_benchmark import Ideals, Judging, Undelayed
+from barbalat.study.reference_motion import ReferenceMotion
+from barbalat.study.verdicts import Criterion, Member
 from barbalat.sweeps.statistics import Median, Share
 from barbalat.validate import Array, counted
 
@@ -72,12 +73,11 @@ def drawn_commands(count: int, seed: int) -> Array:
 class Draws:
     """What was drawn: ``members`` runs, those of one command together.
 
-    problems  (M,) each with its plant and its command, and ``silent`` without noise; streams (M,) of the noise
+    problems  (M,) each with its plant and its command; streams (M,) of the noise
     commands  (C, 2) size and pace
     """
 
     problems: list[Problem]
-    silent: list[Problem]
     streams: Array
     commands: Array
 
@@ -91,8 +91,7 @@ class Draws:
         which = np.sort(np.arange(members) % len(commands))
         made = [with_command(problem, float(size), float(pace)) for size, pace in commands]
         problems = [replace(made[c], plant=plant.plant) for c, plant in zip(which, plants, strict=True)]
-        silent = [quiet(one) for one in problems]
-        return cls(problems=problems, silent=silent, streams=rule.plants + np.arange(members), commands=commands[which])
+        return cls(problems=problems, streams=rule.plants + np.arange(members), commands=commands[which])
 
     def __len__(self) -> int:
         return len(self.problems)
@@ -113,7 +112,8 @@ class Validation:
     """One entrant on all that was drawn.
 
     error     (M,) RMS |e| relative to the RMS of |x_m|; infinite for a run that failed
-    diverged  (M,) truth values; lost: the run does not follow its model, or diverged
+    diverged  (M,) truth values; lost: the judge calls the run lost or, where the rule ends margins at the onset, a limit cycle,
+              or it follows its model in no component
     delay, gain_up, gain_down  (M,) whether it does not bear what the rule asks, on these plants and commands
     effort    (M,) largest |u|, NaN where it diverged
     """
@@ -190,17 +190,17 @@ def measured_again(
     simulation: Simulation,
     found: Mapping[str, Validation],
     *,
+    judge: Judge | None = None,
     threads: int | None = None,
 ) -> dict[str, Remeasured]:
     """The first run of each command, by the entrants' names."""
     fine, first = refined(simulation), [which[:1] for which in trials.groups]
     changed = {one.name: [0, 0] for one in entrants}
     for which in first:
-        asked, streams = _Asked.of(rule, fine), trials.streams[which]
+        asked, streams = _Asked.of(rule, fine, judge), trials.streams[which]
         for one in entrants:
             members = [(one.entrant.reads(trials.problems[i]), one.controller) for i in which]
-            silent = [(one.entrant.reads(trials.silent[i]), one.controller) for i in which]
-            again, before = _measured(members, silent, streams, asked, fine, threads), found[one.name]
+            again, before = _measured(members, streams, asked, fine, threads), found[one.name]
             verdicts = [vars(again)[name] != vars(before)[name][which] for name in ("lost", "delay", "gain_up", "gain_down")]
             changed[one.name][0] += int(np.any(verdicts, axis=0).sum())
             pairs = zip(before.error[which], again.error, strict=True)
@@ -216,6 +216,7 @@ def measure(
     rule: Rule,
     simulation: Simulation,
     *,
+    judge: Judge | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> dict[str, Validation]:
@@ -224,12 +225,10 @@ def measure(
     groups = trials.groups
     for g, which in enumerate(groups):
         streams = trials.streams[which]
-        asked = _Asked.of(rule, simulation)
+        asked = _Asked.of(rule, simulation, judge)
         for k, one in enumerate(entrants):
-            noisy, silent = (
-                [(one.entrant.reads(problems[i]), one.controller) for i in which] for problems in (trials.problems, trials.silent)
-            )
-            parts[one.name].append(_measured(noisy, silent, streams, asked, simulation, threads))
+            members = [(one.entrant.reads(trials.problems[i]), one.controller) for i in which]
+            parts[one.name].append(_measured(members, streams, asked, simulation, threads))
             if progress is not None:
                 progress((g + (k + 1) / len(entrants)) / len(groups))
     return {
@@ -244,35 +243,31 @@ class _Asked:
 
     errors: dict[str, tuple[float, Ideals]]
     rule: Rule
+    by: Judging
 
     @classmethod
-    def of(cls, rule: Rule, simulation: Simulation) -> _Asked:
+    def of(cls, rule: Rule, simulation: Simulation, judge: Judge | None) -> _Asked:
         asked: dict[str, tuple[float, ModellingError]] = {
             "delay": (rule.delay_margin, DelayError()),
             "gain_up": (rule.gain_margin - 1, GainError()),
             "gain_down": (rule.gain_margin - 1, GainError(downwards=True)),
         }
-        return cls({name: (size, Ideals(simulation, np.array([size]), error)) for name, (size, error) in asked.items()}, rule)
+        errors = {name: (size, Ideals(simulation, np.array([size]), error)) for name, (size, error) in asked.items()}
+        return cls(errors, rule, Judging(judge or Judge()))
 
 
 def _measured(
-    members: Sequence[Member],
-    silent: Sequence[Member],
-    streams: Array,
-    asked: _Asked,
-    simulation: Simulation,
-    threads: int | None,
+    members: Sequence[Member], streams: Array, asked: _Asked, simulation: Simulation, threads: int | None
 ) -> Validation:
-    """Errors with the noise, what is borne without it."""
-    metrics = simulate_ensemble(members, simulation, numbers=streams, threads=threads).metrics
+    """Errors with the noise, verdicts, and what is borne."""
+    found, until = Undelayed.run(members, simulation, asked.by.judge, streams, threads), asked.rule.until
     motion = ReferenceMotion.of(members[0][0], simulation)  # one command, one model
-    lost = ~tracks(tail_error(metrics), np.full(len(members), motion.largest))
-    alone = simulate_ensemble(silent, simulation, numbers=streams, threads=threads).metrics
+    metrics, lost = found.noisy.metrics, found.noisy.lost | ~found.noisy.tracks
+    if until is Criterion.ONSET:
+        lost = lost | found.noisy.oscillates | found.quiet.oscillates
     borne = {}
     for name, (size, ideals) in asked.errors.items():
-        if new := [problem for problem, _ in silent if id(problem) not in ideals.known]:
-            ideals.find(new)  # side by side
-        question = Question(silent, simulation, alone, size, asked.rule.until, streams, ideals, np.zeros(0), threads)
+        question = Question(members, simulation, found, size, until, streams, ideals, np.zeros(0), asked.by, threads)
         borne[name] = question.bears(np.arange(len(members)), graded=False) >= size
     return Validation(
         error=np.where(lost, np.inf, np.linalg.norm(metrics.rms_e, axis=1) / motion.rms),

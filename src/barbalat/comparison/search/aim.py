@@ -10,18 +10,17 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
-from barbalat.comparison.search.quantity import Constraint, Origin, TunedQuantity
+from barbalat.comparison.search.quantity import LINEAR_DELAYS, Constraint, Origin, TunedQuantity
 from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.open_numbers.path import by_index
 from barbalat.problem.labels import Labels
 from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import LONGEST_DELAY, SCANNED_DELAYS, gains_scanned, scanned
 from barbalat.study.finer_step import FINER_BY, PlainRun
-from barbalat.study.ideal_benchmark import Ideals
+from barbalat.study.ideal_benchmark import SIZES_TRIED, Ideals, Undelayed
 from barbalat.validate import Array, InputError
 
 DEFAULT_PLANTS = 4
@@ -89,6 +88,11 @@ class Aim:
         return any(one.origin is origin for one in self.quantities)
 
     @property
+    def asks_linear_delays(self) -> bool:
+        """Whether a delay margin of a linear loop is asked for, which knows no limits."""
+        return any(key in LINEAR_DELAYS for key in self.keys)
+
+    @property
     def longest(self) -> float:
         """Delay that is tried [s]."""
         delays = [one for one in self.constraints if DelayError() in one.quantity.errors]
@@ -115,7 +119,7 @@ class Trial:
     found     of each constraint, as far as it was looked at
     complete  whether everything was
     refused   why no case can be made of it
-    undelayed, quiet  figures without a modelling error, on the plants and on those of the probes
+    undelayed  its runs without a modelling error, on the plants
     """
 
     row: Array
@@ -125,8 +129,7 @@ class Trial:
     score: float = np.inf
     complete: bool = False
     refused: str = ""
-    undelayed: Metrics | None = None
-    quiet: Metrics | None = None
+    undelayed: Undelayed | None = None
 
     def meets(self, aim: Aim) -> bool:
         """Every constraint, and the quantity has a value."""
@@ -153,11 +156,9 @@ class Plants:
         """The plants of the aim, or others; for modelling errors of any size, or of these ``sizes`` alone."""
         given, simulation, longest = aim.family(case) if problems is None else list(problems), case.simulation, aim.longest
         if sizes is None:
-            ideals = {error: _ideals(error, simulation, longest) for error in aim.errors}
+            ideals = {error: _ideals(error, simulation, longest) for error in (DelayError(), *aim.errors)}
         else:
             ideals = {error: Ideals(simulation, found, error) for error, found in sizes.items()}
-        for one in ideals.values():
-            one.find(given)
         return cls(given, ideals, longest)
 
 
@@ -170,11 +171,7 @@ def _ideals(error: ModellingError, simulation: Simulation, longest: float) -> Id
     if error == DelayError():
         return Ideals.over(simulation, longest)
     sizes = gains_scanned()
-    return Ideals(simulation, np.geomspace(sizes[0], sizes[-1], GAINS_EXPLAINED), error)
-
-
-GAINS_EXPLAINED = 16
-"""Factors with which the loop that knows theta is run, 40 % apart: its error bends less than over the delays."""
+    return Ideals(simulation, np.geomspace(sizes[0], sizes[-1], SIZES_TRIED), error)
 
 
 @dataclass(frozen=True, kw_only=True)

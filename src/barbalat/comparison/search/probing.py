@@ -9,10 +9,10 @@ import numpy as np
 
 from barbalat.comparison.search.aim import Plants, sizes_of
 from barbalat.comparison.search.quantity import Probe
-from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import Criterion, DelayMargins, margins_ensemble
-from barbalat.study.ideal_benchmark import Ideals, JudgedRuns, Member
+from barbalat.study.delay_margin import DelayMargins, margins_ensemble
+from barbalat.study.ideal_benchmark import Ideals, JudgedRuns, Judging, Undelayed
+from barbalat.study.verdicts import Criterion, Member
 from barbalat.validate import Array
 
 
@@ -21,21 +21,24 @@ class Question:
     """Do these loops bear ``limit`` of the modelling error of ``ideals``, a delay [s] for one, by one criterion?
 
     Those of ``sizes`` below it are tried, and ``limit`` itself: where ``sizes`` are those of ``margins_ensemble``, a loop that
-    bears ``limit`` by that function bears it here. ``undelayed`` are the figures without an error; ``numbers`` as there.
+    bears ``limit`` by that function bears it here. ``undelayed`` are the runs without an error; ``numbers`` as there.
     """
 
     members: Sequence[Member]
     simulation: Simulation
-    undelayed: Metrics
+    undelayed: Undelayed
     limit: float
     criterion: Criterion
     numbers: Array
     ideals: Ideals
     sizes: Array
+    by: Judging
     threads: int | None = None
 
     def __post_init__(self) -> None:
-        self.judged = JudgedRuns(self.members, self.simulation, self.undelayed, self.numbers, self.ideals, threads=self.threads)
+        self.judged = JudgedRuns(
+            self.members, self.simulation, self.undelayed, self.numbers, self.ideals, self.by, threads=self.threads
+        )
         self.smaller = [size for size in map(float, self.sizes) if size < self.limit]
 
     def bears(self, group: Array, *, graded: bool, below: bool = True, among: Array | None = None) -> Array:
@@ -63,11 +66,9 @@ class Question:
         return self.judged.runs
 
     def _usable(self) -> Array:
-        """The members that follow their model without a delay, and don't swing where that is asked."""
+        """The members that follow their model without a delay, and don't oscillate where that is asked."""
         well = self.judged.tracks
-        if self.criterion is Criterion.ONSET:
-            well = well & self.judged.quiet_tracks & ~self.judged.swings
-        return np.flatnonzero(well)
+        return np.flatnonzero(well & ~self.judged.oscillates if self.criterion is Criterion.ONSET else well)
 
     def _look_below(self, chosen: Array, found: Array) -> None:
         """Try members that bear ``limit`` with less, from the smallest size on."""
@@ -86,7 +87,7 @@ class Question:
         """Truth values for these members, each run with an error of that size."""
         if not len(chosen):
             return np.zeros(0, dtype=bool)
-        by_onset, by_loss = self.judged.lost(chosen, np.full(len(chosen), size), onset=self.criterion is Criterion.ONSET)
+        by_onset, by_loss = self.judged.lost(chosen, np.full(len(chosen), size), asked=self.criterion)
         return by_loss if self.criterion is Criterion.LOSS else by_onset
 
 
@@ -98,13 +99,14 @@ class Probing:
     simulation: Simulation
     streams: Array
     plants: Plants
+    by: Judging
     threads: int | None = None
     runs: int = 0
 
-    def bears(self, probe: Probe, undelayed: Metrics, limit: float, group: Array, *, graded: bool, below: bool) -> Array:
+    def bears(self, probe: Probe, undelayed: Undelayed, limit: float, group: Array, *, graded: bool, below: bool) -> Array:
         """(M,) the size of the probe's errors that is borne, up to ``limit``; the rest as of ``Question.bears``.
 
-        undelayed  figures without an error
+        undelayed  the members' runs without an error
         """
         found, among = np.full(len(group), np.inf), np.ones(len(group), dtype=bool)
         for error in probe.errors:
@@ -117,6 +119,7 @@ class Probing:
                 self.streams,
                 self.plants.ideals[error],
                 sizes_of(error, self.simulation, self.plants.longest),
+                self.by,
                 self.threads,
             )
             borne = question.bears(group, graded=graded, below=below, among=among)
@@ -139,8 +142,9 @@ class Probing:
             sizes = sizes_of(error, self.simulation, self.plants.longest)
             sizes = sizes if asked is None else np.union1d(sizes, [asked])
             one = margins_ensemble(
-                self.members, self.simulation, sizes, self.plants.ideals[error], numbers=self.streams, threads=self.threads
-            )
+                self.members, self.simulation, sizes, self.plants.ideals[error], by=self.by, numbers=self.streams,
+                threads=self.threads,
+            )  # fmt: skip
             self.runs += one.runs
             found.append(one)
         return found

@@ -14,7 +14,7 @@ from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.run.kernel.metrics import Metrics
-from barbalat.study.delay_margin import Criterion
+from barbalat.study.verdicts import Criterion
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.study import columns_of
 from barbalat.validate import Array, InputError
@@ -36,6 +36,8 @@ class Probe:
 
 _GAINS = (GainError(), GainError(downwards=True))
 PROBES = {
+    "delay_margin_measured": Probe((DelayError(),), Criterion.ONSET, 0.0),
+    "gain_margin_measured": Probe(_GAINS, Criterion.ONSET, 1.0),
     "delay_onset_simulated": Probe((DelayError(),), Criterion.ONSET, 0.0),
     "delay_margin_simulated": Probe((DelayError(),), Criterion.LOSS, 0.0),
     "gain_onset_simulated": Probe(_GAINS, Criterion.ONSET, 1.0),
@@ -47,9 +49,11 @@ PROBES = {
 OF_A_LINEAR_LOOP = frozenset(
     [*EACH_INPUT, *EACH_INPUT.values(), "delay_margin_adapting", "complementary_sensitivity_peak", "margins_over_known_set"]
 )
+LINEAR_DELAYS = ("delay_margin", "delay_margin_each", "delay_margin_adapting")
+"""Of these, the delay margins."""
 LINEAR_SENTENCE = (
     "{key} is of a linear loop: it knows no limit, rate limit or quantisation of the input and no moving command, and a loop "
-    "with them may be in a limit cycle far below it; delay_onset_simulated asks the loop in motion"
+    "with them may be in a limit cycle far below it; delay_margin_measured asks the loop in motion"
 )
 
 

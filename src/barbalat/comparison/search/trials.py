@@ -17,11 +17,10 @@ from barbalat.comparison.search.search import BROKEN_CONSTRAINT_SCORE, Judged
 from barbalat.open_numbers.probe import Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.problem.modelling_error import ModellingError
-from barbalat.run.engine.ensemble import simulate_ensemble
-from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.study.finer_step import PlainRun, different, refined
-from barbalat.study.ideal_benchmark import Member
+from barbalat.study.ideal_benchmark import Judging, Undelayed
+from barbalat.study.verdicts import Member
 from barbalat.validate import Array, InputError
 
 
@@ -54,7 +53,6 @@ class Trials:
 
     together  whether they run side by side
     shared    the plants, where what is tuned changes none of them
-    quiet     those on which modelling errors are tried; by default the same
     """
 
     varied: Varied
@@ -63,7 +61,6 @@ class Trials:
     together: bool
     shared: Plants | None
     threads: int | None = None
-    quiet: Plants | None = None
     all: list[Trial] = field(default_factory=list)
     runs: int = 0
 
@@ -116,11 +113,16 @@ class Trials:
             for trial, value in zip(group, constraint.quantity.over_plants(values, self.aim.quantile), strict=True):
                 trial.found[constraint] = float(value)
 
+    def measured_delay(self, trial: Trial) -> float:
+        """The delay [s] that a tuning bears in simulation, on the plant that bears the least."""
+        quantity = TunedQuantity("delay_margin_measured", larger_is_worse=False)
+        return float(self._values(quantity, [trial], None, Looking(fully=True)).min())
+
     def on_other_plants(self, case: Case, plants: Plants, quantity: TunedQuantity, limit: float | None) -> Array:
         """(P,) a quantity of one case on these."""
-        others = replace(self, shared=plants, quiet=None, all=[], runs=0)
+        others = replace(self, shared=plants, all=[], runs=0)
         trial = Trial(np.zeros(0), case)
-        others._run([trial], Origin.RUN)
+        others._run([trial])
         found = others._values(quantity, [trial], limit, Looking(each=True))[0]
         self.runs += others.runs
         return np.asarray(found)
@@ -141,11 +143,10 @@ class Trials:
                 sizes.setdefault(error, []).append((1 - less) * (limit - PROBES[quantity.name].none))
         tried = {error: np.unique(found) for error, found in sizes.items()}
         problems = self.shared.problems if self.shared else aim.family(given)
-        silent = None if self.quiet is None else Plants.of(case, aim, self.quiet.problems, tried)
-        others = replace(self, shared=Plants.of(case, aim, problems, tried), quiet=silent, all=[], runs=0)
+        others = replace(self, shared=Plants.of(case, aim, problems, tried), all=[], runs=0)
         found = others._again(Trial(trial.row, case), trial, asked)
         self.runs += others.runs
-        plain = PlainRun.of(problems[0], given.controllers[self.controller], given.simulation)
+        plain = PlainRun.of(problems[0], given.controllers[self.controller], given.simulation, given.judge)
         return StepCheck(
             dt=case.simulation.dt, value=found.value, broken=tuple(found.broken), changed=tuple(found.changed), plain=plain
         )
@@ -153,9 +154,7 @@ class Trials:
     def _again(self, finer: Trial, trial: Trial, asked: Sequence[Asked]) -> _Again:
         """The runs of ``finer``, a tuning at a finer step, and what they say of ``trial``."""
         found, at = _Again(None, [], []), f"at h = {_case(finer).simulation.dt:g} s"
-        self._run([finer], Origin.RUN)
-        if self.quiet:
-            self._run([finer], Origin.PROBE)
+        self._run([finer])
         if self.aim.quantity.origin is Origin.RUN:
             found.value = self._over_plants(self.aim.quantity, finer, None)
             if trial.value is not None and different(trial.value, found.value):
@@ -212,8 +211,8 @@ class Trials:
                 self._certify(trial)
             return
         for group in self._groups(trials):
-            if origin is Origin.RUN or self.quiet:
-                self._run(group, origin)
+            if origin is Origin.RUN:
+                self._run(group)
             left: Sequence[Trial] = group
             for one in self.aim.constraints:
                 if one.quantity.origin is not origin or not left:
@@ -229,40 +228,33 @@ class Trials:
                 for trial, value in zip(group, self.aim.quantity.over_plants(values, self.aim.quantile), strict=True):
                     trial.value = float(value)
 
-    def _members(self, group: Sequence[Trial], origin: Origin) -> tuple[Plants, list[Member]]:
+    def _members(self, group: Sequence[Trial]) -> tuple[Plants, list[Member]]:
         """Every tuning on every plant, those of one tuning together."""
         members: list[Member] = []
-        if origin is Origin.PROBE and self.quiet:
-            each = [_case(trial).controllers[self.controller] for trial in group]
-            return self.quiet, [(problem, controller) for controller in each for problem in self.quiet.problems]
         plants = self.shared or Plants.of(_case(group[0]), self.aim)
         for i, trial in enumerate(group):
             own = plants if self.shared or i == 0 else Plants.of(_case(trial), self.aim)
             members += [(problem, _case(trial).controllers[self.controller]) for problem in own.problems]
         return plants, members
 
-    def _run(self, group: Sequence[Trial], origin: Origin) -> None:
+    def _run(self, group: Sequence[Trial]) -> None:
         """Without a modelling error."""
-        plants, members = self._members(group, origin)
-        count = len(plants.problems)
-        found = simulate_ensemble(members, _case(group[0]).simulation, numbers=_streams(members, plants), threads=self.threads)
+        plants, members = self._members(group)
+        count, case, streams = len(plants.problems), _case(group[0]), _streams(members, plants)
+        twin = self.aim.asks(Origin.PROBE)
+        found = Undelayed.run(members, case.simulation, case.judge, streams, self.threads, twin=twin)
         self.runs += len(members)
         for i, trial in enumerate(group):
-            own = found.metrics.of(slice(i * count, (i + 1) * count))
-            if origin is Origin.RUN:
-                trial.undelayed = own
-            else:
-                trial.quiet = own
+            trial.undelayed = found.of(slice(i * count, (i + 1) * count))
 
     def _values(self, quantity: TunedQuantity, group: Sequence[Trial], asked: float | None, looking: Looking) -> Array:
         """(K, P); of probes up to what is asked, or all that is borne."""
-        plants, members = self._members(group, quantity.origin)
-        probed = self.quiet and quantity.origin is Origin.PROBE
-        known = [trial.quiet if probed else trial.undelayed for trial in group]
-        undelayed = Metrics.together([one for one in known if one is not None])
+        plants, members = self._members(group)
+        known = [trial.undelayed for trial in group if trial.undelayed is not None]
         if quantity.origin is Origin.RUN:
-            return np.asarray(quantity.of_runs(undelayed).reshape(len(group), -1))
-        probing = Probing(members, _case(group[0]).simulation, _streams(members, plants), plants, self.threads)
+            return np.asarray(quantity.of_runs(Undelayed.together(known).noisy.metrics).reshape(len(group), -1))
+        case = _case(group[0])
+        probing = Probing(members, case.simulation, _streams(members, plants), plants, Judging(case.judge), self.threads)
         probe = PROBES[quantity.name]
         size = None if asked is None else asked - probe.none
         if looking.fully or size is None:
@@ -270,7 +262,7 @@ class Trials:
         else:
             alone = np.arange(len(members))
             together = alone // len(plants.problems) if self.aim.quantile == 1 and not looking.each else alone
-            values = probing.bears(probe, undelayed, size, together, graded=looking.graded, below=looking.below)
+            values = probing.bears(probe, Undelayed.together(known), size, together, graded=looking.graded, below=looking.below)
         self.runs += probing.runs
         return np.asarray((probe.none + values).reshape(len(group), -1))
 

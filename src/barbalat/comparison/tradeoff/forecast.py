@@ -15,7 +15,8 @@ from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.kernel.grid import CHUNK_STEPS
 from barbalat.run.kernel.step import Rhythm
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.ideal_benchmark import SIZES_TRIED, Member, with_error
+from barbalat.study.ideal_benchmark import SIZES_TRIED, with_error
+from barbalat.study.verdicts import Member
 
 RUNS_EACH = 16.5
 """Simulations for each member, as measured on Section V: many are lost early in the scan, then come the halvings."""

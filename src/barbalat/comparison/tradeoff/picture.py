@@ -21,10 +21,9 @@ SYMBOLS = {"gamma": "Γ", "kappa": "κ", "tau": "τ", "covariance0": "P(0)"}
 
 def criteria(found: TradeOff) -> dict[str, str]:
     """What each criterion asks, in a line."""
-    onset, lost = found.criteria
     return {
-        "onset": f"onset: no oscillation, error within {onset.share:g} max |x$_m$| of that with θ known",
-        "loss": f"loss: error grown by less than {lost.share:g} max |x$_m$|, whatever oscillates",
+        "onset": "onset: until it is lost or in a limit cycle",
+        "loss": f"loss: error grown by less than {found.by.lost.share:g} max |x$_m$|, whatever oscillates",
     }
 
 

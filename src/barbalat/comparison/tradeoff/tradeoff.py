@@ -15,16 +15,18 @@ from barbalat.budget import Estimate, Progress
 from barbalat.comparison.grids import default_knobs
 from barbalat.comparison.tradeoff.forecast import RUNS_EACH, Forecast
 from barbalat.controllers.tuning_grid import TuningGrid
+from barbalat.judge.settings import Judge
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE, REST_SENTENCE, Lost, Onset, ReferenceMotion
 from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
 from barbalat.study.finer_step import PlainRun, delays_confirmed, refined
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
+from barbalat.study.ideal_benchmark import NOISE_SENTENCE, SHORTEST_DELAY_STEPS, Judging
+from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
+from barbalat.study.verdicts import Lost
 from barbalat.targets import TRADE_OFF
 from barbalat.validate import Array, InputError
 
@@ -38,9 +40,9 @@ class Cloud:
 
     tunings  K settings by name
     error    (K, P) RMS of |e| over the run without delay, relative to the RMS of |x_m|; NaN where the loop does not follow its
-             model without a delay: its tail's error is above the model's motion, or it diverged
-    onset    (K, P) the largest added delay before the loop oscillates [s], see ``Onset``; 0 where that is none, or too short to
-             be simulated
+             model without a delay: its tail's error is above the model's motion in every component, or it is lost
+    onset    (K, P) the largest added delay before the judge calls the run lost or a limit cycle [s]; 0 where that is none, or too
+             short to be simulated
     loss     (K, P) the largest added delay before the loop is lost [s], see ``Lost``
     The P plants are the case's own first, then those of the seeded sample of the known set.
     """
@@ -73,6 +75,7 @@ class Cloud:
 class TradeOff(Plotted):
     """The clouds of all schemes on one problem.
 
+    by      the judge, and what counts as the loss of the motion
     notes   sentences on what was left out and what was not seen
     checks  what a finer step says of some tunings on each scheme's fronts
     """
@@ -81,7 +84,7 @@ class TradeOff(Plotted):
     simulation: Simulation
     thetas: Array  # (P, p)
     clouds: tuple[Cloud, ...]
-    criteria: tuple[Onset, Lost]
+    by: Judging
     notes: tuple[str, ...]
     runs: int
     seconds: float
@@ -127,7 +130,7 @@ def trade_off(
     plants: int = 4,
     seed: int = 0,
     longest: float = 2.0,
-    onset: Onset | None = None,
+    judge: Judge | None = None,
     lost: Lost | None = None,
     estimate: Callable[[float], None] | None = None,
     progress: Progress | None = None,
@@ -136,6 +139,8 @@ def trade_off(
 
     knobs     by default those of ``default_knobs`` with this ``density`` and these controllers of one's ``own``
     longest   largest delay tried [s]
+    judge     what counts as lost and as a limit cycle; by default derived from the model's motion
+    lost      what counts as the loss of the motion
     estimate  called once with the seconds that are expected in all, measured on a part of the work
     progress  its fractions are of the time, by a forecast that is refined with every round
     Raises InputError for a problem without a known set.
@@ -150,21 +155,21 @@ def trade_off(
     forecast = Forecast.of(members, plants, simulation)
     if estimate is not None:
         estimate(time.perf_counter() - started + sum(forecast.expected.values()))
-    motion, criteria = ReferenceMotion.of(problem, simulation), (onset or Onset(), lost or Lost())
+    motion, by = ReferenceMotion.of(problem, simulation), Judging(judge or Judge(), lost or Lost())
     found = []
     for k in chosen:
         with forecast.timed(k.scheme):
             group, part = members[k.scheme], _in_time(progress, forecast, k.scheme)
-            found.append(_delay_margins(group, plants, simulation, longest=longest, criteria=criteria, progress=part))
+            found.append(_delay_margins(group, plants, simulation, longest=longest, by=by, progress=part))
     clouds = tuple(_cloud(k, of_scheme, motion.rms, plants) for k, of_scheme in zip(chosen, found, strict=True))
     _require_motion(clouds)
-    checks = _at_finer_step(chosen, clouds, found, problem, simulation, longest, criteria)
+    checks = _at_finer_step(chosen, clouds, found, problem, simulation, longest, by)
     return TradeOff(
         problem=problem,
         simulation=simulation,
         thetas=np.stack([p.plant.theta for p in family]),
         clouds=clouds,
-        criteria=criteria,
+        by=by,
         notes=(*left_out, *_notes(problem, clouds, motion), *(one.sentence for one in checks)),
         checks=checks,
         runs=sum(of_scheme.runs for of_scheme in found),
@@ -184,7 +189,6 @@ class FrontCheck:
     tunings    their indices in the cloud
     changed    of them, those of which the finer step says something else, each with what
     unsettled  of them, those that leave the solver's region of stability at the finer step too, which settles nothing
-    swinging   of them, those that are limit cycles without any delay
     """
 
     scheme: str
@@ -192,7 +196,6 @@ class FrontCheck:
     tunings: tuple[int, ...]
     changed: dict[int, tuple[str, ...]]
     unsettled: tuple[int, ...]
-    swinging: tuple[int, ...]
 
     @property
     def sentence(self) -> str:
@@ -209,8 +212,6 @@ class FrontCheck:
             said = f"{again} {comes} (such as: {first[0]}); make simulation.dt smaller"
         if self.unsettled:
             said += f"; of {len(self.unsettled)} the finer run leaves the solver's region of stability too, which settles nothing"
-        if self.swinging:
-            said += f"; limit cycles without any delay, uncounted: {len(self.swinging)}"
         return said
 
     def as_json(self) -> dict[str, Any]:
@@ -219,7 +220,6 @@ class FrontCheck:
             "tunings": list(self.tunings),
             "changed": {str(i): list(said) for i, said in self.changed.items()},
             "unsettled": list(self.unsettled),
-            "swinging": list(self.swinging),
             "sentence": self.sentence,
         }
 
@@ -231,7 +231,7 @@ def _at_finer_step(
     problem: Problem,
     simulation: Simulation,
     longest: float,
-    criteria: tuple[Onset, Lost],
+    by: Judging,
 ) -> tuple[FrontCheck, ...]:
     """A few tunings of each scheme's fronts: the delays that they tolerate, and what they do without a delay."""
     checks = []
@@ -239,12 +239,12 @@ def _at_finer_step(
         which = _spread_over_fronts(cloud)
         members = [(problem, k.make(**cloud.tunings[i])) for i in which]
         changed: dict[int, tuple[str, ...]] = {}
-        plain = [PlainRun.of(*member, simulation) for member in members]
+        plain = [PlainRun.of(*member, simulation, by.judge) for member in members]
         if members:
             plants = len(of_scheme.tracks) // len(cloud.tunings)
             own = of_scheme.of(np.array(which) * plants)
             numbers = np.zeros(len(members), dtype=int)
-            said = delays_confirmed(members, simulation, own, numbers=numbers, longest=longest, criteria=criteria)
+            said = delays_confirmed(members, simulation, own, numbers=numbers, longest=longest, by=by)
             changed = {i: one.changes for i, one, run in zip(which, said, plain, strict=True) if one.changes and run.settles}
         checks.append(
             FrontCheck(
@@ -253,7 +253,6 @@ def _at_finer_step(
                 tunings=tuple(which),
                 changed=changed,
                 unsettled=tuple(i for i, run in zip(which, plain, strict=True) if not run.settles),
-                swinging=tuple(i for i, run in zip(which, plain, strict=True) if run.swinging is not None),
             )
         )
     return tuple(checks)
@@ -291,7 +290,7 @@ def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ReferenceMotion)
         said.append(NOISE_SENTENCE)
     if motion.comes_to_rest:
         said.append(REST_SENTENCE)
-    return [*said, EXAMINED]
+    return said
 
 
 TUNINGS_EACH_DENSITY = 6.5
@@ -322,13 +321,13 @@ def _delay_margins(
     simulation: Simulation,
     *,
     longest: float,
-    criteria: tuple[Onset, Lost],
+    by: Judging,
     progress: Progress | None,
 ) -> DelayMargins:
     """The margins of tunings on so many plants each; every tuning has the same noise on a plant."""
-    numbers, (onset, lost) = np.tile(np.arange(plants), len(members) // plants), criteria
+    numbers = np.tile(np.arange(plants), len(members) // plants)
     return delay_margins_ensemble(
-        members, simulation, longest=longest, onset=onset, lost=lost, numbers=numbers, progress=progress
+        members, simulation, longest=longest, judge=by.judge, lost=by.lost, numbers=numbers, progress=progress
     )
 
 

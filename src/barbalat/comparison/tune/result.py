@@ -17,9 +17,11 @@ from barbalat.comparison.search.aim import Aim, Plants, StepCheck, Trial
 from barbalat.comparison.search.quantity import Constraint, Origin
 from barbalat.comparison.search.trials import Trials
 from barbalat.comparison.tradeoff.tradeoff import pareto_front, plants_of
+from barbalat.judge.verdict import Verdict
 from barbalat.open_numbers.path import FieldPath
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.state_feedback import Problem
+from barbalat.run.engine.simulate import simulate
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -79,6 +81,8 @@ class Tuned:
     trials, runs  tunings that were tried, simulations that were made
     step     what a finer step says of the chosen tuning; of the nearest one where that is all that keeps it from being chosen
     refused  the same of better ones, which meet every constraint at the step of the case alone
+    verdict  the judge's on the chosen tuning's run, or on the nearest one's, of the case's own plant
+    delay_margin_measured  [s] of it on the worst of the plants, where a delay margin of a linear loop is asked for; else None
     """
 
     controller: str
@@ -93,6 +97,8 @@ class Tuned:
     runs: int
     step: StepCheck | None
     refused: tuple[StepCheck, ...]
+    verdict: Verdict
+    delay_margin_measured: float | None = None
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -108,6 +114,8 @@ class Tuned:
             "runs": self.runs,
             "finer_step": None if self.step is None else self.step.as_json(),
             "refused_at_finer_step": [one.as_json() for one in self.refused],
+            "verdict": self.verdict.as_json(),
+            "delay_margin_measured": self.delay_margin_measured,
         }
 
 
@@ -193,9 +201,20 @@ def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) 
         runs=trials.runs,
         step=best.check,
         refused=tuple(best.refused),
+        verdict=_verdict(nearest, which),
+        delay_margin_measured=trials.measured_delay(nearest) if trials.aim.asks_linear_delays else None,
     )
     tell(1.0)
     return found
+
+
+def _verdict(trial: Trial, controller: int) -> Verdict:
+    """The judge's, on the case's own plant."""
+    assert trial.case is not None
+    case = trial.case
+    (run,) = simulate(case.problem, case.controllers[controller], case.simulation, judge=case.judge).values()
+    assert run.verdict is not None
+    return run.verdict
 
 
 class Best(NamedTuple):

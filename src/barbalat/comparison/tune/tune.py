@@ -17,9 +17,10 @@ from barbalat.certificates.certify import certify
 from barbalat.comparison.grids import output_reach_of, reach_of
 from barbalat.comparison.ranges import Range, Space, of_knobs
 from barbalat.comparison.search.aim import DEFAULT_PLANTS, Aim, Plants
-from barbalat.comparison.search.quantity import LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
+from barbalat.comparison.search.quantity import LINEAR_DELAYS, LINEAR_SENTENCE, OF_A_LINEAR_LOOP, Origin
 from barbalat.comparison.search.search import least_trials, search
 from barbalat.comparison.search.trials import Trials, in_one_kernel
+from barbalat.comparison.starts import different_starts
 from barbalat.comparison.tune.result import Tuned, Tuning, choose
 from barbalat.controllers import Sampled
 from barbalat.controllers.tuning_grid import OutputTunable, Tunable, TuningGrid
@@ -33,9 +34,9 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.kernel.costs import of_members
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import EXAMINED, NOISE_SENTENCE
 from barbalat.study.finer_step import FINER_BY
-from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS
+from barbalat.study.ideal_benchmark import NOISE_SENTENCE, SHORTEST_DELAY_STEPS
+from barbalat.study.simulated_margins import half_sentence, less_than_half
 from barbalat.validate import Array, InputError, Named
 
 DEFAULT_TRIALS = 384
@@ -63,7 +64,7 @@ def tune(
 
     case        a case file or a bundled case's name, or a ``Case``, whose fields ``vary`` then names
     objective   a figure of a run, such as "rms_e", a key of a certificate, or "delay_margin_simulated"
-    subject_to  such as "delay_margin >= 0.02", "condition < 1", "delay_onset_simulated >= 0.01", "max_abs_u < 400"
+    subject_to  such as "delay_margin_measured >= 0.02", "condition < 1", "delay_margin >= 0.01", "max_abs_u < 400"
     vary        by paths "START:STOP" or "START:STOP:log"; by default the knobs of each scheme, as far as they stand in the case
     controller  the one to tune, by its name; by default all
     plants      the case's own and so many less one of its known set
@@ -277,13 +278,25 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
                 f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
-    aim = tuner.aim
-    if aim.asks(Origin.PROBE):
-        said.append(EXAMINED)
-        if tuner.case.problem.noise is not None:
-            said.append(NOISE_SENTENCE)
+    problem, aim = tuner.case.problem, tuner.aim
+    for name, one in found.items():
+        said += [f"{name}: {sentence}" for sentence in _beside_linear(one)]
+    if isinstance(problem, Problem):
+        said += different_starts(problem, [one for one in tuner.case.controllers if one.name in found])
+    if aim.asks(Origin.PROBE) and tuner.case.problem.noise is not None:
+        said.append(NOISE_SENTENCE)
     said += [LINEAR_SENTENCE.format(key=one.name) for one in aim.quantities if one.key in OF_A_LINEAR_LOOP]
     return tuple(said)
+
+
+def _beside_linear(one: Tuned) -> list[str]:
+    """The finding where the linear delay margin that was asked for is more than twice what the case bears."""
+    point, measured = one.chosen or one.nearest, one.delay_margin_measured
+    if measured is None:
+        return []
+    linear = {asked.quantity.name: value for asked, value in point.found.items() if asked.quantity.key in LINEAR_DELAYS}
+    larger = [f"{key}, {value:.3g} s" for key, value in linear.items() if value is not None and less_than_half(measured, value)]
+    return [half_sentence(f"delay margin, {measured:.3g} s on the worst of the plants,", larger)] if larger else []
 
 
 def with_numbers(text: str, numbers: Mapping[FieldPath, float]) -> str:

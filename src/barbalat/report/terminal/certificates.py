@@ -10,7 +10,7 @@ from barbalat.certificates.certificates import Table1
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.quantities import ON_DAMPING
 from barbalat.certificates.rows import rows_of
-from barbalat.certificates.summary import five, measured
+from barbalat.certificates.summary import lines
 from barbalat.pictures.symbols import held
 from barbalat.report.terminal.layout import Screen
 
@@ -84,9 +84,7 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
 
 def _controller(screen: Screen, column: Column, certificate: Certificate, dt: float | None) -> None:
     screen.title(f"{held(column.name)}: {column.scheme}")
-    for line in (*five(column, certificate, dt), measured(certificate)):
-        if line is None:
-            continue
+    for line in lines(column, certificate, dt):
         screen.fact(line.label, line.text, LABEL_COLUMNS, STYLES.get(line.kind, ""))
 
 

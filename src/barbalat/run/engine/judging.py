@@ -75,15 +75,18 @@ class Terms:
         )
 
 
-def judged(batch: Batch, simulation: Simulation, terms: Terms, *, threads: int | None = None) -> Judged:
-    """The verdicts on a batch whose run is over."""
+def judged(batch: Batch, simulation: Simulation, terms: Terms, *, closely: bool = False, threads: int | None = None) -> Judged:
+    """The verdicts on a batch whose run is over.
+
+    closely  every run is a suspect, however seldom its control reverses: the tail may be too short for it
+    """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
     scale = scale_of(kept.of("largest y_m"), _initial(batch), _noise(loop), kept.of("largest y"))
     bands = judge.bands(terms.names, terms.units, scale)
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
-        suspect = suspects(kept.in_tail("reversals"), held.turns) & ~lost
+        suspect = (suspects(kept.in_tail("reversals"), held.turns) | closely) & ~lost
     cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads)
     return Judged.of(
         kept,
@@ -166,6 +169,7 @@ def _cycles(
     tail = simulation.t_end - float(simulation.time(simulation.tail_start))
     reversals = kept.in_tail("reversals")
     which, amplitude, frequency = (np.zeros((members, inputs)) for _ in range(3))
+    growing = np.zeros(members, dtype=bool)
 
     def look(group: Group) -> None:
         columns = group.columns
@@ -178,13 +182,14 @@ def _cycles(
             seen.append(going.window(steps))
             if len(seen) < FEWEST_WINDOWS:
                 continue
-            found = Windows(
-                np.array([one.high - one.low for one in seen]), np.array([one.reversals for one in seen]), seen[-1].lost
-            )
+            with np.errstate(invalid="ignore"):
+                swing = np.array([one.high - one.low for one in seen])
+            found = Windows(swing, np.array([one.reversals for one in seen]), seen[-1].lost)
             if len(seen) == MOST_WINDOWS or (found.decided(band[columns]) | ~mine).all():
                 break
         cycling = found.cycling(band[columns]) & mine[:, None]
         which[columns] = cycling
+        growing[columns] = found.growing(band[columns]) & mine
         amplitude[columns] = np.where(cycling, 0.5 * found.swing[-1], 0.0)
         if cycling.any():
             t, path = going.traced(steps, int(SAMPLES_EACH_REVERSAL * found.reversals[-1].max()))
@@ -194,7 +199,7 @@ def _cycles(
     pending = [group for group in batch.groups if suspect[group.columns].any()]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         list(pool.map(look, pending))
-    return Cycles(which.astype(bool), amplitude, frequency, suspect)
+    return Cycles(which.astype(bool), amplitude, frequency, suspect, growing)
 
 
 @dataclass(eq=False)

@@ -133,7 +133,7 @@ class Metrics:
         named = {name: [getattr(part, name) for part in parts] for name in cls.__dataclass_fields__}
         return cls(**{name: None if values[0] is None else np.concatenate(values) for name, values in named.items()})
 
-    def of(self, which: slice) -> Metrics:
+    def of(self, which: slice | Array) -> Metrics:
         """The figures of some of the members."""
         return Metrics(**{name: None if values is None else values[which] for name, values in vars(self).items()})
 

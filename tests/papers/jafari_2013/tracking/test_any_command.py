@@ -11,7 +11,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Sines
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import ReferenceMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from papers import by_hand
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from barbalat.certificates.linear_loops.ideal import around_equilibrium, fast_adaptation, known_parameters
 from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.judge.settings import Judge
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction, input_filter
 from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, verdict
@@ -23,9 +24,8 @@ from barbalat.protocols import Controller, Signal
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import Lost, Onset, ReferenceMotion
 from barbalat.study.delay_margin import delay_margins_ensemble
-from barbalat.study.ideal_benchmark import ideal_errors, without_error
+from barbalat.study.verdicts import Lost, Verdicts
 from barbalat.validate import Array
 
 SIMULATION = Simulation(t_end=40.0, dt=2e-4)
@@ -40,7 +40,7 @@ BANDWIDTHS = np.geomspace(0.2, 2000.0, 54)
 """[rad/s] of the actuator, from slower than the model to faster than the step resolves."""
 DAMPING = 0.7
 """Of the actuator: a maximally flat second order has 0.707."""
-ONSET, LOSS = Onset(), Lost()
+JUDGE, LOSS = Judge(), Lost()
 
 
 class Simulated(NamedTuple):
@@ -76,8 +76,7 @@ def claim() -> Claim:
         f"begins to oscillate: {_counted(found, 'onset')}. Until the motion is lost, oscillations or not: {_counted(found, 'loss')}",
         f"kappa = 0.02 s. {EXACT}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding. Simulated: Section V, RK4, h = 2e-4 s, 40 s: the "
         "exact delay [s] that the loop bears, by scan and bisection, and the smallest natural frequency [rad/s] of a second-order actuator with damping 0.7, as its inverse [s]. Onset: "
-        "diverged, or an estimate swings through its known range faster than the model moves, or the error in the tail grew by a tenth of the "
-        "largest |x_m| beyond what the delay or actuator adds where theta is known. Loss: diverged, or the error in the tail grew by the "
+        "the judge calls the run lost or a limit cycle, or its oscillation grows without end. Loss: lost, or the error in the tail grew by the "
         "largest |x_m|. At equal gain Gamma = 0.01, 1, 100; at own gain 10 and 100; at equal error the MRAC's Gamma gives the RMS error that "
         "L1-AC has at 100",
         maps=effect.maps,
@@ -195,14 +194,10 @@ def _actuator_margins(problem: Problem, controllers: Sequence[Controller]) -> di
         replace(problem, plant=replace(problem.plant, input=PlantInput(actuator=TransferFunction([w**2], [1.0, 2 * DAMPING * w, w**2]))))
         for w in BANDWIDTHS
     ]  # fmt: skip
-    members = [(problem, c) for c in controllers]
-    ideal, motion = simulate_ensemble(members, SIMULATION).metrics, ReferenceMotion.of(problem, SIMULATION)
-    without = without_error(members, ideal, [motion] * len(members))
-    explained = np.tile(np.asarray(ideal_errors([problem, *slowed], SIMULATION, motion)), len(controllers))
-    metrics = simulate_ensemble([(p, c) for c in controllers for p in slowed], SIMULATION).metrics
-    expected = without.of(np.repeat(np.arange(len(controllers)), len(slowed)), explained)
-    lost = LOSS.judge(metrics, expected).reshape(len(controllers), -1)
-    begun = ONSET.judge(metrics, expected).reshape(lost.shape) | lost | ONSET.undelayed(ideal, without)[:, None]
+    without = Verdicts.run([(problem, c) for c in controllers], SIMULATION, JUDGE)
+    found = Verdicts.run([(p, c) for c in controllers for p in slowed], SIMULATION, JUDGE)
+    lost = LOSS.judge(found, without.of(np.repeat(np.arange(len(controllers)), len(slowed)))).reshape(len(controllers), -1)
+    begun = found.oscillates.reshape(lost.shape) | lost | without.oscillates[:, None]
     return {"onset": np.array([_slowest(row) for row in begun]), "loss": np.array([_slowest(row) for row in lost])}
 
 

@@ -31,7 +31,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
 from barbalat.signals import Constant, Sines
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import ReferenceMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
 # His model -3 x_m + 3 r makes it x' = -3 x + 2 (theta x + v) with theta = 1 and k_0 = 1.5. With theta_hat at rest the loop is

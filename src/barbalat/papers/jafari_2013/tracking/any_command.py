@@ -16,7 +16,7 @@ from barbalat.protocols import Controller, Signal
 from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.signals import Chirp, Constant, Recorded, Sines, Square, Steps
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.criteria import ReferenceMotion
+from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
 SEED = 20130820  # any fixed number: the draws are the same on every machine

@@ -1,0 +1,59 @@
+"""What the reference model itself does along a run: the measure of errors, and of how fast anything may move."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.linear.driven_response import driven_response
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.solvers.simulation import Simulation
+
+REST_SHARE = 0.1
+"""Of the largest magnitude: the regressor's square, with which the law turns, is then a hundredth of what it was."""
+REST_SENTENCE = (
+    "in the last quarter, where the judge looks, the command asks for less than a tenth of the run's motion: what oscillates "
+    "only while the plant moves is not seen"
+)
+
+
+@dataclass(frozen=True)
+class ReferenceMotion:
+    """What x_m does along a run, or y_m where the output is measured.
+
+    largest    the largest magnitude of a component
+    of_each    the same of each component
+    rms        of |x_m|_2 over the run
+    crossings  how often a component crosses its own range [1/s]: by the run's variation, or by the model's fastest mode,
+               |lambda|/pi as of a sine, whichever is more
+    in_tail    the largest magnitude in the last quarter of the run
+    """
+
+    largest: float
+    rms: float
+    crossings: float
+    in_tail: float
+    of_each: tuple[float, ...]
+
+    @property
+    def comes_to_rest(self) -> bool:
+        """Whether the last quarter of the run asks for hardly any motion: there a regressor moves nothing."""
+        return self.in_tail < REST_SHARE * self.largest
+
+    @classmethod
+    def of(cls, problem: TrackingProblem, simulation: Simulation) -> ReferenceMotion:
+        """The motion of a problem's model: the response of a linear system to the command."""
+        A, B, C = problem.model.matrices
+        t, moved = driven_response(A, B, C, problem.model.x0, problem.commands, simulation.t_end, simulation.steps)
+        ranges, variation = np.ptp(moved, axis=0), np.abs(np.diff(moved, axis=0)).sum(axis=0)
+        moving = ranges > 0
+        swept = float((variation[moving] / ranges[moving]).max()) / simulation.t_end if moving.any() else 0.0
+        fastest = float(np.abs(np.linalg.eigvals(A)).max()) / np.pi
+        return cls(
+            largest=float(np.abs(moved).max()),
+            rms=float(np.sqrt(np.mean(np.sum(moved**2, axis=1)))),
+            crossings=max(swept, fastest),
+            in_tail=float(np.abs(moved[t >= 0.75 * simulation.t_end]).max()),
+            of_each=tuple(np.abs(moved).max(axis=0).tolist()),
+        )

@@ -1,0 +1,51 @@
+"""Which runs have estimates that ring: a figure of sweeps, beside the judge's verdict, which does not look at estimates."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.true_values import estimate_set, true_values
+from barbalat.problem.known_set import Projecting
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.validate import Array
+
+SPAN_SHARE = 0.1
+"""Of the range in which an estimate is known to lie, that it moves over in the tail where it rings."""
+CROSSINGS_MULTIPLE = 2.0
+"""Times as fast as if it crossed that range whenever the model crosses its own: an estimate that moves faster rings."""
+
+
+def rings(metrics: Metrics, width: Array, crossings: float) -> Array:
+    """(M,) which runs have an estimate that rings in the tail.
+
+    width      (p,) of the range in which each estimate is known to lie; infinite where it is not known
+    crossings  how often the model crosses its own range [1/s]
+    """
+    span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
+    fast = metrics.theta_hat_variation_rate > CROSSINGS_MULTIPLE * crossings * width
+    return np.asarray((fast & (span > SPAN_SHARE * width)).any(axis=1))
+
+
+FILLED_SHARE = 0.9
+"""Of that range, that an estimate moves over in the tail where it is said to fill it."""
+
+
+def fills(metrics: Metrics, width: Array) -> Array:
+    """(M,) which runs have an estimate that moves in the tail from end to end of the range in which it is known to lie."""
+    span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
+    return np.asarray((span >= FILLED_SHARE * width).any(axis=1))
+
+
+def known_width(problem: TrackingProblem, controller: Controller) -> Array:
+    """(p,) of the known set in each estimate's direction; without one, of -|theta|_2 ... |theta|_2; infinite without theta."""
+    loop = ClosedLoop.of(problem, controller)
+    theta, known_set = true_values(problem, loop), estimate_set(loop)
+    if known_set is None and theta is not None and isinstance(problem.known, Projecting):
+        known_set = problem.known.estimate_set  # a network's weights, say, lie in no known set
+    if known_set is not None and known_set.bounds_theta:
+        extents = [part.extent for part in (known_set.sphere, known_set.intervals) if part is not None]
+        return np.concatenate([high - low for low, high in extents])[: loop.parameters]
+    return np.full(loop.parameters, np.inf if theta is None else 2 * float(np.linalg.norm(theta)))

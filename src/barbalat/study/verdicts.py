@@ -1,0 +1,131 @@
+"""What M runs of a study came to: their figures, and what the judge says of them. Two questions are asked of a run with a
+modelling error: does the loop begin to oscillate, and does it lose its motion.
+
+The ranking of adaptive schemes depends on which is asked: see docs/robustness.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.budget import Progress
+from barbalat.judge.judged import CLASSES
+from barbalat.judge.settings import Judge
+from barbalat.judge.verdict import Class
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.engine.ensemble import simulate_ensemble
+from barbalat.run.kernel.metrics import Metrics
+from barbalat.settings import Settings
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array, InputError, hint, show
+
+Member = tuple[TrackingProblem, Controller]
+
+
+class Criterion(Enum):
+    """Where a margin ends: where the loop begins to oscillate, or where it loses its motion."""
+
+    ONSET = "onset"
+    LOSS = "loss"
+
+    @classmethod
+    def accept(cls, field: str, given: Criterion | str) -> Criterion:
+        """One of the two, given itself or by its name; InputError names the field."""
+        known = [one.value for one in cls]
+        if not isinstance(given, cls) and given not in known:
+            raise InputError.of(field, f"must be {' or '.join(known)}, got {show(given)}{hint(given, known)}")
+        return cls(given)
+
+
+@dataclass(frozen=True, eq=False)
+class Verdicts:
+    """M runs of n components.
+
+    metrics     figures over every solver step
+    lost        (M,) whether the judge's class is *lost*
+    oscillates  (M,) whether it is *lost* or *limit cycle*, or an oscillation still grows where the judge stops looking
+    error       (M, n) the tail's largest |e|; infinite where the run is lost
+    band        (M, n) within which the judge lets the tail's error be
+    scale       (M, n) the judge's scale of each component: the model's largest motion, where it moves
+    """
+
+    metrics: Metrics
+    lost: Array
+    oscillates: Array
+    error: Array
+    band: Array
+    scale: Array
+
+    @classmethod
+    def run(
+        cls,
+        members: Sequence[Member],
+        simulation: Simulation,
+        judge: Judge,
+        *,
+        numbers: Sequence[int] | Array | None = None,
+        threads: int | None = None,
+        progress: Progress | None = None,
+    ) -> Verdicts:
+        """Simulate and judge these members, as ``simulate_ensemble`` does."""
+        found = simulate_ensemble(
+            members, simulation, numbers=numbers, judge=judge, closely=True, threads=threads, progress=progress
+        )
+        judged = found.judged
+        assert judged is not None
+        lost = judged.kinds == CLASSES.index(Class.LOST)
+        cycles = judged.kinds == CLASSES.index(Class.CYCLE)
+        return cls(
+            metrics=found.metrics,
+            lost=lost,
+            oscillates=lost | cycles | judged.cycles.growing,
+            error=np.where(lost[:, None], np.inf, judged.error),
+            band=judged.bands.follows,
+            scale=judged.bands.scale,
+        )
+
+    def of(self, chosen: Array | slice) -> Verdicts:
+        """Those of the runs ``chosen``."""
+        rest = {name: values[chosen] for name, values in vars(self).items() if name != "metrics"}
+        return Verdicts(metrics=self.metrics.of(chosen), **rest)
+
+    @classmethod
+    def together(cls, parts: Sequence[Verdicts]) -> Verdicts:
+        """All of these runs."""
+        names = [name for name in vars(parts[0]) if name != "metrics"]
+        rest = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+        return cls(metrics=Metrics.together([part.metrics for part in parts]), **rest)
+
+    def __len__(self) -> int:
+        return len(self.lost)
+
+    @property
+    def tracks(self) -> Array:
+        """(M,) whether a run follows its model at all: in the tail some component's error is not above the model's own motion."""
+        return np.asarray((self.error <= self.scale).any(axis=1))
+
+
+@dataclass(frozen=True)
+class Lost(Settings):
+    """The loss of the motion: the judge calls the run *lost*, or its error grew by ``share`` of the model's own motion.
+
+    share  of the largest |x_m| of the run, for the growth of the tail's largest |e| over that without the modelling error. 1 by
+           default: what the error adds has become as large as the motion that is asked for. It is no boundary of stability: an
+           oscillation that projection or saturation keeps smaller than that is borne
+    """
+
+    share: float = 1.0
+
+    def __post_init__(self) -> None:
+        validate.freeze(self, share=validate.positive("share", self.share))
+
+    def judge(self, runs: Verdicts, without: Verdicts) -> Array:
+        """(M,) which runs lost their motion; ``without`` are the same members without the modelling error."""
+        usual = without.error.max(axis=1) + self.share * without.scale.max(axis=1)
+        return np.asarray(runs.lost | ~(runs.error.max(axis=1) <= usual))
