@@ -46,8 +46,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--no-bounds", action="store_true", help="certify nothing: the guaranteed bounds are not compared")
     parser.add_argument(
         "--audit", type=whole, metavar="N",
-        help="members run again with a step 4 times smaller, to see which verdicts are the solver's; 0: none; default 32, fewer "
-        "where that takes more than an eighth of the sweep's steps and a second",
+        help="members run again at half their step, to see which verdicts are the solver's; 0: none; default 2 %% of them, 30 at least",
     )  # fmt: skip
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",

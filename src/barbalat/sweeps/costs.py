@@ -16,10 +16,11 @@ from barbalat import budget, validate
 from barbalat.budget import Estimate, of_kernel
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.probe import Kind
-from barbalat.run.kernel.costs import MEMBER, of_members, of_steps
+from barbalat.run.kernel.costs import MEMBER, of_judging, of_members, of_steps
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
 from barbalat.sweeps.cluster import Tabulated, WorkerTask, figures
+from barbalat.sweeps.settling import MOST_RERUN, Settling
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet
 from barbalat.sweeps.study import Figured, Study
@@ -32,11 +33,14 @@ GROUP_SECONDS = 0.02
 """Of members that share a kernel and signals, for each controller, beside their steps: 20 ms for a case and its tables."""
 
 
-def require_members(study: Study, members: int, certificates: int = 0) -> None:
+def require_members(settling: Settling, members: int, certificates: int = 0) -> None:
     """InputError where so many members, those that a store lacks, are beyond the budget; before the first of them is made.
+
+    Where the runs with finer steps could be too much, the plan's first members are run to see what these will take.
 
     certificates  that are made at most, for the bounds that the members' errors are compared with
     """
+    study = settling.study
     loops = [ClosedLoop.of(study.example.problem, one) for one in study.example.controllers]
     each, stored = study.steps / len(loops), Estimate(memory=MEMBER.memory * (len(study) - members))  # the evidence reads all
 
@@ -48,8 +52,14 @@ def require_members(study: Study, members: int, certificates: int = 0) -> None:
     def cost(count: float) -> Estimate:
         apart = Estimate(seconds=alone.seconds * min(count, groups) + traced * min(count, structures))
         apart += Estimate(seconds=certified * min(count * len(loops), certificates))
-        return stored + of_members(loops, each, count) + apart
+        steps = of_members(loops, each, count)
+        again = Estimate(seconds=reruns * (steps.seconds + alone.seconds * min(count, groups)))
+        return stored + steps + of_judging(loops, min(count, MOST_MEMBERS)) + apart + again
 
+    reruns = 0.0
+    plain, budgeted = cost(members), budget.in_force()
+    if settling.settles and budgeted.allows(plain) and plain.seconds * (1 + MOST_RERUN) > budgeted.seconds:
+        reruns = settling.expected(settling.finest)
     grid = f" at {study.plan.points} points of a grid" if study.plan.points > 1 else ""
     budget.require(
         "the sweep", members, cost, given=f"of {validate.counted(members, 'member')}{grid}",
@@ -130,7 +140,7 @@ def _handled(study: Study, count: int, found: Sequence[Sequence[Figured]]) -> tu
     seconds = time.process_time() - begun
     many = [[_repeated(one, len(part.which)) for one in found[i % len(found)]] for i, part in enumerate(parts)]
     back, begun = pickle.dumps(many), time.process_time()
-    columns = study.as_run(np.arange(count), parts, pickle.loads(back))
+    columns = study.columns_for(np.arange(count), parts, pickle.loads(back))
     seconds += time.process_time() - begun
     with tempfile.TemporaryDirectory() as folder, opened(Path(folder) / "store", {}, count, count) as store:
         (chunk,) = store.chunks

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -20,6 +21,8 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import SlopedSignal
 from barbalat.run.engine.engine import Batch, Group
 from barbalat.run.kernel.grid import CHUNK_STEPS, WHOLE_STEP
+from barbalat.solvers import Tableau
+from barbalat.solvers.order_eight import order_eight
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -269,37 +272,65 @@ FACTORS = (2, 4, 8, 16, 32, 64, 128)
 """By which a step is made smaller where the method's own damping or growth is not negligible."""
 
 
+ORDER_EIGHT_FACTORS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+"""The same of a method of order eight, whose own step may do."""
+
+
+class Refining(NamedTuple):
+    """A method that resolves more than a run's own, and by how much smaller its steps may be."""
+
+    solver: Tableau
+    factors: tuple[int, ...]
+
+    @classmethod
+    def of(cls, solver: Tableau, *, delayed: bool) -> Refining:
+        """Of order eight, which damps far less for each evaluation; the run's own where a delay is interpolated."""
+        return cls(solver, FACTORS) if delayed or solver.order >= 8 else cls(order_eight(), ORDER_EIGHT_FACTORS)
+
+    def work(self, factor: Array, solver: Tableau) -> Array:
+        """Evaluations of the equations as a multiple of those of a run by ``solver``."""
+        return factor * (len(self.solver.b) / len(solver.b))
+
+
 def finer_by(batch: Batch, simulation: Simulation) -> Array:
-    """(M,) by how much smaller a step each member needs, so that the method neither damps nor excites what it does not resolve.
+    """(M,) what each member of a sweep needs, so that the method neither damps nor excites what it does not resolve.
+
+    0 where its own step does, else by how much smaller steps of ``Refining`` must be, infinite where none of its factors is
+    enough; NaN where nothing was watched.
 
     The kernel kept the largest tr J^2 of every eighth step, which is 2 omega^2 of an oscillation that the equations may leave
-    undamped: no spectrum is taken, and the whole run counts as if it had been as stiff as at its stiffest instant. 1 for a step
-    that is small enough, infinite where none of FACTORS is, NaN where nothing was watched. A sampled law is no solver's matter.
+    undamped: no spectrum is taken, and the whole run counts as if it had been as stiff as at its stiffest instant. A sampled law
+    is no solver's matter.
     """
     coupling = np.full((1, batch.states.shape[1]), np.nan)
     if batch.loop.sampled:
-        return np.ones(coupling.shape[1])
+        return np.zeros(coupling.shape[1])
     for group in batch.groups:
         if group.watch is not None:
             rows = group.watch.rows[:, :1] if group.watch.lanes == 1 else group.watch.rows
             coupling[0, group.columns] = rows.max(axis=0)[: group.columns.stop - group.columns.start]
-    return _needed(coupling, simulation.steps, simulation)
+    solver, factors = Refining.of(simulation.solver, delayed=batch.loop.delayed)
+    own = _needed(coupling, simulation.steps, simulation, simulation.solver, (1,))
+    return np.where(own == 1, 0.0, _needed(coupling, simulation.steps, simulation, solver, factors))
 
 
 def finer_by_along(batch: Batch, simulation: Simulation) -> float:
-    """The same of one recorded member, whose windows are taken one by one: each counts for as long as it lasts."""
+    """By how much smaller steps of its own method one recorded member needs; each window counts for as long as it lasts."""
     if batch.loop.sampled or batch.watch is None:
         return 1.0 if batch.loop.sampled else np.nan
-    return float(_needed(batch.watch.rows[:, :1], batch.watch.window, simulation)[0])
+    return float(_needed(batch.watch.rows[:, :1], batch.watch.window, simulation, simulation.solver, (1, *FACTORS))[0])
 
 
-def _needed(coupling: Array, steps: int, simulation: Simulation) -> Array:
-    """(M,) of so many steps in each of K windows with these tr J^2, (K, M); minus infinity where nothing varies."""
+def _needed(coupling: Array, steps: int, simulation: Simulation, solver: Tableau, factors: Sequence[int]) -> Array:
+    """(M,) the smallest of the factors that does, of so many steps in each of K windows with these tr J^2, (K, M).
+
+    Minus infinity where nothing varies, NaN where nothing was watched.
+    """
     omega = np.sqrt(np.maximum(coupling, 0.0) / 2)
     found = np.full(coupling.shape[1], np.inf)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        for factor in reversed((1, *FACTORS)):
-            growth = simulation.solver.growth(1j * simulation.dt / factor * omega)  # |R|^2 - 1
+        for factor in reversed(factors):
+            growth = solver.growth(1j * simulation.dt / factor * omega)  # |R|^2 - 1
             changed = (0.5 * np.abs(np.log1p(np.maximum(growth, -1.0)))).sum(axis=0) * steps * factor
             found = np.where(changed <= NEGLIGIBLE, factor, found)
     return np.where(np.isnan(coupling).any(axis=0), np.nan, found)
