@@ -46,7 +46,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--no-bounds", action="store_true", help="certify nothing: the guaranteed bounds are not compared")
     parser.add_argument(
         "--audit", type=whole, metavar="N",
-        help="members run again at half their step, to see which verdicts are the solver's; 0: none; default 2 %% of them, 30 at least",
+        help="members run again at half their step, to see which verdicts are the solver's; 0: none; default 2 %%, at least 30",
     )  # fmt: skip
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",

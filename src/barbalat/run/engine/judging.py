@@ -15,6 +15,7 @@ from barbalat.judge.beside import Watched
 from barbalat.judge.cycles import FEWEST_WINDOWS, MOST_WINDOWS, Windows, frequency_of, slowest_period, suspects, window
 from barbalat.judge.held import Held
 from barbalat.judge.judged import Cycles, Judged, Kept
+from barbalat.judge.memory import Begins
 from barbalat.judge.settings import FOLLOWS_SHARE, Judge, component_names, scale_of
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
@@ -86,7 +87,7 @@ def judged(batch: Batch, simulation: Simulation, terms: Terms, *, threads: int |
     bands = judge.bands(terms.names, terms.units, scale)
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
-        suspect = suspects(kept.in_tail("reversals"), held.turns) & ~lost
+        suspect = suspects(kept.reversals, held.turns) & ~lost
     cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads)
     return Judged.of(
         kept,
@@ -165,9 +166,9 @@ def _cycles(
     members, inputs = len(suspect), kept.memory.inputs
     if not suspect.any():
         return Cycles.none(members, inputs, suspect)
-    band = share * kept.of("range")
+    band = share * kept.ranges
     tail = simulation.t_end - float(simulation.time(simulation.tail_start))
-    reversals = kept.in_tail("reversals")
+    reversals = kept.reversals
     which, amplitude, frequency = (np.zeros((members, inputs)) for _ in range(3))
 
     def look(group: Group) -> None:
@@ -220,7 +221,7 @@ class Continued:
         group, memory = self.group, self.group.batch.program.memory
         assert memory is not None
         own, shape = group.batch.loop.size, group.batch.program.shape
-        before, good = group.renew(), 0.0
+        before, good = group.renew(Begins.WINDOW), 0.0
         done = 0
         while done < steps:
             count = min(CHUNK_STEPS, steps - done)
@@ -236,10 +237,10 @@ class Continued:
         return _Seen(after[rows["low"]].T, after[rows["high"]].T, turned.T, np.asarray(good < steps))
 
     def traced(self, steps: int, samples: int) -> tuple[Array, Array]:
-        """Instants (K,) [s] of so many steps more, about ``samples``, and there the controls behind the hysteresis, (K, M, m)."""
+        """Instants (K,) [s] of so many steps more, about ``samples``, and there each control's farthest point, (K, M, m)."""
         group, memory = self.group, self.group.batch.program.memory
         assert memory is not None
-        own, rows = group.batch.loop.size, memory.places["held"]
+        own, (farthest, direction) = group.batch.loop.size, (memory.places[name] for name in ("farthest", "direction"))
         length = min(max(steps // max(samples, 1), 1), CHUNK_STEPS)
         blocks, found = steps // length, []
         first, per_call = self.step, CHUNK_STEPS // length
@@ -248,7 +249,8 @@ class Continued:
             if group.watch is not None:
                 group.watch = group.watch.elsewhere(self.step, self.step + count * length)
             out = group.call(self.step, count, length, group.state, self._table(count * length))
-            found.append(out[:, own + rows.start : own + rows.stop].transpose(0, 2, 1))
+            kept = out[:, own:]
+            found.append((kept[:, farthest] * kept[:, direction]).transpose(0, 2, 1))
             self.step += count * length
         return self.simulation.time(first + length * np.arange(blocks)), np.concatenate(found)
 
