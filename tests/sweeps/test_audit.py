@@ -170,6 +170,19 @@ def test_reruns_are_at_most_nine_sweeps():
     assert parts[1] / parts[0] == pytest.approx(large.expected(large.finest), rel=0.5)
 
 
+def test_an_actuator_that_the_step_does_not_bear_is_settled_by_one_that_does():
+    """Its poles are constant, 350 rad/s: RK4 at 10 ms is unstable with them, and every member would be lost."""
+    text = CaseText.read("first-order").text.replace("t_end = 60.0", "t_end = 10.0").split("[[controller]]")[0]
+    text = text.replace("[plant.input]", "[plant.input]\nactuator = { num = [122500], den = [1, 490, 122500] }")
+    text += '[[controller]]\nname = "MRAC"\nscheme = "mrac"\ngamma = 1.0\n'
+    coarse, fine = (study(text.replace("dt = 1e-3", f"dt = {dt}"), {"plant.theta": "known-set"}, 16) for dt in (1e-2, 5e-4))
+    plain, settled, exact = coarse.run(0, 16), Settling(coarse).run(np.arange(16)), fine.run(0, 16)
+    assert (plain["MRAC/verdict"] == 0).all() and (plain["MRAC/settled"] == 0).all()
+    assert (settled["MRAC/settled"] == 1).all() and (exact["MRAC/settled"] == 1).all()
+    np.testing.assert_array_equal(settled["MRAC/verdict"], exact["MRAC/verdict"])
+    np.testing.assert_allclose(settled["MRAC/max_abs_e[0]"], exact["MRAC/max_abs_e[0]"], rtol=1e-3)
+
+
 def test_an_audit_is_two_per_cent_of_the_members():
     text = CaseText.read("first-order").text.replace("t_end = 60.0", "t_end = 0.5")
     found = run_study(study(text, {"plant.theta": "known-set"}, 2000), bounds=False)

@@ -91,7 +91,7 @@ def execute(options: argparse.Namespace) -> int:
         document = documents.as_json(result.as_json())
         if folder is not None:
             folder.write("sweep.json", document)
-            _write(folder, text, result)
+            _write(folder, text, study, result)
     from barbalat.report import sweep
     from barbalat.report.file_names import PAGE
 
@@ -130,10 +130,11 @@ def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> 
     return 1
 
 
-def _write(folder: Folder, text: CaseText, result: SweepResult) -> None:
-    """The page, and explorers of the worst members beside it."""
+def _write(folder: Folder, text: CaseText, study: Study, result: SweepResult) -> None:
+    """The page with the worst members' runs, and explorers of them beside it."""
     from barbalat.explorer.worst_members import explored
     from barbalat.report import write
+    from barbalat.sweeps.sweep import worst_runs
 
     parts = {"explorers": SECONDS_EACH_EXPLORER * len(result.controllers), "drawing": DRAWING_SECONDS}
     with work(parts) as running:
@@ -145,7 +146,7 @@ def _write(folder: Folder, text: CaseText, result: SweepResult) -> None:
                     folder.write(one.row.file, one.page)
                 progress(len(worst) / len(result.controllers))
         with running.part("drawing"):
-            write.write_sweep(folder, result, worst)
+            write.write_sweep(folder, result, worst, worst_runs(study, result) if result.judged else None)
     folder.commit()
 
 

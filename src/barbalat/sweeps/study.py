@@ -17,7 +17,7 @@ from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.run.engine.engine import Batch, run
-from barbalat.run.engine.judging import FACTORS, NEGLIGIBLE, ORDER_EIGHT_FACTORS, Terms, finer_by, judged
+from barbalat.run.engine.judging import FACTORS, NEGLIGIBLE, ORDER_EIGHT_FACTORS, Terms, finer_by, judged, needed_by_modes
 from barbalat.run.kernel import delay, template
 from barbalat.run.kernel.breaks import can_be_split
 from barbalat.run.kernel.members import Members
@@ -181,10 +181,10 @@ class Study:
         found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
         for part, figured in zip(parts, figures, strict=True):
             judged = self.oscillated(part.setting, [one.metrics for one in figured])
-            for controller, one, oscillated in zip(self.controllers, figured, judged, strict=True):
-                columns = columns_of(one.metrics) | {OSCILLATED: oscillated}
-                settled = np.where(np.isnan(one.finer_by), np.nan, one.finer_by == 0)
-                columns |= {VERDICT: one.kinds.astype(float), RINGS: oscillated, FINER_BY: one.finer_by, SETTLED: settled}
+            for controller, one, oscillated, modes in zip(self.controllers, figured, judged, self._needed_by_modes, strict=True):
+                columns, needed = columns_of(one.metrics) | {OSCILLATED: oscillated}, np.maximum(one.finer_by, modes)
+                settled = np.where(np.isnan(needed), np.nan, needed == 0)
+                columns |= {VERDICT: one.kinds.astype(float), RINGS: oscillated, FINER_BY: needed, SETTLED: settled}
                 for name, values in columns.items():
                     column = found.setdefault(f"{controller}/{name}", np.full(count, np.nan))
                     column[part.which] = values
@@ -246,6 +246,19 @@ class Study:
             unknown = len(width) == 0 or not np.isfinite(width).all()
             found.append(np.where(np.isfinite(one.diverged_at) | unknown, np.nan, swings))
         return found
+
+    @cached_property
+    def _needed_by_modes(self) -> list[float]:
+        """For each controller, the largest of the middle member and of the ends of what varies of the plant and its step."""
+        rows = [self.tried.middle]
+        for column, path in enumerate(self.plan.paths):
+            if path.keys[0] in ("plant", "parameters", "simulation"):
+                rows += list(self.tried.rows(column, self.tried.middle))
+        cases = [self.varied.at(row) for row in rows]
+        return [
+            max(needed_by_modes(ClosedLoop.of(case.problem, case.controllers[i]), case.simulation) for case in cases)
+            for i in range(len(self.controllers))
+        ]
 
     @cached_property
     def redesigned(self) -> dict[str, tuple[str, ...]]:

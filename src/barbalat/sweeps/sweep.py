@@ -37,7 +37,7 @@ from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.settling import Settling, Step, Work, done_here, settled_by
 from barbalat.sweeps.spread import Axis, Distribution
 from barbalat.sweeps.store import Store, Waiting, opened, require_place
-from barbalat.sweeps.study import SETTLED, Study, batches_run
+from barbalat.sweeps.study import SETTLED, VERDICT, Study, batches_run
 from barbalat.validate import Array
 
 Told = Callable[[str], None]
@@ -285,6 +285,24 @@ def replay(study: Study, member: int, *, threads: int | None = None, progress: P
         part = part_of(progress, i / len(case.controllers), 1 / len(case.controllers))
         results.append(_recorded(own, member, i, controller, threads, part))
     return Replayed(number=member, case=case, results=tuple(results), columns=columns)
+
+
+def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) -> dict[str, tuple[int, Result]]:
+    """For each controller its worst member and that member's run, recorded, with the step that settled it.
+
+    Of the first class that any member has, the one that was lost first, or else has the largest error in the tail.
+    """
+    settling, runs = Settling(study), {}
+    for i, name in enumerate(study.controllers):
+        kinds = found.column(f"{name}/{VERDICT}")
+        tail = np.max([found.column(one) for one in found.rows.names if one.startswith(f"{name}/tail_max_abs_e[")], axis=0)
+        diverged = found.column(f"{name}/diverged_at")
+        badness = np.where(np.isfinite(diverged), np.inf, np.nan_to_num(tail, nan=np.inf))
+        (worst, *_) = np.lexsort((np.nan_to_num(diverged, nan=np.inf), -badness, kinds))
+        (factor,) = settled_by(lambda column, member=worst: found.column(column)[[member]], name)
+        own = settling.finer(Step(int(factor), refined=True)) if factor > 0 else study
+        runs[name] = int(worst), _recorded(own, int(worst), i, study.example.controllers[i], threads, None)
+    return runs
 
 
 def _recorded(

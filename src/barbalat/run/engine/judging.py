@@ -18,6 +18,8 @@ from barbalat.judge.judged import Cycles, Judged, Kept
 from barbalat.judge.memory import Begins
 from barbalat.judge.settings import FOLLOWS_SHARE, Judge, component_names, scale_of
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import jacobian_function
+from barbalat.loop.packing import flatten
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import SlopedSignal
 from barbalat.run.engine.engine import Batch, Group
@@ -314,6 +316,28 @@ def finer_by(batch: Batch, simulation: Simulation) -> Array:
     solver, factors = Refining.of(simulation.solver, delayed=batch.loop.delayed)
     own = _needed(coupling, simulation.steps, simulation, simulation.solver, (1,))
     return np.where(own == 1, 0.0, _needed(coupling, simulation.steps, simulation, solver, factors))
+
+
+def needed_by_modes(loop: ClosedLoop, simulation: Simulation) -> float:
+    """The same by the loop's modes at the start: what is constant, as an actuator is, the kernel does not watch.
+
+    A mode that decays must do so by the method too, and one that oscillates keep its damping for as long as it lasts.
+    """
+    jacobian = jacobian_function(loop.following_within(simulation.dt))
+    modes = np.linalg.eigvals(np.array(jacobian(flatten(loop.initial()), np.zeros(loop.signal_count)).full()))
+
+    def resolved(solver: Tableau, factor: int) -> bool:
+        z = modes * simulation.dt / factor
+        growth = 0.5 * np.log1p(np.maximum(solver.growth(z), -1 + 1e-300))
+        lasts = np.minimum(simulation.steps * factor, 1 / np.maximum(np.abs(z.real), 1e-300))
+        oscillates = np.abs(z.imag) > np.abs(z.real)
+        damped = np.abs(growth - z.real) * lasts <= NEGLIGIBLE
+        return bool(((z.real >= 0) | (growth < 0)).all() and (damped | ~oscillates).all())
+
+    if not np.isfinite(modes).all() or resolved(simulation.solver, 1):
+        return 0.0
+    solver, factors = Refining.of(simulation.solver, delayed=loop.delayed)
+    return float(next((factor for factor in factors if resolved(solver, factor)), np.inf))
 
 
 def finer_by_along(batch: Batch, simulation: Simulation) -> float:
