@@ -85,6 +85,8 @@ class Costs:
     client    processor time of who hands it out, gets its figures and stores them [s]; one process does that for all workers
     sent, returned, stored  bytes to a worker, from it, on the disk
     tables    bytes of the signals' samples, which go to each worker once
+    reruns    evaluations with finer steps, as a multiple of the plain ones: what a worker takes comes to (1 + reruns) times
+    settled   share of the plan's first members that their own step settles, or a finer one that is afforded
     """
 
     steps: int
@@ -94,11 +96,14 @@ class Costs:
     returned: float
     stored: float
     tables: int
+    reruns: float
+    settled: float
 
     @classmethod
     def of(cls, study: Study) -> Costs:
         """Measure a second's work on members of a study; InputError as of a sweep, and without the extra ``study``."""
         require_parquet()
+        settling = Settling(study)
         whole = min(chunk_size(len(study), study.steps), MOST_MEMBERS, len(study))
         count = min(chunk_size(1, study.steps), whole)
         next(study.parts(0, count))  # traces the equations, once
@@ -119,12 +124,14 @@ class Costs:
             returned=sum(len(pickle.dumps(one)) for one in found) / count,
             stored=size,
             tables=sum(len(pickle.dumps(one)) for one in tables),
+            reruns=settling.expected(settling.finest),
+            settled=settling.settled,
         )
 
     @property
     def most_workers(self) -> float:
         """Cores that one client keeps at work."""
-        return self.worker / self.client
+        return self.worker * (1 + self.reruns) / self.client
 
     def chunk(self, members: int) -> int:
         """Members of a chunk of a sweep of so many."""

@@ -159,12 +159,27 @@ class Settling:
         return sum(work for factor, work in self._needed if factor <= finest) / each
 
     @property
+    def settled(self) -> float:
+        """Share of the plan's first members, those of all controllers, that their own step settles, or one that is afforded."""
+        each = len(self.study.controllers) * self._pilots
+        return 1 - (self._unknown + sum(factor > self.finest for factor, _ in self._needed)) / each
+
+    @property
     def _pilots(self) -> int:
         return min(len(self.study), PILOTS)
 
-    @cached_property
+    @property
     def _needed(self) -> list[tuple[float, float]]:
         """Of the plan's first members and each controller that needs one a factor, and the evaluations it takes."""
+        return [one for one in self._looked_at if 0 < one[0] < np.inf]
+
+    @property
+    def _unknown(self) -> int:
+        """Of how many of them no factor is enough, or nobody knows."""
+        return sum(not np.isfinite(factor) for factor, _ in self._looked_at)
+
+    @cached_property
+    def _looked_at(self) -> list[tuple[float, float]]:
         numbers = np.arange(self._pilots)
         parts = list(self.study.parts_for(numbers))
         columns = self.study.columns_for(numbers, parts, run_here(parts))
@@ -174,8 +189,7 @@ class Settling:
             refining = Refining.of(case.simulation.solver, delayed=case.problem.delay > 0)
             for controller in self.study.controllers:
                 needed = columns[f"{controller}/{FINER_BY}"][part.which]
-                needed = needed[np.isfinite(needed) & (needed > 0)]
-                found += [(float(one), float(refining.work(one, case.simulation.solver))) for one in needed]
+                found += list(zip(needed.tolist(), refining.work(needed, case.simulation.solver).tolist(), strict=True))
         return found
 
 

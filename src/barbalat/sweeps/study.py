@@ -358,10 +358,10 @@ def figures_of(setting: Setting, batches: Sequence[Batch], threads: int | None =
 
 
 def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | None = None) -> Figured:
-    """What became of a batch's members, after their run."""
-    return Figured(
-        batch.metrics(simulation), judged(batch, simulation, terms, threads=threads).kinds, finer_by(batch, simulation)
-    )
+    """What became of a batch's members, after their run; limit cycles are looked for where the step resolves the run."""
+    needed = finer_by(batch, simulation)
+    resolved = ~(needed > 0)
+    return Figured(batch.metrics(simulation), judged(batch, simulation, terms, among=resolved, threads=threads).kinds, needed)
 
 
 def columns_of(metrics: Metrics) -> Columns:

@@ -81,8 +81,13 @@ class Terms:
         )
 
 
-def judged(batch: Batch, simulation: Simulation, terms: Terms, *, threads: int | None = None) -> Judged:
-    """The verdicts on a batch whose run is over."""
+def judged(
+    batch: Batch, simulation: Simulation, terms: Terms, *, among: Array | None = None, threads: int | None = None
+) -> Judged:
+    """The verdicts on a batch whose run is over.
+
+    among  (M,) members whose limit cycles are looked for, without their frequencies; by default all are, with these
+    """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
     scale = scale_of(kept.of("largest y_m"), _initial(batch), _noise(loop), kept.of("largest y"))
@@ -90,7 +95,9 @@ def judged(batch: Batch, simulation: Simulation, terms: Terms, *, threads: int |
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
         suspect = suspects(kept.reversals, held.turns) & ~lost
-    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads)
+    if among is not None:
+        suspect &= among
+    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, traced=among is None)
     return Judged.of(
         kept,
         bands,
@@ -164,6 +171,8 @@ def _cycles(
     share: float,
     slowest: float,
     threads: int | None,
+    *,
+    traced: bool,
 ) -> Cycles:
     members, inputs = len(suspect), kept.memory.inputs
     if not suspect.any():
@@ -192,7 +201,7 @@ def _cycles(
         cycling = found.cycling(band[columns]) & mine[:, None]
         which[columns] = cycling
         amplitude[columns] = np.where(cycling, 0.5 * found.swing[-1], 0.0)
-        if cycling.any():
+        if traced and cycling.any():
             t, path = going.traced(steps, int(SAMPLES_EACH_REVERSAL * found.reversals[-1].max()))
             for i, j in zip(*np.nonzero(cycling), strict=True):
                 frequency[columns.start + i, j] = frequency_of(t, path[:, i, j])
