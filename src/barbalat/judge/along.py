@@ -33,8 +33,8 @@ def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None
     begins = np.array(memory.begins)
     state = begins.copy() if start is None else start.copy()
     if renewed:
-        rows = memory.renewed(Begins.TAIL)
-        state[rows] = begins[rows]
+        anew = memory.renewed(Begins.TAIL)
+        state[anew] = begins[anew]
     rows = np.ascontiguousarray(np.column_stack([np.asarray(part).reshape(len(samples.y), -1) for part in samples]), dtype=float)
     kernel = Kernel(optimize(read(step), fused=False), LoopShape(len(begins), 0, 0, rows.shape[1]), (), lanes=1)
     kernel(1, len(rows), state, np.empty(0), rows, np.empty(len(begins)))

@@ -100,8 +100,11 @@ def _scatter(axes: Axes, found: SweepResult, controller: str, theme: Theme) -> N
         for members, sure in ((own & (settled == 1), True), (own & (settled != 1), False)):
             if members.any():
                 shown, label = members[which], f"{kind} {int(members.sum())}{'' if sure else ', not settled'}"
-                face = {"color": colour} if mark == "x" else {"facecolors": colour if sure else "none", "edgecolors": colour}
-                axes.scatter(x[shown], y[shown], s=22, marker=mark, linewidths=0.8 if sure else 0.4, label=label, **face)
+                face = colour if sure or mark == "x" else "none"
+                drawn = axes.scatter(
+                    x[shown], y[shown], s=22, marker=mark, linewidths=0.8 if sure else 0.4, label=label, color=colour
+                )
+                drawn.set_facecolor(face)
     spread: dict[FieldPath, object] = {**found.plan.axes, **found.plan.draws}
     for side, path in zip("xy", (first, *others), strict=False):
         if isinstance(spread[path], LogUniform) or getattr(spread[path], "logarithmic", False):

@@ -75,12 +75,16 @@ class Rerun:
 
 @dataclass(eq=False)
 class Settling:
-    """A study whose members are run again where their own step does not settle what became of them, if it ``settles``."""
+    """A study whose members are run again where their own step does not settle what became of them, if it ``settles``.
+
+    kernels  among how many, about, the members were spread that were run last: by their own step, and by finer ones
+    """
 
     study: Study
     settles: bool = True
     _finer: dict[Step, Study] = field(init=False, default_factory=dict)
     _expected: float | None = field(init=False, default=None)
+    kernels: int = field(init=False, default=1)
 
     def finer(self, step: Step) -> Study:
         """The same study with another step."""
@@ -94,6 +98,7 @@ class Settling:
         found = self.study.columns_for(numbers, parts, (yield parts))
         reruns = list(self._reruns(found)) if self.settles else []
         self._expected = sum(one.part.work for one in reruns) / max(sum(one.work for one in parts), 1)
+        self.kernels = 1 + len({one.study for one in reruns})
         if reruns:
             figures = yield [one.part for one in reruns]
             for one, (fine,) in zip(reruns, figures, strict=True):

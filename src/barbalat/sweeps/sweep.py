@@ -26,7 +26,7 @@ from barbalat.run.kernel.members import Members
 from barbalat.run.results.result import Result
 from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
-from barbalat.sweeps.chunks import Chunk, Columns, Made, Pace, UnstoredChunks, chunk_size, chunks_of, in_order
+from barbalat.sweeps.chunks import FEWEST_MEMBERS, Chunk, Columns, Made, Pace, UnstoredChunks, chunk_size, chunks_of, in_order
 from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
 from barbalat.sweeps.costs import require_members
 from barbalat.sweeps.evidence import evidence
@@ -145,7 +145,7 @@ def run_study(
             _here(settling, units, done, threads, progress) if scheduler is None else _elsewhere(settling, units, scheduler, told)
         )
         with _kept(sink) as keep:
-            for one, figures in in_order(made) if sink.in_order else _paced(made, pace):
+            for one, figures in in_order(made) if sink.in_order else _paced(made, pace, settling):
                 columns = _judged(figures, study, judged, one)
                 keep(one, {name: columns[name] for name in names})
                 done += one.size
@@ -205,10 +205,11 @@ def _kept(sink: Store | UnstoredChunks) -> Iterator[Callable[[Chunk, Columns], N
         waiting.put()
 
 
-def _paced(made: Made, pace: Pace) -> Made:
+def _paced(made: Made, pace: Pace, settling: Settling) -> Made:
     """The same, where the next pieces are as large as these show to be right."""
     for one, columns in made:
         yield one, columns
+        pace.fewest = FEWEST_MEMBERS * settling.kernels
         pace.done(one)
 
 
@@ -299,7 +300,7 @@ def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) 
         diverged = found.column(f"{name}/diverged_at")
         badness = np.where(np.isfinite(diverged), np.inf, np.nan_to_num(tail, nan=np.inf))
         (worst, *_) = np.lexsort((np.nan_to_num(diverged, nan=np.inf), -badness, kinds))
-        (factor,) = settled_by(lambda column, member=worst: found.column(column)[[member]], name)
+        (factor,) = settled_by(found.column, name)[[worst]]
         own = settling.finer(Step(int(factor), refined=True)) if factor > 0 else study
         runs[name] = int(worst), _recorded(own, int(worst), i, study.example.controllers[i], threads, None)
     return runs

@@ -285,7 +285,7 @@ FACTORS = (2, 4, 8, 16, 32, 64, 128)
 """By which a step is made smaller where the method's own damping or growth is not negligible."""
 
 
-ORDER_EIGHT_FACTORS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+ORDER_EIGHT_FACTORS = (1, 2, 4, 8, 16, 32, 64)
 """The same of a method of order eight, whose own step may do."""
 
 
