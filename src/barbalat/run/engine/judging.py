@@ -289,6 +289,10 @@ ORDER_EIGHT_FACTORS = (1, 2, 4, 8, 16, 32, 64)
 """The same of a method of order eight, whose own step may do."""
 
 
+ROOM = 0.9
+"""Of the tr J^2 that a finer step would bear, what the run at the coarser one may show: at the finer one it may be larger."""
+
+
 class Refining(NamedTuple):
     """A method that resolves more than a run's own, and by how much smaller its steps may be."""
 
@@ -324,7 +328,8 @@ def finer_by(batch: Batch, simulation: Simulation) -> Array:
             coupling[0, group.columns] = rows.max(axis=0)[: group.columns.stop - group.columns.start]
     solver, factors = Refining.of(simulation.solver, delayed=batch.loop.delayed)
     own = _needed(coupling, simulation.steps, simulation, simulation.solver, (1,))
-    return np.where(own == 1, 0.0, _needed(coupling, simulation.steps, simulation, solver, factors))
+    finer = _needed(coupling / ROOM, simulation.steps, simulation, solver, factors)
+    return np.where(own == 1, 0.0, finer)
 
 
 def needed_by_modes(loop: ClosedLoop, simulation: Simulation) -> float:
