@@ -13,12 +13,15 @@ from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
+
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.varied import VariedCase
-from barbalat.sweeps.chunks import chunks_of
+from barbalat.sweeps.chunks import Chunk, chunks_of
 from barbalat.sweeps.cluster import Scheduler, Workers, connected
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.settling import Settling, Work
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.study import Study
 from benchmarks.house import Section
@@ -173,17 +176,22 @@ def _stored(given: Study) -> tuple[float, str]:
 def _on_workers(given: Study, repeats: int) -> tuple[Cost, str]:
     """Chunks on a cluster whose workers have each run one before, and how long that takes."""
     chunks, begun = list(chunks_of(len(given), CHUNK)), time.perf_counter()
+    settling = Settling(given)
+
+    def work(chunk: Chunk) -> Work:
+        return settling.work(np.arange(chunk.first, chunk.first + chunk.size))
+
     with connected(Scheduler(workers=2)) as client:
 
         def elsewhere() -> float:
             return sum(client.run(time.process_time).values())
 
         started, begun = time.perf_counter() - begun, time.perf_counter()
-        all(Workers(given, client).run(chunks[:2]))
+        all(Workers(work, client).run(chunks[:2]))
         first, costs = time.perf_counter() - begun, []
         for _ in range(repeats):
             before = elsewhere()
-            cost = measured(given, lambda: all(Workers(given, client).run(chunks)), 1)
+            cost = measured(given, lambda: all(Workers(work, client).run(chunks)), 1)
             costs.append(replace(cost, busy=cost.busy + elsewhere() - before))
     once = (
         f"beside that, once: {started:.1f} s until two processes are there, {first:.1f} s until each has compiled and run a chunk"

@@ -45,6 +45,9 @@ def test_the_contracts_document_and_going_on(case_file, tmp_path, capsys):
     assert {path.name for path in tmp_path.iterdir()} == {"case.toml", "store"}
 
 
+PICTURES = ("verdicts", "histograms", "map", "tornado")
+
+
 @pytest.mark.full
 def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
     grid = ["--vary", "controller[1].gamma=1:1e4:4:log", "--vary", "controller[1].filter.kappa=0.01:0.05:3"]
@@ -53,13 +56,18 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
     assert files == {
         "report.html",
         "sweep.json",
-        *(f"{name}{ending}" for name in ("histograms", "map", "tornado") for ending in (".png", ".svg", "-narrow.svg")),
+        *(
+            f"{name}{ending}"
+            for name in ("histograms", "map", "tornado", "verdicts")
+            for ending in (".png", ".svg", "-narrow.svg")
+        ),
         *(explorers := ("explore-1-robust-mrac.html", "explore-2-l1.html", "explore-3-mrac.html")),
     }
     page = (tmp_path / "map" / "report.html").read_text()
     assert all(f'<a href="{name}">explorer</a>' in page for name in explorers)
-    again = "run again with a step 4 times smaller"
-    assert again in page and "Oscillated examines the estimates alone" in page
+    again = "run again at half the step"
+    assert again in page and "by default 100 times its scale" in page
+    assert page.index("verdicts") < page.index("Who failed")
     assert again in " ".join(capsys.readouterr().out.split())
     assert "Who failed" in page and "Over the grid" in page and "above the guaranteed bound" in page
     assert main(["sweep", case_file, *SAMPLED, "--member", "7", "--out", "seven"]) == 0

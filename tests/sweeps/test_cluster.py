@@ -26,6 +26,7 @@ from barbalat.sweeps import cluster
 from barbalat.sweeps.cluster import SOURCES, Scheduler, Tabulated, WorkerTask, digest_of, figures, versions
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.settling import Settling
 from barbalat.sweeps.study import Study
 from independent import refusal
 
@@ -44,6 +45,12 @@ def study(members: int = 40, t_end: float = 0.5, noise: bool = False) -> Study:
 def same(one, other):
     assert set(one) == set(other)
     assert not [name for name in one if one[name].tobytes() != other[name].tobytes()]
+
+
+def work_of(given):
+    """The work of a chunk of its members."""
+    settling = Settling(given)
+    return lambda chunk: settling.work(np.arange(chunk.first, chunk.first + chunk.size))
 
 
 WORKER = """
@@ -163,7 +170,7 @@ def test_workers_that_join_and_die_and_a_scheduler_that_goes(tmp_path):
             time.sleep(0.2)
         with cluster.connected(Scheduler(address=address)) as client:
             client.wait_for_workers(2, timeout=60)
-            here, given = study(400, t_end=20.0), cluster.Workers(study(400, t_end=20.0), client)
+            here, given = study(400, t_end=20.0), cluster.Workers(work_of(study(400, t_end=20.0)), client)
             chunks = [cluster.Chunk(first, 40) for first in range(0, 400, 40)]
             found = {}
             for i, (chunk, columns) in enumerate(given.run(chunks)):
@@ -173,9 +180,9 @@ def test_workers_that_join_and_die_and_a_scheduler_that_goes(tmp_path):
                     workers.append(start("dask_worker", address, "--no-nanny", "--nthreads", "1"))
             assert sorted(found) == list(range(0, 400, 40))
             together = {name: np.concatenate([found[first][name] for first in sorted(found)]) for name in found[0]}
-            same(together, here.run(0, 400))
+            same(together, Settling(here).run(np.arange(400)))
             with pytest.raises(cluster.SchedulerLostError):
-                for _ in cluster.Workers(study(400, t_end=20.0), client).run(chunks):
+                for _ in cluster.Workers(work_of(study(400, t_end=20.0)), client).run(chunks):
                     scheduler.send_signal(signal.SIGKILL)
     finally:
         for process in processes:

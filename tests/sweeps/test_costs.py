@@ -12,6 +12,7 @@ from barbalat.sweeps.bounds import MOST_CERTIFIED, Bounds
 from barbalat.sweeps.costs import Costs, require_members
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.settling import Settling
 from barbalat.sweeps.spread import Axis
 from barbalat.sweeps.study import Study
 from barbalat.validate import InputError
@@ -45,7 +46,7 @@ def test_members_that_share_no_kernel_are_dearer():
     def most(axes: dict[FieldPath, Axis], path: str) -> int:
         plan = Plan(axes, sampled(text, [(path, "uniform:1:1.5")]), 10**9)
         with Budget(memory=1e15), pytest.raises(InputError, match=r"^the sweep of \d+ members") as refused:
-            require_members(Study(VariedCase(text, plan.paths), plan), len(plan))
+            require_members(Settling(Study(VariedCase(text, plan.paths), plan)), len(plan))
         return int(str(refused.value).split("at most ")[1].split()[0])
 
     amplitude = FieldPath.parse("reference.amplitude")
@@ -64,7 +65,7 @@ def test_the_certificates_of_bounds_count():
         plan = Plan({}, sampled(text, [(str(path), "uniform:1:1.5")]), members)
         study = Study(VariedCase(text, plan.paths), plan)
         with Budget(told=said.append):
-            require_members(study, members, Bounds(study).certificates if bounds else 0)
+            require_members(Settling(study), members, Bounds(study).certificates if bounds else 0)
         return said
 
     (said,) = announced(60, bounds=True)

@@ -142,3 +142,42 @@ def test_shares_of_a_variance_do_not_depend_on_the_unit(plan, scale):
     with np.errstate(over="ignore"):
         assert not 0 < np.var(scale * figure) < np.inf
     assert found(scale * figure) == found(figure) != []
+
+
+def test_why_fewer_members_are_held_against_a_bound():
+    """Two of five have none: the share is of three, and the reason stands beside it."""
+    columns = {"max_abs_e[0]": [1.0, 2.0, 3.0, 4.0, 5.0], "diverged_at": [np.nan] * 5, "oscillated": [0.0] * 5}
+    columns["error_bound"] = [2.0, np.nan, 2.0, np.nan, 9.0]
+    found = rows(member=np.arange(5), a=np.arange(5.0), **{f"L1/{name}": one for name, one in columns.items()})
+    plan = Plan({PATHS[0]: Axis(0.0, 4.0, 5)})
+    made = evidence(found, ("L1",), [], plan)
+    assert made.shares["above the guaranteed bound"]["L1"].as_json()["judged"] == 3
+    assert any(note.startswith("L1: 2 of 5 members have no guaranteed bound") for note in made.notes)
+
+
+def test_what_decides_the_verdicts_comes_first():
+    """Of three numbers, the second says alone who follows, and the first shifts where that ends."""
+    from types import SimpleNamespace
+
+    from barbalat.sweeps.picture import deciding
+
+    a, b, c = np.random.default_rng(0).random((3, 400))
+    kinds = np.where(b + 0.2 * a > 0.6, 3.0, 2.0)
+    columns = {"a": a, "b": b, "c": c, "L1/verdict": kinds, "L1/tail_max_abs_e[0]": c}
+    plan = SimpleNamespace(paths=PATHS)
+
+    class Found:
+        controllers = ("L1",)
+
+        def __init__(self, columns):
+            self.columns, self.plan = columns, plan
+
+        def __len__(self):
+            return 400
+
+        def column(self, name):
+            return self.columns[name]
+
+    assert [str(path) for path in deciding(Found(columns))] == ["b", "a", "c"]
+    same = Found(columns | {"L1/verdict": np.full(400, 2.0)})
+    assert str(deciding(same)[0]) == "c"  # all are off: who has the larger errors

@@ -17,11 +17,12 @@ from barbalat.studies import sweep
 from barbalat.sweeps import chunks, store
 from barbalat.sweeps.chunks import FEWEST_MEMBERS, Chunk
 from barbalat.sweeps.plan import Design, Plan
+from barbalat.sweeps.settling import Settling
 from barbalat.sweeps.spread import Axis, Uniform
 from barbalat.sweeps.store import STORED_EVERY, Waiting, opened
 from barbalat.sweeps.stored import INDEX_FILE, INDEX_KEY, StoredRows, read_index, row_of
-from barbalat.sweeps.study import Study
-from barbalat.sweeps.sweep import run_study
+from barbalat.sweeps.study import FINER_BY, RINGS, SETTLED, VERDICT, Study
+from barbalat.sweeps.sweep import UNJUDGED, run_study
 
 parquet = pytest.importorskip("pyarrow.parquet")
 TEXT = CaseText.read("first-order").text
@@ -123,6 +124,36 @@ def test_other_equations_are_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(Study, "equations", lambda self: "0" * 64)
     with pytest.raises(InputError, match="is of other equations"):
         run(folder)
+
+
+def test_a_store_of_before_the_judge_is_read_and_gone_on_with(tmp_path):
+    """It has neither the judge's columns nor its version; the equations of its runs are the same."""
+    folder, prepared = tmp_path / "store", study(20, design=Design.RANDOM)
+    identity = prepared.identity() | {"bounds": False}
+    del identity["judge"]
+    new = {f"{name}/{column}" for name in prepared.controllers for column in (VERDICT, SETTLED, RINGS, FINER_BY)}
+    with opened(folder, identity, 20, 6) as old:
+        for first in (0, 6):
+            old.add(Chunk(first, 6), {name: one for name, one in prepared.run(first, 6).items() if name not in new})
+    names = old.names
+    for members in (20, 30):  # what is missing, then more than there were
+        found = run(folder, study(members, design=Design.RANDOM))
+        assert found.resumed == (12 if members == 20 else 20) and UNJUDGED in found.evidence.notes
+        assert found.rows.names == names and not new & set(names)
+        assert found.evidence.shares.keys() == {"diverged", "oscillated"}
+    whole = study(30, design=Design.RANDOM).run(0, 30)
+    for name in names:
+        np.testing.assert_array_equal(found.column(name), whole[name].astype(float))
+    assert run(folder, study(30, design=Design.RANDOM)).resumed == 30
+    again = run_study(study(30, design=Design.RANDOM), store=folder, bounds=False)
+    assert len(again.audit.members) == 30 and again.audit.changed == 0
+
+
+def test_the_verdicts_of_another_judge_are_refused(tmp_path, monkeypatch):
+    run(tmp_path / "store")
+    monkeypatch.setattr(Study, "judge", lambda self: "0" * 64)
+    with pytest.raises(InputError, match="is of the verdicts of another judge"):
+        run(tmp_path / "store")
 
 
 def test_equations_are_told_apart():
@@ -309,14 +340,14 @@ def test_a_full_disk_keeps_what_is_stored(tmp_path):
 
 
 def test_what_interrupts_a_chunk_leaves_the_others(tmp_path, monkeypatch):
-    folder, prepared, simulated = tmp_path / "store", study(), Study.run
+    folder, prepared, simulated = tmp_path / "store", study(), Settling.run
 
-    def stopping(self, first, *others, **options):
-        if first == 12:
+    def stopping(self, numbers, **options):
+        if numbers[0] == 12:
             raise KeyboardInterrupt
-        return simulated(self, first, *others, **options)
+        return simulated(self, numbers, **options)
 
-    monkeypatch.setattr(Study, "run", stopping)
+    monkeypatch.setattr(Settling, "run", stopping)
     with pytest.raises(KeyboardInterrupt):
         run(folder, prepared)
     monkeypatch.undo()
@@ -327,16 +358,16 @@ class Clock:
     """Stands for the time; a member takes a tenth of a second."""
 
     def __init__(self, monkeypatch, each=0.1):
-        self.now, simulated = 0.0, Study.run
+        self.now, simulated = 0.0, Settling.run
         for module in (chunks, store):
             monkeypatch.setattr(module.time, "perf_counter", lambda: self.now)
 
-        def running(prepared, first, count, **options):
-            self.begins(first)
-            self.now += each * count
-            return simulated(prepared, first, count, **options)
+        def running(prepared, numbers, **options):
+            self.begins(numbers[0])
+            self.now += each * len(numbers)
+            return simulated(prepared, numbers, **options)
 
-        monkeypatch.setattr(Study, "run", running)
+        monkeypatch.setattr(Settling, "run", running)
 
     def begins(self, first):
         pass

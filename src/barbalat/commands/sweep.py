@@ -46,8 +46,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--no-bounds", action="store_true", help="certify nothing: the guaranteed bounds are not compared")
     parser.add_argument(
         "--audit", type=whole, metavar="N",
-        help="members run again with a step 4 times smaller, to see which verdicts are the solver's; 0: none; default 32, fewer "
-        "where that takes more than an eighth of the sweep's steps and a second",
+        help="members run again at half their step, to see which verdicts are the solver's; 0: none; default 2 %%, at least 30",
     )  # fmt: skip
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",
@@ -92,7 +91,7 @@ def execute(options: argparse.Namespace) -> int:
         document = documents.as_json(result.as_json())
         if folder is not None:
             folder.write("sweep.json", document)
-            _write(folder, text, result)
+            _write(folder, text, study, result)
     from barbalat.report import sweep
     from barbalat.report.file_names import PAGE
 
@@ -131,10 +130,11 @@ def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> 
     return 1
 
 
-def _write(folder: Folder, text: CaseText, result: SweepResult) -> None:
-    """The page, and explorers of the worst members beside it."""
+def _write(folder: Folder, text: CaseText, study: Study, result: SweepResult) -> None:
+    """The page with the worst members' runs, and explorers of them beside it."""
     from barbalat.explorer.worst_members import explored
     from barbalat.report import write
+    from barbalat.sweeps.sweep import worst_runs
 
     parts = {"explorers": SECONDS_EACH_EXPLORER * len(result.controllers), "drawing": DRAWING_SECONDS}
     with work(parts) as running:
@@ -146,7 +146,7 @@ def _write(folder: Folder, text: CaseText, result: SweepResult) -> None:
                     folder.write(one.row.file, one.page)
                 progress(len(worst) / len(result.controllers))
         with running.part("drawing"):
-            write.write_sweep(folder, result, worst)
+            write.write_sweep(folder, result, worst, worst_runs(study, result) if result.judged else None)
     folder.commit()
 
 

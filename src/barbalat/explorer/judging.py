@@ -9,6 +9,7 @@ import numpy as np
 from barbalat.cases.build import Case
 from barbalat.explorer.encoded import doubles
 from barbalat.judge import cycles, held
+from barbalat.judge.memory import LEAST_RANGE, Begins
 from barbalat.judge.settings import FOLLOWS_SHARE, LOST_SHARE, ROUNDING, component_names
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import unflatten
@@ -22,6 +23,7 @@ def rules(case: Case) -> dict[str, Any]:
     return {
         "cycle": judge.cycle, "follows": dict(judge.follows), "lost": dict(judge.lost),
         "followsShare": FOLLOWS_SHARE, "lostShare": LOST_SHARE, "rounding": ROUNDING, "instants": held.INSTANTS,
+        "leastRange": LEAST_RANGE,
         "fewestReversals": cycles.FEWEST_REVERSALS, "slowestPeriods": cycles.SLOWEST_PERIODS,
         "fewestCycles": cycles.FEWEST_CYCLES,
         "longestShare": cycles.LONGEST_SHARE, "keptShare": cycles.KEPT_SHARE, "steadyShare": cycles.STEADY_SHARE,
@@ -41,7 +43,7 @@ def kept(case: Case, loop: ClosedLoop) -> dict[str, Any]:
     return {
         "rows": [[part.name, part.size] for part in memory.layout],
         "begins": doubles(np.array(memory.begins)),
-        "renewed": list(memory.renewed),
+        "renewed": {"tail": memory.renewed(Begins.TAIL), "window": memory.renewed(Begins.WINDOW)},
         "limited": list(memory.limited), "rateLimited": list(memory.rate_limited),
         "names": list(names),
         "units": ["" if labels is None else labels.unit(i)[1:-1] for i in range(len(names))],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.judge.memory import Memory, Sample
+from barbalat.judge.memory import Begins, Memory, Sample
 from barbalat.loop.packing import column, symbols
 from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import read
@@ -33,7 +33,8 @@ def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None
     begins = np.array(memory.begins)
     state = begins.copy() if start is None else start.copy()
     if renewed:
-        state[list(memory.renewed)] = begins[list(memory.renewed)]
+        anew = memory.renewed(Begins.TAIL)
+        state[anew] = begins[anew]
     rows = np.ascontiguousarray(np.column_stack([np.asarray(part).reshape(len(samples.y), -1) for part in samples]), dtype=float)
     kernel = Kernel(optimize(read(step), fused=False), LoopShape(len(begins), 0, 0, rows.shape[1]), (), lanes=1)
     kernel(1, len(rows), state, np.empty(0), rows, np.empty(len(begins)))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from barbalat.judge.memory import Memory
+from barbalat.judge.memory import LEAST_RANGE, Memory
 from barbalat.judge.settings import Bands
 from barbalat.judge.verdict import Class, Cycle, Figures, Response, Verdict
 from barbalat.validate import Array
@@ -32,6 +32,20 @@ class Kept:
         """(M, entries) how much a count has grown in the tail."""
         rows = self.memory.places[name]
         return np.asarray((self.whole[rows] - self.before_tail[rows]).T)
+
+    @property
+    def ranges(self) -> Array:
+        """(M, m) of each control, in whose shares swings are judged."""
+        return np.maximum(self.of("range"), self._roundings)
+
+    @property
+    def reversals(self) -> Array:
+        """(M, m) of the tail; none of a control that does not move but for roundings."""
+        return np.where(self.of("range") > self._roundings, self.in_tail("reversals"), 0.0)
+
+    @property
+    def _roundings(self) -> Array:
+        return LEAST_RANGE * np.maximum(np.abs(self.of("low")), np.abs(self.of("high")))
 
     def of_inputs(self, name: str, which: tuple[bool, ...]) -> Array:
         """(M, m) of inputs that have it; 0 for the others."""
@@ -172,7 +186,7 @@ class Judged:
 
     def _cycling(self, i: int) -> int:
         """The input whose cycle is the largest against its range."""
-        share = np.where(self.cycles.which[i], self.cycles.amplitude[i] / self.kept.of("range")[i], -1.0)
+        share = np.where(self.cycles.which[i], self.cycles.amplitude[i] / self.kept.ranges[i], -1.0)
         return int(share.argmax())
 
     def _cycle(self, i: int) -> Cycle:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ import numpy as np
 from barbalat.protocols import Value
 
 LEAST_RANGE = 1e-6
-"""The range of a control without limits is at least this part of its largest magnitude: below are roundings."""
+"""A control without limits moves if it covers at least this part of its largest magnitude: below are roundings."""
 RISES_FROM, RISES_TO = 0.1, 0.9
 """Between which shares of a step the rise time is counted, as in python-control's ``step_info``."""
 
@@ -45,17 +46,25 @@ class Sample(NamedTuple):
     steps: Value
 
 
+class Begins(IntEnum):
+    """With what a quantity begins: with the run alone, with each window of a continuation too, or with its tail as well."""
+
+    RUN = 0
+    WINDOW = 1
+    TAIL = 2
+
+
 class Rows(NamedTuple):
     """A quantity in the memory.
 
     begins   what it is before the first sample
-    renewed  whether it begins anew with the tail, and with each window of a continuation
+    renewed  with what it begins anew
     """
 
     name: str
     size: int
     begins: float = 0.0
-    renewed: bool = False
+    renewed: Begins = Begins.RUN
 
 
 @dataclass(frozen=True)
@@ -84,12 +93,10 @@ class Memory:
     def layout(self) -> tuple[Rows, ...]:
         """All quantities in their order."""
         n, m, q, inf = self.components, self.inputs, self.commands, np.inf
-        free = m - sum(self.limited)
         found = [
-            Rows("largest y_m", n), Rows("largest y", n), Rows("largest e", n, renewed=True),
-            Rows("held", m), Rows("direction", m), Rows("reversals", m),
-            Rows("low", m, inf, renewed=True), Rows("high", m, -inf, renewed=True),
-            Rows("range", m), Rows("least", free, inf), Rows("greatest", free, -inf),
+            Rows("largest y_m", n), Rows("largest y", n), Rows("largest e", n, renewed=Begins.TAIL),
+            Rows("farthest", m, -inf), Rows("direction", m, 1.0), Rows("reversals", m),
+            Rows("low", m, inf, renewed=Begins.WINDOW), Rows("high", m, -inf, renewed=Begins.WINDOW), Rows("range", m),
             Rows("at limit", sum(self.limited)), Rows("at rate limit", sum(self.rate_limited)),
         ]  # fmt: skip
         if self.detailed:
@@ -116,10 +123,9 @@ class Memory:
         """The memory before the first sample."""
         return tuple(rows.begins for rows in self.layout for _ in range(rows.size))
 
-    @cached_property
-    def renewed(self) -> tuple[int, ...]:
-        """The rows that begin anew with the tail."""
-        return tuple(i for rows in self.layout if rows.renewed for i in range(*self.places[rows.name].indices(1 << 30)))
+    def renewed(self, at: Begins) -> list[int]:
+        """The rows that begin anew there."""
+        return [i for rows in self.layout if rows.renewed >= at for i in range(*self.places[rows.name].indices(1 << 30))]
 
     @property
     def responses(self) -> slice:
@@ -153,25 +159,21 @@ class Memory:
         }
 
     def _reversed(self, old: dict[str, Value], new: dict[str, Value], sample: Sample, ranges: Value) -> dict[str, Value]:
-        """The limited control through a play of the hysteresis' width: what turns back by more drags it the other way."""
+        """The limited control turns back where it is farther from its farthest point than the hysteresis.
+
+        All is seen along the direction in which it moves: what counts as farther is larger. A fall at the start is a turn, too.
+        """
         free = tuple(not limited for limited in self.limited)
-        v = _chosen(sample.limited, free)
-        least, greatest = np.minimum(old["least"], v), np.maximum(old["greatest"], v)
-        covered = np.maximum(greatest - least, LEAST_RANGE * np.maximum(np.abs(greatest), np.abs(least)))
+        covered = np.maximum(_chosen(old["range"], free), _chosen(new["high"] - new["low"], free))
         width = _merged(ranges, covered, self.limited)
-        half = 0.5 * self.hysteresis * width
-        dragged = np.minimum(np.maximum(old["held"], sample.limited - half), sample.limited + half)
-        held = np.where(old["low"] <= old["high"], dragged, sample.limited)  # a first sample has nothing to turn back from
-        moved = np.where(old["low"] <= old["high"], held - old["held"], 0.0 * held)
-        direction = np.where(moved > 0, 1.0, np.where(moved < 0, -1.0, old["direction"]))
-        turned = np.where(direction * old["direction"] < 0, 1.0, 0.0)
+        along = old["direction"] * sample.limited
+        farthest = np.maximum(old["farthest"], along)
+        back = along - farthest < -self.hysteresis * width
         return {
-            "held": held,
-            "direction": direction,
-            "reversals": old["reversals"] + turned,
+            "farthest": np.where(back, -along, farthest),
+            "direction": np.where(back, -old["direction"], old["direction"]),
+            "reversals": old["reversals"] + np.where(back, 1.0, 0.0 * along),
             "range": width,
-            "least": least,
-            "greatest": greatest,
         }
 
     def _responses(self, old: dict[str, Value], sample: Sample, scale: Value) -> dict[str, Value]:

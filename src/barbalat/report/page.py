@@ -32,11 +32,10 @@ from barbalat.report import tuning as tuning_rows
 from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
 from barbalat.report.notation import mathematics
-from barbalat.report.sweep import WorstMember, extremes, in_symbols, shares, varied
+from barbalat.report.sweep import WorstMember, extremes, in_symbols, meanings, shares, varied
 from barbalat.run.results.findings import Told, together
 from barbalat.run.results.outcome import about_u, ends_of, units_of
 from barbalat.run.results.result import Result
-from barbalat.sweeps.evidence import DIVERGES, EXAMINED
 from barbalat.sweeps.result import SweepResult
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.dispersed import DispersedComparison
@@ -146,9 +145,7 @@ def linked(text: Markup, names: Sequence[str]) -> Markup:
 def sweep(found: SweepResult, pictures: Mapping[str, ReportFigure], worst: Sequence[WorstMember] = ()) -> str:
     """The page of ``barbalat sweep``; ``worst`` are members of which there are explorers beside it, or why there are none."""
     tables = {"shares": _symbols(shares(found)), "extremes": _symbols(extremes(found))}
-    return _render(
-        "sweep.html", found=found, diverges=DIVERGES, examined=EXAMINED, pictures=pictures, worst=worst, varied=varied, **tables
-    )
+    return _render("sweep.html", found=found, meanings=meanings(found), pictures=pictures, worst=worst, varied=varied, **tables)
 
 
 @dataclass(frozen=True)

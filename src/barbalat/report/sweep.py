@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from barbalat import validate
 from barbalat.pictures.symbols import number_text
 from barbalat.report.terminal.layout import Screen, grouped
-from barbalat.sweeps.evidence import DIVERGES, EXAMINED, FINDINGS, VERDICTS
+from barbalat.sweeps.evidence import DIVERGED, DIVERGES, EXAMINED, FINDINGS, RING, VERDICTS
 from barbalat.sweeps.result import SweepResult
 from barbalat.sweeps.spread import InBall
 from barbalat.sweeps.statistics import Share, SplitShare
@@ -43,19 +43,17 @@ def varied(found: SweepResult) -> list[tuple[str, str]]:
 
 
 def shares(found: SweepResult) -> list[list[str]]:
-    """What is judged, the controller, how many members, their share, the ends of its interval; then who can't be judged."""
-    rows = [
+    """What is judged, the controller, how many members, their share, the ends of its interval."""
+    own = [one for one in found.evidence.shares.items() if not found.judged or one[0] not in (DIVERGED, OSCILLATED)]
+    return [
         [
             _judged(name),
             controller,
             f"{share.count} of {share.judged}{_unsettled(share)}",
             *map(percent, (share.share, *share.interval)),
         ]
-        for name, by in sorted(found.evidence.shares.items(), key=lambda one: one[0] not in VERDICTS)
+        for name, by in sorted(own, key=lambda one: one[0] not in VERDICTS)
         for controller, share in by.items()
-    ]
-    return rows + [
-        [_judged(OSCILLATED), one, f"not examined: {why}", "-", "-", "-"] for one, why in found.evidence.unexamined.items()
     ]
 
 
@@ -67,8 +65,22 @@ def _unsettled(share: Share) -> str:
 
 def _judged(name: str) -> str:
     if name == OSCILLATED:
-        return "estimates oscillated"
+        return RING
     return name if name in FINDINGS else f"broke {name}"
+
+
+def meanings(found: SweepResult) -> list[str]:
+    """What the names of shares mean, in sentences without their full stops."""
+    unexamined = found.evidence.unexamined.items()
+    lacking = [f"Whether the estimates of {one} ring is not examined: {why}" for one, why in unexamined]
+    if not found.judged:
+        return [f"Diverged: {DIVERGES}", f"Estimates ring, at this step: {EXAMINED}", *lacking]
+    return [
+        "Lost: diverged, or a component left its limit, by default 100 times its scale; limit cycle: the control swings for "
+        "ever; off: the tail's error is outside its band, by default 5 % of the scale",
+        "Not settled: no step that was afforded tells the plant from the solver; the intervals leave open what these members do",
+        *lacking,
+    ]
 
 
 def extremes(found: SweepResult) -> list[list[str]]:
@@ -111,10 +123,13 @@ def show(screen: Screen, found: SweepResult) -> None:
     screen.line(f"{found.case}: {counted(len(found), 'member')} over {', '.join(map(str, found.plan.paths))}", "bold")
     for note in found.redesign_notes:
         screen.line(f"{note[0].upper()}{note[1:]}.", "yellow")
+    for name, sentence in found.sentences.items():
+        screen.line(f"{screen.name(name)}: {sentence}", indent="  ")
+    screen.line("")
     lost = [[name, screen.name(who), *cells, _interval(low, high)] for name, who, *cells, low, high in shares(found)]
     screen.table(("", "controller", "members", "share", "95 % interval"), grouped(lost), leads=2)
-    screen.line(f"Diverged: {DIVERGES}.")
-    screen.line(f"Oscillated examines {EXAMINED}.")
+    for note in meanings(found):
+        screen.line(f"{note}.")
     for sentence in found.audit.sentences:
         screen.line(f"Audit: {sentence}.", "yellow" if found.audit.changed != 0 else "")
     screen.line("")

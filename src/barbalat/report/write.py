@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Protocol
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from barbalat.certificates.certificate import Certificate
@@ -155,9 +156,17 @@ def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     folder.write(PAGE, page.trade_off(found, picture))
 
 
-def write_sweep(folder: Folder, found: SweepResult, worst: Sequence[WorstMember] = ()) -> None:
-    """Histograms, a map over two axes, what each varied number accounts for, and the page; see ``page.sweep``."""
+def write_sweep(
+    folder: Folder, found: SweepResult, worst: Sequence[WorstMember] = (), runs: Mapping[str, tuple[int, Result]] | None = None
+) -> None:
+    """Members by verdict, histograms, a map over two axes, what each number accounts for, and the page; see ``page.sweep``.
+
+    runs  by controllers, the worst member's number and its run
+    """
     pictures = {"histograms": _draw_both(folder, "histograms", partial(of_sweep.histograms, found))}
+    if runs:
+        shown = [_worst_run(found, controller, member, result) for controller, (member, result) in runs.items()]
+        pictures["verdicts"] = _draw_both(folder, "verdicts", partial(of_sweep.members_by_verdict, found, shown))
     figures = [name for name in found.evidence.metrics if name.startswith("max_abs_e[")]
     for name in figures[:1]:
         heat = of_sweep.heat_of(found, name)
@@ -169,6 +178,20 @@ def write_sweep(folder: Folder, found: SweepResult, worst: Sequence[WorstMember]
         if own:
             pictures["tornado"] = _draw_both(folder, "tornado", partial(of_sweep.tornado, own, found.controllers, name))
     folder.write(PAGE, page.sweep(found, pictures, worst))
+
+
+def _worst_run(found: SweepResult, controller: str, member: int, result: Result) -> of_sweep.WorstRun:
+    """With the first panel of its page; what runs away leaves the panel, so that the model is seen beside it."""
+    panel, *_ = panels([result])
+    title = f"{controller}, the worst: member {member}, {found.kind_of(controller, member)}"
+    motion, *others = panel.series
+    reached, asked = (max(float(np.nanmax(np.abs(one.value), initial=0.0)) for one in some) for some in ([motion], others))
+    limits = (-RUNAWAY_SHOWN * asked, RUNAWAY_SHOWN * asked) if reached > 5 * RUNAWAY_SHOWN * asked > 0 else panel.limits
+    return of_sweep.WorstRun(controller, member, replace(panel, title=title, limits=limits), ends_at([result]))
+
+
+RUNAWAY_SHOWN = 4.0
+"""Times the model's and the command's largest value, up to which a run that is lost is shown."""
 
 
 def write_flights(folder: Folder, found: FlightComparison) -> None:

@@ -1,31 +1,26 @@
-"""Is it the solver's? Some members of a finished sweep once more at a finer step, and which verdicts that changes."""
+"""Is it the solver's? Some members of a finished sweep once more, each at half of the step that its verdict comes from."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
-from barbalat.study.finer_step import FINER_BY
-from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
-from barbalat.sweeps.chunks import Columns
-from barbalat.sweeps.evidence import Evidence, largest_error, verdicts
+from barbalat.sweeps.chunks import Columns, Rows
+from barbalat.sweeps.evidence import judged_by, largest_error
 from barbalat.sweeps.requirement import Requirement
-from barbalat.sweeps.study import Figured, Finer, Study, StudyPart, batches_run, figured
+from barbalat.sweeps.settling import Rerun, Settling, Step, Work, settled_by
+from barbalat.sweeps.statistics import Share
+from barbalat.sweeps.study import OSCILLATED, RINGS, SETTLED, VERDICT, columns_of
 from barbalat.validate import Array, InputError
 
-MOST_AUDITED = 32
-"""Members that are run again: with 10 % of all verdicts the solver's, 97 of 100 audits of so many find one."""
-LARGEST_SHARE = 8
-"""At most one part in so many of the sweep's solver steps goes into its audit."""
-ALWAYS_AFFORDED = 10**8
-"""Solver steps that an audit may take in a small sweep too: a second of one core."""
-WORST_SHARE = 4
-"""At most one in so many of the members that are run again is there for having the largest error."""
+AUDITED_SHARE, FEWEST_AUDITED = 0.02, 30
+"""Of the members, and members at least, that are run again: with 10 % of all verdicts the solver's, 96 of 100 audits find one."""
+FINER_BY = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,9 +33,9 @@ class Changed:
 
 @dataclass(frozen=True, kw_only=True)
 class Audit:
-    """What a finer step says of a sweep's verdicts.
+    """What half the step says of a sweep's verdicts.
 
-    members    numbers of those that were run again; ``of`` how many there are
+    members    numbers of those that were run again, drawn from all; ``of`` how many there are
     changed    of them, those with another verdict on any controller; None where nothing could be run, see ``why``
     verdicts   by what is judged, and then by controllers
     errors     by controllers, members whose largest |e| differs by more than a tenth
@@ -54,18 +49,22 @@ class Audit:
     why: str = ""
 
     @property
+    def share(self) -> Share | None:
+        """Of members with a changed verdict; None where nothing could be run."""
+        return None if self.changed is None else Share(count=self.changed, judged=len(self.members))
+
+    @property
     def sentences(self) -> list[str]:
         """The audit in sentences."""
-        if self.changed is None:
-            return [f"no member was run again with a finer step, so that any share may be the solver's: {self.why}"]
-        again = f"of {validate.counted(len(self.members), 'member')} run again with a step {FINER_BY} times smaller"
+        if self.share is None:
+            return [f"no member was run again at half its step, so that any share may be the solver's: {self.why}"]
+        low, high = self.share.interval
+        again = f"of {validate.counted(len(self.members), 'member')} run again at half the step"
+        within = f"{100 * self.share.share:.3g} %, 95 % interval {100 * low:.3g} to {100 * high:.3g} %"
         if self.changed:
-            said = [
-                f"{again}, {self.changed} changed a verdict ({self._changes}): the shares are partly artefacts of the solver, "
-                "and a smaller simulation.dt is needed"
-            ]
+            said = [f"{again}, {self.changed} changed a verdict ({within}; {self._changes}): a smaller simulation.dt is needed"]
         else:
-            said = [f"{again}, none changed a verdict"]
+            said = [f"{again}, none changed a verdict ({within})"]
         if errors := {name: count for name, count in self.errors.items() if count}:
             counts = ", ".join(f"{count} of {name}" for name, count in errors.items())
             said.append(f"the largest |e| changed by more than {EQUAL_FIGURES_SHARE:.0%} in these members: {counts}")
@@ -82,12 +81,12 @@ class Audit:
 
     def as_json(self) -> dict[str, Any]:
         """``share`` is that of the members with a changed verdict."""
-        count = len(self.members)
         return {
             "members": list(self.members),
             "finer_by": FINER_BY,
             "changed": self.changed,
-            "share": None if self.changed is None else self.changed / count,
+            "share": None if self.share is None else self.share.share,
+            "interval": None if self.share is None else list(self.share.interval),
             "verdicts": {name: {c: dict(vars(one)) for c, one in by.items()} for name, by in self.verdicts.items()},
             "errors": dict(self.errors),
             "sentences": self.sentences,
@@ -95,64 +94,37 @@ class Audit:
 
 
 def audit(
-    study: Study,
-    evidence: Evidence,
+    settling: Settling,
+    rows: Rows,
     requirements: Sequence[Requirement] = (),
-    bounds: Bounds | None = None,
     *,
     members: int | None = None,
-    threads: int | None = None,
+    run: Callable[[Work], Columns],
 ) -> Audit:
-    """Run some members again, as they were and with a finer step.
+    """Run some members again, each controller's at half of the step that settled it; those that are not settled stay as they are.
 
-    Half of them are drawn from those that failed and half from the others, as far as there are, by the plan's seed; the members
-    with the largest errors come first. ``members`` says how many, by default MOST_AUDITED or what an eighth of the sweep's
-    solver steps affords, and a second of one core.
+    They are drawn from all members by the plan's seed: what changes among them is a share of the sweep. ``members`` says how
+    many, by default AUDITED_SHARE of all and FEWEST_AUDITED at least; ``run`` does the work.
     """
-    count = _affordable(study) if members is None else min(members, len(study))
+    study = settling.study
+    count = max(FEWEST_AUDITED, round(AUDITED_SHARE * len(study))) if members is None else members
     if count == 0:
         return Audit(why="none was asked for", of=len(study))
-    chosen = _chosen(evidence, count, study.plan.seed)
+    generator = np.random.default_rng([study.plan.seed, FINER_BY])
+    chosen = np.sort(generator.choice(len(study), min(count, len(study)), replace=False))
+    before = _Chosen({name: rows.column(name)[chosen] for name in rows.names})
     try:
-        plain = Study(study.varied, study.plan, settling=False)
-        before = _Rows(_run(plain, chosen, threads), study, bounds)
-        finer = Study(Finer(study.varied, FINER_BY), study.plan, settling=False)
-        columns = _run(finer, chosen, threads)
+        after = _Chosen(run(_work(settling, before)))
     except InputError as error:
         return Audit(why=str(error), of=len(study))
-    return _compared(chosen, before, _Rows(columns, study, bounds), study, evidence, requirements)
+    return _compared(before, after, settling, requirements)
 
 
-def _affordable(study: Study) -> int:
-    steps = max(len(study) * study.steps // LARGEST_SHARE, ALWAYS_AFFORDED)
-    each = (FINER_BY + 1) * study.steps
-    return int(min(max(steps // each, 1), MOST_AUDITED, len(study)))
+@dataclass(frozen=True, eq=False)
+class _Chosen:
+    """Columns of some members, as a finished sweep can be asked."""
 
-
-def _chosen(evidence: Evidence, count: int, seed: int) -> Array:
-    """(K,) numbers in their order."""
-    errors = [by for name, by in evidence.metrics.items() if name.startswith("max_abs_e[")]
-    worst = list(dict.fromkeys(one.worst_member for by in errors for one in by.values()))[: -(-count // WORST_SHARE)]
-    failed = evidence.failed.copy()
-    sound = ~failed
-    failed[worst] = sound[worst] = False
-    left, generator = count - len(worst), np.random.default_rng([seed, FINER_BY])
-    of_failed = min(max((left + 1) // 2, left - int(sound.sum())), int(failed.sum()))
-    drawn = [
-        generator.choice(np.flatnonzero(which), size, replace=False)
-        for which, size in ((failed, of_failed), (sound, left - of_failed))
-    ]
-    return np.sort(np.concatenate([np.array(worst, dtype=int), *drawn]))
-
-
-class _Rows:
-    """Columns of some members, with what is guaranteed of each, as a finished sweep can be asked."""
-
-    def __init__(self, columns: Columns, study: Study, bounds: Bounds | None) -> None:
-        self.columns = dict(columns)
-        if bounds is not None:
-            guaranteed = bounds.of(study.plan.values_for(columns["member"]))
-            self.columns |= {f"{name}/{ERROR_BOUND}": values for name, values in guaranteed.items()}
+    columns: Columns
 
     @property
     def names(self) -> list[str]:
@@ -166,33 +138,34 @@ class _Rows:
         return {name: float(values[place]) for name, values in self.columns.items()}
 
 
-def _run(study: Study, numbers: Array, threads: int | None) -> Columns:
-    """All columns of these members."""
-    parts: list[StudyPart] = []
-    figures: list[list[Figured]] = []
-    for part in study.parts_for(numbers):
-        simulation = part.setting.simulation
-        batches = batches_run(part.setting, part.members, threads=threads)
-        parts.append(replace(part, members=()))
-        figures.append([figured(batch, simulation, part.setting.terms, threads) for batch in batches])
-    return study.columns_for(numbers, parts, figures)
+def _work(settling: Settling, before: _Chosen) -> Work:
+    """The same columns, by half the steps."""
+    study, numbers, found = settling.study, before.column("member"), {name: v.copy() for name, v in before.columns.items()}
+    reruns: list[Rerun] = []
+    for i, controller in enumerate(study.controllers):
+        judged = f"{controller}/{SETTLED}" in before.names
+        factors = settled_by(before.column, controller) if judged else np.zeros(len(numbers))
+        for factor in np.unique(factors[~np.isnan(factors)]):
+            step = Step(FINER_BY * int(factor), refined=True) if factor else Step(FINER_BY, refined=False)
+            reruns += settling.again(numbers, np.flatnonzero(factors == factor), i, step)
+    if reruns:
+        figures = yield [one.part for one in reruns]
+        for rerun, (fine,) in zip(reruns, figures, strict=True):
+            (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
+            ring = RINGS if f"{study.controllers[rerun.controller]}/{RINGS}" in found else OSCILLATED  # of a store of old
+            for name, values in (columns_of(fine.metrics) | {VERDICT: fine.kinds, ring: rings}).items():
+                if (column := f"{study.controllers[rerun.controller]}/{name}") in found:
+                    found[column][rerun.places] = values
+    return found
 
 
-def _compared(
-    chosen: Array,
-    before: _Rows,
-    after: _Rows,
-    study: Study,
-    evidence: Evidence,
-    requirements: Sequence[Requirement],
-) -> Audit:
-    changed = np.zeros(len(chosen), dtype=bool)
+def _compared(before: _Chosen, after: _Chosen, settling: Settling, requirements: Sequence[Requirement]) -> Audit:
+    changed = np.zeros(len(before.column("member")), dtype=bool)
     found: dict[str, dict[str, Changed]] = {}
     errors: dict[str, int] = {}
-    for controller in study.controllers:
-        pairs = zip(*(verdicts(rows, controller, requirements, evidence.unexamined) for rows in (before, after)), strict=True)
-        for one, other in pairs:
-            judged = one.judged & other.judged
+    for controller in settling.study.controllers:
+        for one, other in zip(*(judged_by(rows, controller, requirements) for rows in (before, after)), strict=True):
+            judged = one.judged & one.settled & other.judged
             differs = (one.counted != other.counted) & judged
             changed |= differs
             found.setdefault(one.name, {})[controller] = Changed(changed=int(differs.sum()), judged=int(judged.sum()))
@@ -200,8 +173,8 @@ def _compared(
         with np.errstate(invalid="ignore"):
             errors[controller] = int((np.abs(fine - coarse) > EQUAL_FIGURES_SHARE * np.maximum(fine, coarse)).sum())
     return Audit(
-        members=tuple(map(int, chosen)),
-        of=len(study),
+        members=tuple(map(int, before.column("member"))),
+        of=len(settling.study),
         changed=int(changed.sum()),
         verdicts=found,
         errors=errors,

@@ -76,11 +76,13 @@ GROWTH = 8
 class Pace:
     """How many members are run at once, by how long those before took. No bit depends on it.
 
-    ahead  units that wait for each that runs: what is begun takes so many times longer than its own work
+    ahead   units that wait for each that runs: what is begun takes so many times longer than its own work
+    fewest  members that are run at once at least, so that kernels have work for all their lanes
     """
 
     ahead: int = 1
     size: int = FEWEST_MEMBERS
+    fewest: int = FEWEST_MEMBERS
     begun: dict[int, float] = field(default_factory=dict)
 
     def units(self, chunks: Sequence[Chunk]) -> Iterator[Chunk]:
@@ -97,7 +99,7 @@ class Pace:
         """The next ones are sized by the time since this one was begun."""
         seconds = (time.perf_counter() - self.begun.pop(unit.first)) / self.ahead
         wanted = unit.size * min(UNIT_SECONDS / max(seconds, 1e-9), GROWTH)
-        self.size = int(max(wanted, FEWEST_MEMBERS))
+        self.size = int(max(wanted, self.fewest))
 
 
 MOST_IN_MEMORY = 2**28

@@ -15,7 +15,7 @@ import re
 import sys
 import warnings
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import metadata, resources
@@ -32,7 +32,8 @@ from barbalat.run.kernel.grid import final_row, segments_of, signal_table
 from barbalat.run.kernel.members import Members
 from barbalat.solvers.simulation import Simulation
 from barbalat.sweeps.chunks import Chunk, Columns
-from barbalat.sweeps.study import Figured, Study, StudyPart, figured
+from barbalat.sweeps.settling import Work
+from barbalat.sweeps.study import Figured, StudyPart, figured
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -243,19 +244,30 @@ def _require_answer(address: str) -> None:
 
 @dataclass(eq=False)
 class _Given:
-    """A chunk that is under way: its parts, and the figures of those that have run."""
+    """A chunk that is under way: its work, the parts that this asked for, and the figures of those that have run."""
 
     chunk: Chunk
-    parts: list[StudyPart]
+    work: Work
+    parts: list[StudyPart] = field(default_factory=list)
     found: dict[int, list[Figured]] = field(default_factory=dict)
     deaths: int = 0
+
+    def further(self) -> Columns | None:
+        """Hand the work the figures that it waits for: the columns where it is over, None where it asks for more."""
+        figures = [self.found[i] for i in range(len(self.parts))]
+        try:
+            self.parts, self.found = (self.work.send(figures) if figures else next(self.work)), {}
+        except StopIteration as done:
+            columns: Columns = done.value
+            return columns
+        return None
 
 
 @dataclass(eq=False)
 class Workers:
-    """The chunks of a study on a cluster."""
+    """The work of a study's chunks on a cluster."""
 
-    study: Study
+    work: Callable[[Chunk], Work]
     client: Client
     tables: dict[int, tuple[Setting, Future]] = field(default_factory=dict)
     under_way: dict[Future, tuple[_Given, int, str | None]] = field(default_factory=dict)
@@ -273,9 +285,8 @@ class Workers:
                 self._give(given, place, done)
                 continue
             given.found[place] = result
-            if len(given.found) == len(given.parts):
-                figures_of = [given.found[i] for i in range(len(given.parts))]
-                yield given.chunk, self.study.columns(*given.chunk, given.parts, figures_of)
+            if len(given.found) == len(given.parts) and (columns := self._further(given, done)) is not None:
+                yield given.chunk, columns
             self._give_more(waiting, done)
 
     def _give_more(self, waiting: Iterator[Chunk], done: as_completed) -> None:
@@ -285,9 +296,15 @@ class Workers:
             chunk = next(waiting, None)
             if chunk is None:
                 return
-            given = _Given(chunk, list(self.study.parts(*chunk)))
+            self._further(_Given(chunk, self.work(chunk)), done)
+
+    def _further(self, given: _Given, done: as_completed) -> Columns | None:
+        """What the work of a chunk asks for is given out; its columns where it is over."""
+        columns = given.further()
+        if columns is None:
             for place in range(len(given.parts)):
                 self._give(given, place, done)
+        return columns
 
     def _give(self, given: _Given, place: int, done: as_completed) -> None:
         part, worker = given.parts[place], self._least_busy()

@@ -16,10 +16,11 @@ from barbalat import budget, validate
 from barbalat.budget import Estimate, of_kernel
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.probe import Kind
-from barbalat.run.kernel.costs import MEMBER, of_members, of_steps
+from barbalat.run.kernel.costs import MEMBER, of_judging, of_members, of_steps
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
 from barbalat.sweeps.cluster import Tabulated, WorkerTask, figures
+from barbalat.sweeps.settling import MOST_RERUN, Settling
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet
 from barbalat.sweeps.study import Figured, Study
@@ -32,11 +33,14 @@ GROUP_SECONDS = 0.02
 """Of members that share a kernel and signals, for each controller, beside their steps: 20 ms for a case and its tables."""
 
 
-def require_members(study: Study, members: int, certificates: int = 0) -> None:
+def require_members(settling: Settling, members: int, certificates: int = 0) -> None:
     """InputError where so many members, those that a store lacks, are beyond the budget; before the first of them is made.
+
+    Where the runs with finer steps could be too much, the plan's first members are run to see what these will take.
 
     certificates  that are made at most, for the bounds that the members' errors are compared with
     """
+    study = settling.study
     loops = [ClosedLoop.of(study.example.problem, one) for one in study.example.controllers]
     each, stored = study.steps / len(loops), Estimate(memory=MEMBER.memory * (len(study) - members))  # the evidence reads all
 
@@ -48,8 +52,14 @@ def require_members(study: Study, members: int, certificates: int = 0) -> None:
     def cost(count: float) -> Estimate:
         apart = Estimate(seconds=alone.seconds * min(count, groups) + traced * min(count, structures))
         apart += Estimate(seconds=certified * min(count * len(loops), certificates))
-        return stored + of_members(loops, each, count) + apart
+        steps = of_members(loops, each, count)
+        again = Estimate(seconds=reruns * (steps.seconds + alone.seconds * min(count, groups)))
+        return stored + steps + of_judging(loops, min(count, MOST_MEMBERS)) + apart + again
 
+    reruns = 0.0
+    plain, budgeted = cost(members), budget.in_force()
+    if settling.settles and budgeted.allows(plain) and plain.seconds * (1 + MOST_RERUN) > budgeted.seconds:
+        reruns = settling.expected(settling.finest)
     grid = f" at {study.plan.points} points of a grid" if study.plan.points > 1 else ""
     budget.require(
         "the sweep", members, cost, given=f"of {validate.counted(members, 'member')}{grid}",
@@ -75,6 +85,8 @@ class Costs:
     client    processor time of who hands it out, gets its figures and stores them [s]; one process does that for all workers
     sent, returned, stored  bytes to a worker, from it, on the disk
     tables    bytes of the signals' samples, which go to each worker once
+    reruns    evaluations with finer steps, as a multiple of the plain ones: what a worker takes comes to (1 + reruns) times
+    settled   share of the plan's first members that their own step settles, or a finer one that is afforded
     """
 
     steps: int
@@ -84,11 +96,14 @@ class Costs:
     returned: float
     stored: float
     tables: int
+    reruns: float
+    settled: float
 
     @classmethod
     def of(cls, study: Study) -> Costs:
         """Measure a second's work on members of a study; InputError as of a sweep, and without the extra ``study``."""
         require_parquet()
+        settling = Settling(study)
         whole = min(chunk_size(len(study), study.steps), MOST_MEMBERS, len(study))
         count = min(chunk_size(1, study.steps), whole)
         next(study.parts(0, count))  # traces the equations, once
@@ -109,12 +124,14 @@ class Costs:
             returned=sum(len(pickle.dumps(one)) for one in found) / count,
             stored=size,
             tables=sum(len(pickle.dumps(one)) for one in tables),
+            reruns=settling.expected(settling.finest),
+            settled=settling.settled,
         )
 
     @property
     def most_workers(self) -> float:
         """Cores that one client keeps at work."""
-        return self.worker / self.client
+        return self.worker * (1 + self.reruns) / self.client
 
     def chunk(self, members: int) -> int:
         """Members of a chunk of a sweep of so many."""
@@ -130,7 +147,7 @@ def _handled(study: Study, count: int, found: Sequence[Sequence[Figured]]) -> tu
     seconds = time.process_time() - begun
     many = [[_repeated(one, len(part.which)) for one in found[i % len(found)]] for i, part in enumerate(parts)]
     back, begun = pickle.dumps(many), time.process_time()
-    columns = study.as_run(np.arange(count), parts, pickle.loads(back))
+    columns = study.columns_for(np.arange(count), parts, pickle.loads(back))
     seconds += time.process_time() - begun
     with tempfile.TemporaryDirectory() as folder, opened(Path(folder) / "store", {}, count, count) as store:
         (chunk,) = store.chunks

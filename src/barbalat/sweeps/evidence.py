@@ -73,7 +73,6 @@ class Extremes:
 class Evidence:
     """Shares, extremes and sensitivities, by what is judged, or by a figure, and then by controllers.
 
-    failed  (M,) truth values: which members failed by anything that is judged
     unexamined  why ``oscillated`` is said of no member, by the controllers of which it is not
     filled  median and largest max |e| as a part of the guaranteed bound: how much of what is promised a run can use up
     """
@@ -84,7 +83,6 @@ class Evidence:
     sensitivities: list[Sensitivity]
     notes: list[str]
     intervals: str
-    failed: Array
     unexamined: dict[str, str]
 
 
@@ -100,16 +98,14 @@ def evidence(
     shares: dict[str, dict[str, Share]] = {DIVERGED: {}, OSCILLATED: {}}
     metrics: dict[str, dict[str, Extremes]] = {}
     filled: dict[str, Extremes] = {}
+    lacking_bounds: list[str] = []
     names, unexamined = list(rows.names), dict(unexamined or {})
-    failed = np.zeros(len(rows.column("member")), dtype=bool)
     for controller in controllers:
-        for verdict in verdicts(rows, controller, requirements, unexamined):
+        for verdict in judged_by(rows, controller, requirements):
             if verdict.judged.any():
-                shares.setdefault(verdict.name, {})[controller] = Share.of(verdict.counted, verdict.judged)
-            failed |= verdict.counted
-        for name, share in settled_shares(rows, controller).items():
-            shares.setdefault(name, {})[controller] = share
+                shares.setdefault(verdict.name, {})[controller] = verdict.share
         _fill(filled, rows, controller)
+        lacking_bounds += _without_bound(rows, controller)
         for name in names:
             figure = name.removeprefix(f"{controller}/")
             if name == figure or figure in NO_FIGURES:
@@ -120,12 +116,11 @@ def evidence(
     found_sensitivities, lacking = sensitivities(rows, controllers, plan)
     return Evidence(
         sensitivities=found_sensitivities,
-        notes=[*notes, *lacking],
+        notes=[*notes, *lacking_bounds, *lacking],
         shares=_named("share", {name: found for name, found in shares.items() if found or name == DIVERGED}),
         metrics=_named("metric", metrics),
         filled=Named.of("controller", filled),
         intervals=_meaning(plan),
-        failed=failed,
         unexamined=unexamined,
     )
 
@@ -139,52 +134,54 @@ def _named(kind: str, found: Mapping[str, Mapping[str, T]]) -> dict[str, dict[st
 
 
 class Verdict(NamedTuple):
-    """What is judged, (M,) which members are counted, and (M,) of which of them it is known."""
+    """What is judged of M members.
+
+    counted  (M,) of whom it holds
+    judged   (M,) of whom it can be said
+    settled  (M,) of whom it is the plant's and not the solver's
+    split    whether the share tells them apart: those of ``diverged`` and ``oscillated`` are of the runs as they are
+    """
 
     name: str
     counted: Array
     judged: Array
+    settled: Array
+    split: bool = True
+
+    @property
+    def share(self) -> Share:
+        """Of whom it holds; split where that is told apart."""
+        if not self.split:
+            return Share.of(self.counted, self.judged)
+        count, unsettled = int((self.counted & self.judged & self.settled).sum()), int((self.judged & ~self.settled).sum())
+        return SplitShare(count=count, judged=int(self.judged.sum()), unsettled=unsettled)
 
 
-def verdicts(
-    rows: Rows, controller: str, requirements: Sequence[Requirement], unexamined: Mapping[str, str]
-) -> Iterator[Verdict]:
-    """The verdicts on all members with one controller; a member that diverged breaks every requirement."""
-    diverged = np.isfinite(rows.column(f"{controller}/diverged_at"))
-    everyone = np.ones(len(diverged), dtype=bool)
-    yield Verdict(DIVERGED, diverged, everyone)
-    if controller not in unexamined:
-        swings = rows.column(f"{controller}/{OSCILLATED}")
-        yield Verdict(OSCILLATED, swings == 1, np.isfinite(swings))
+def judged_by(rows: Rows, controller: str, requirements: Sequence[Requirement]) -> Iterator[Verdict]:
+    """All that is judged of the members with one controller; a member that diverged breaks every requirement."""
+    names, diverged = list(rows.names), np.isfinite(rows.column(f"{controller}/diverged_at"))
+    everyone, split = np.ones(len(diverged), dtype=bool), f"{controller}/{SETTLED}" in names
+    known = rows.column(f"{controller}/{SETTLED}") == 1 if split else everyone
+    swings = rows.column(f"{controller}/{OSCILLATED}")
+    yield Verdict(DIVERGED, diverged, everyone, everyone, split=False)
+    yield Verdict(OSCILLATED, swings == 1, np.isfinite(swings), everyone, split=False)
+    if split:
+        verdict, rings = rows.column(f"{controller}/{VERDICT}"), rows.column(f"{controller}/{RINGS}")
+        for number, kind in enumerate(CLASSES):
+            if kind is not Class.FOLLOWS:
+                yield Verdict(str(kind), verdict == number, np.isfinite(verdict), known)
+        yield Verdict(RING, rings == 1, np.isfinite(rings), known)
+        yield Verdict(NOT_SETTLED, ~known, everyone, everyone)
     for requirement in requirements:
-        columns = requirement.columns(list(rows.names), controller)
+        columns = requirement.columns(names, controller)
         if columns:
             broken = np.logical_or.reduce([requirement.broken(rows.column(name)) for name in columns])
-            yield Verdict(str(requirement), broken, everyone)
-    if f"{controller}/{ERROR_BOUND}" in rows.names:
+            yield Verdict(str(requirement), broken, everyone, known, split)
+    if f"{controller}/{ERROR_BOUND}" in names:
         bound = rows.column(f"{controller}/{ERROR_BOUND}")
         judged = np.isfinite(bound)
         with np.errstate(invalid="ignore"):
-            yield Verdict(OUT_OF_BOUND, ~(largest_error(rows, controller) <= bound) & judged, judged)
-
-
-def settled_shares(rows: Rows, controller: str) -> dict[str, SplitShare]:
-    """By the judge's classes, and by whether the estimates ring: how many members did, and of how many nothing is settled."""
-    if f"{controller}/{SETTLED}" not in rows.names:
-        return {}
-    verdict, rings, settled = (rows.column(f"{controller}/{name}") for name in (VERDICT, RINGS, SETTLED))
-    known = settled == 1
-    found = {
-        str(kind): (verdict == number, np.isfinite(verdict)) for number, kind in enumerate(CLASSES) if kind is not Class.FOLLOWS
-    }
-    if np.isfinite(rings).any():
-        found[RING] = rings == 1, np.isfinite(rings)
-    shares = {
-        name: SplitShare(count=int((did & known).sum()), judged=int(judged.sum()), unsettled=int((judged & ~known).sum()))
-        for name, (did, judged) in found.items()
-        if judged.any()
-    }
-    return shares | {NOT_SETTLED: SplitShare(count=int((~known).sum()), judged=len(known))}
+            yield Verdict(OUT_OF_BOUND, ~(largest_error(rows, controller) <= bound) & judged, judged, known, split)
 
 
 def largest_error(rows: Rows, controller: str) -> Array:
@@ -201,6 +198,19 @@ def _fill(filled: dict[str, Extremes], rows: Rows, controller: str) -> None:
         found = Extremes.of(np.where(np.isfinite(bound), largest_error(rows, controller) / bound, np.nan))
     if found is not None:
         filled[controller] = found
+
+
+def _without_bound(rows: Rows, controller: str) -> list[str]:
+    """Why fewer members than all are held against a bound, as a sentence; none where all are, or no member is."""
+    if f"{controller}/{ERROR_BOUND}" not in rows.names:
+        return []
+    bounded = np.isfinite(rows.column(f"{controller}/{ERROR_BOUND}"))
+    if bounded.all() or not bounded.any():
+        return []
+    return [
+        f"{controller}: {int((~bounded).sum())} of {len(bounded)} members have no guaranteed bound to be above: "
+        "their parameters lie outside the known set, or the certificate's conditions do not hold on their plant"
+    ]
 
 
 def _meaning(plan: Plan) -> str:

@@ -10,11 +10,17 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from barbalat import validate
+from barbalat.judge.judged import CLASSES
+from barbalat.judge.verdict import Class
 from barbalat.open_numbers.path import FieldPath
-from barbalat.pictures.panels import SHARING, width_of
+from barbalat.pictures.panel_drawing import draw_into
+from barbalat.pictures.panels import SHARING, Panel, width_of
 from barbalat.pictures.theme import NARROW, WIDE, Theme, dash_of, new_figure
 from barbalat.sweeps.bounds import ERROR_BOUND
 from barbalat.sweeps.sensitivity import Sensitivity
+from barbalat.sweeps.spread import LogUniform
+from barbalat.sweeps.study import SETTLED, VERDICT
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -28,6 +34,89 @@ MOST_BARS = 12
 """Numbers in a chart of what a variance is due to, those with the largest shares."""
 DECADES_FOR_LOG = 1.3
 """From a factor of 20 between the smallest and the largest value on, an axis is logarithmic."""
+
+
+MARKED = {Class.FOLLOWS: ".", Class.OFF: "^", Class.CYCLE: "o", Class.LOST: "x"}
+"""How members of the judge's classes are marked, in the order in which they are drawn; open where they are not settled."""
+MOST_MARKED = 2000
+"""Members in a panel: of more, as many are taken at equal distances of their numbers."""
+MOST_SHOWN = 4
+"""Controllers with a panel and a run beside it."""
+BINS_OF_DECIDING = 8
+"""Of equal numbers of members, into which a varied number is cut to see what it decides."""
+
+
+@dataclass(frozen=True, eq=False)
+class WorstRun:
+    """A controller's worst member, simulated once more: the panel of its motion, up to ``t_end`` [s]."""
+
+    controller: str
+    member: int
+    panel: Panel
+    t_end: float
+
+
+def members_by_verdict(found: SweepResult, runs: Sequence[WorstRun], *, narrow: bool = False) -> Figure:
+    """For each controller the members over the two numbers that decide most; beside it, on a phone below, its worst run."""
+    shown = [run for run in runs if f"{run.controller}/{VERDICT}" in found.rows.names][:MOST_SHOWN]
+    rows, columns = (2 * len(shown), 1) if narrow else (len(shown), 2)
+    figure, theme = new_figure(NARROW if narrow else WIDE, 3.4 * rows + 0.4, shown=False), Theme.current()
+    places = figure.subplots(rows, columns, squeeze=False).reshape(-1)
+    height = figure.get_size_inches()[1]
+    figure.subplots_adjust(
+        left=0.17 if narrow else 0.075, right=0.97, wspace=0.2, hspace=0.75, top=1 - 0.75 / height, bottom=0.6 / height
+    )
+    for run, left, right in zip(shown, places[::2], places[1::2], strict=True):
+        _scatter(left, found, run.controller, theme)
+        draw_into([right], [run.panel], run.t_end)
+    return figure
+
+
+def deciding(found: SweepResult) -> list[FieldPath]:
+    """What varies, in the order of how much of the verdicts it decides alone; of the tail's error where all verdicts are one."""
+    judged = []
+    for controller in found.controllers:
+        kinds = found.column(f"{controller}/{VERDICT}")
+        if kinds.std() == 0:
+            kinds = np.argsort(np.argsort(np.nan_to_num(found.column(f"{controller}/tail_max_abs_e[0]"), nan=np.inf))).astype(
+                float
+            )
+        judged.append((kinds - kinds.mean()) / max(kinds.std(), 1e-300))
+    shares = {}
+    for path in found.plan.paths:
+        order = np.argsort(found.column(str(path)), kind="stable")
+        parts = np.array_split(order, min(BINS_OF_DECIDING, len(found)))
+        shares[path] = sum(sum(len(part) * one[part].mean() ** 2 for part in parts) / len(found) for one in judged)
+    return sorted(found.plan.paths, key=lambda path: -shares[path])
+
+
+def _scatter(axes: Axes, found: SweepResult, controller: str, theme: Theme) -> None:
+    which = np.unique(np.linspace(0, len(found) - 1, min(len(found), MOST_MARKED)).astype(int))
+    kinds, settled = (found.column(f"{controller}/{name}") for name in (VERDICT, SETTLED))
+    (first, *others), tail = deciding(found), "tail_max_abs_e[0]"
+    x, y = (found.column(name)[which] for name in (str(first), str(others[0]) if others else f"{controller}/{tail}"))
+    for k, (kind, mark) in enumerate(MARKED.items()):
+        own, colour = kinds == CLASSES.index(kind), theme.colour(k)
+        for members, sure in ((own & (settled == 1), True), (own & (settled != 1), False)):
+            if members.any():
+                shown, label = members[which], f"{kind} {int(members.sum())}{'' if sure else ', not settled'}"
+                face = colour if sure or mark == "x" else "none"
+                drawn = axes.scatter(
+                    x[shown], y[shown], s=22, marker=mark, linewidths=0.8 if sure else 0.4, label=label, color=colour
+                )
+                drawn.set_facecolor(face)
+    spread: dict[FieldPath, object] = {**found.plan.axes, **found.plan.draws}
+    for side, path in zip("xy", (first, *others), strict=False):
+        if isinstance(spread[path], LogUniform) or getattr(spread[path], "logarithmic", False):
+            axes.set(**{f"{side}scale": "log"})
+    axes.set_xlabel(str(first), fontsize=9)
+    axes.set_ylabel(str(others[0]) if others else f"{symbol(tail)} in the tail", fontsize=9)
+    title = f"{controller}: {validate.counted(len(found), 'member')} by verdict"
+    axes.set_title(title + (f", {len(which)} shown" if len(which) < len(found) else ""), fontsize=10, loc="left", pad=22)
+    axes.legend(
+        loc="lower left", bbox_to_anchor=(-0.01, 0.99), ncols=4, frameon=False, fontsize=8, handletextpad=0.1, columnspacing=0.9
+    )
+    _plain(axes)
 
 
 def histograms(found: SweepResult, *, narrow: bool = False, shown: bool = False) -> Figure:

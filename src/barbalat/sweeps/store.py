@@ -34,6 +34,7 @@ from barbalat.sweeps.stored import (
     grown,
     intact,
     name_of,
+    names_in,
     read_index,
     require_parquet,
     require_same,
@@ -144,6 +145,11 @@ class Store:
         finally:
             temporary.unlink(missing_ok=True)
         _sync(self.folder)
+
+    @property
+    def names(self) -> list[str]:
+        """The columns that its rows have, and go on to have; none where nothing is stored yet."""
+        return names_in(self.folder)
 
     def rows(self) -> StoredRows:
         return StoredRows(self.folder, self.index)

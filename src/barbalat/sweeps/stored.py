@@ -31,6 +31,7 @@ NAMES_OF_DIFFERENCES = {
     "case": "another case file",
     "plan": "other --vary, --sample, --members, --design or --seed",
     "equations": "other equations",
+    "judge": "the verdicts of another judge",
     "bounds": "the other choice of --no-bounds",
 }
 """What differs, by the keys of ``Study.identity``."""
@@ -102,6 +103,14 @@ def _schema(index: bytes) -> pa.Schema:
     return parquet.read_schema(io.BytesIO(index))
 
 
+def names_in(folder: Path) -> list[str]:
+    """The columns of a store; none where nothing is stored yet."""
+    try:
+        return list(_schema((folder / INDEX_FILE).read_bytes()).names)
+    except (FileNotFoundError, NotADirectoryError):
+        return []
+
+
 def checksum(text: bytes, schema: pa.Schema) -> bytes:
     """SHA-256 of an index' text and of the columns beside it, whose names no other checksum has."""
     columns = "".join(f"\n{one.name}: {one.type}" for one in schema)
@@ -123,16 +132,17 @@ def require_same(
     """InputError where the store is another sweep's, with what differs."""
     for key, what in differences.items():
         if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
-            by = f" (made by barbalat {index.versions.get('barbalat')})" if key == "equations" else ""
+            by = f" (made by barbalat {index.versions.get('barbalat')})" if key in ("equations", "judge") else ""
             raise InputError(f"the store {str(folder)!r} is of {what}{by}: choose another folder, or the command that made it")
 
 
 def grown(index: StoreIndex, identity: dict[str, Any], members: int) -> StoreIndex:
     """The index for further members, of a plan that keeps its first; as it is where it is of another sweep or of as many."""
     plan = index.identity.get("plan", {}) | {"members": members}
-    if members <= index.members or -(-members // index.chunk) > MOST_CHUNKS or index.identity | {"plan": plan} != identity:
+    known = {key: value for key, value in identity.items() if key in index.identity}  # a store of old has fewer
+    if members <= index.members or -(-members // index.chunk) > MOST_CHUNKS or index.identity | {"plan": plan} != known:
         return index
-    return replace(index, identity=identity, members=members, files=dict(index.files))
+    return replace(index, identity=known, members=members, files=dict(index.files))
 
 
 class StoredRows:
@@ -141,7 +151,7 @@ class StoredRows:
     def __init__(self, folder: Path, index: StoreIndex) -> None:
         self.folder, self.index = folder, index
         self.files = sorted(index.files)
-        self.names = list(_schema((folder / INDEX_FILE).read_bytes()).names)
+        self.names = names_in(folder)
         self._read: dict[str, Array] = {}
 
     def column(self, name: str) -> Array:

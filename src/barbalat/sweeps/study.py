@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -14,11 +14,10 @@ from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.members import RefusedError, Setting
-from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.run.engine.engine import Batch, run
-from barbalat.run.engine.judging import FACTORS, Terms, finer_by, judged
+from barbalat.run.engine.judging import FACTORS, NEGLIGIBLE, ORDER_EIGHT_FACTORS, Terms, finer_by, judged, needed_by_modes
 from barbalat.run.kernel import delay, template
 from barbalat.run.kernel.breaks import can_be_split
 from barbalat.run.kernel.members import Members
@@ -81,15 +80,8 @@ def _alike(one: Sequence[Array], other: Sequence[Array]) -> bool:
 OSCILLATED = "oscillated"
 """A controller's column: whether its estimates ring; NaN where it has none, or where their range is not known."""
 VERDICT, SETTLED, RINGS, FINER_BY = "verdict", "settled", "rings", "finer_by"
-"""A controller's columns: the number of the judge's class, by the finer step where one was needed; 1 where that class is settled,
-0 where no step that was afforded settles it, NaN where nobody looked; as ``oscillated``, likewise by the finer step; and by how
-much smaller a step the member needs."""
-PILOTS = 32
-"""Of a plan's members, by which it is decided what step can be afforded."""
-MOST_RERUN = 9.0
-"""Times the plain sweep's solver steps that runs with smaller steps may take in all."""
-ALWAYS_RERUN = 5 * 10**8
-"""Solver steps that they may take in a small sweep too: some seconds of one core."""
+"""A controller's columns: the number of the judge's class; 1 where that class is settled, 0 where it is not, NaN where nobody
+looked; as ``oscillated``, but by a finer step where one was needed; and what step the member needs, see ``judging.finer_by``."""
 TRIED_SHARES = (0.03, 0.4, 0.97)
 """Of a distribution, from one end to the other without its far tails, which may lie beyond what a constructor takes."""
 MOST_SETTINGS = 64
@@ -112,13 +104,18 @@ class StudyPart:
     setting: Setting
     members: tuple[Members, ...]
 
+    @property
+    def work(self) -> int:
+        """Evaluations of the equations, those of all its members and controllers."""
+        simulation = self.setting.simulation
+        return len(self.which) * len(self.members) * simulation.steps * len(simulation.solver.b)
+
 
 @dataclass(eq=False)
 class Study:
     """The members of a plan on a case.
 
-    varied    the case, with other numbers at the plan's paths
-    settling  whether members that the step does not resolve are run again with a smaller one
+    varied  the case, with other numbers at the plan's paths
     """
 
     varied: Varied
@@ -126,9 +123,7 @@ class Study:
     tried: Tried = field(init=False)
     kinds: tuple[Kind, ...] = field(init=False)
     example: Case = field(init=False)
-    settling: bool = True
     settings: dict[bytes, Setting] = field(init=False, default_factory=dict)
-    _finer_studies: dict[int, Study] = field(init=False, default_factory=dict)
     _motions: dict[Setting, ReferenceMotion] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -157,15 +152,9 @@ class Study:
         return self.plan.values(first, count)
 
     def run(self, first: int, count: int, *, threads: int | None = None, progress: Progress | None = None) -> Columns:
-        """All columns of these members: number, what varies, figures. InputError, with its number, for one that makes no case."""
-        parts, figures, done = [], [], 0
-        for one in self.parts(first, count):
-            part = part_of(progress, done / count, len(one.which) / count)
-            batches = batches_run(one.setting, one.members, threads=threads, progress=part)
-            figures.append(figures_of(one.setting, batches, threads))
-            parts.append(replace(one, members=()))
-            done += len(one.which)
-        return self.columns(first, count, parts, figures)
+        """All columns of these members, each at the case's own step; InputError, with its number, for one that makes no case."""
+        parts = list(self.parts(first, count))
+        return self.columns(first, count, parts, run_here(parts, threads=threads, progress=progress))
 
     def parts(self, first: int, count: int) -> Iterator[StudyPart]:
         """Members that run together, ready for their kernels; InputError, with its number, for one that makes no case."""
@@ -186,90 +175,20 @@ class Study:
         return self.columns_for(np.arange(first, first + count), parts, figures)
 
     def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
-        """All columns of the members with these numbers, (K,), whose parts have run; see ``columns``."""
-        found = self.as_run(numbers, parts, figures)
-        if self.settling:
-            for i, controller in enumerate(self.controllers):
-                self._settle(found, i, controller)
-        return found
-
-    def as_run(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
-        """The same columns without what finer steps say."""
+        """All columns of the members with these numbers, (K,), whose parts have run, at the case's own step; see ``columns``."""
         rows, count = self.plan.values_for(numbers), len(numbers)
         found: Columns = {"member": numbers}
         found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
         for part, figured in zip(parts, figures, strict=True):
-            judged = self._oscillated(part.setting, [one.metrics for one in figured])
-            for controller, one, oscillated in zip(self.controllers, figured, judged, strict=True):
-                columns = columns_of(one.metrics) | {OSCILLATED: oscillated}
-                columns |= {VERDICT: one.kinds.astype(float), RINGS: oscillated, FINER_BY: one.finer_by}
+            judged = self.oscillated(part.setting, [one.metrics for one in figured])
+            for controller, one, oscillated, modes in zip(self.controllers, figured, judged, self._needed_by_modes, strict=True):
+                columns, needed = columns_of(one.metrics) | {OSCILLATED: oscillated}, np.maximum(one.finer_by, modes)
+                settled = np.where(np.isnan(needed), np.nan, needed == 0)
+                columns |= {VERDICT: one.kinds.astype(float), RINGS: oscillated, FINER_BY: needed, SETTLED: settled}
                 for name, values in columns.items():
                     column = found.setdefault(f"{controller}/{name}", np.full(count, np.nan))
                     column[part.which] = values
         return found
-
-    def _settle(self, found: Columns, index: int, controller: str) -> None:
-        """Run members that their step does not resolve again with one that does, and take what the judge then says of them."""
-        needed, verdict, rings = (found[f"{controller}/{name}"] for name in (FINER_BY, VERDICT, RINGS))
-        settled = np.where(np.isnan(needed), np.nan, np.where(needed <= 1, 1.0, 0.0))
-        for factor in FACTORS:
-            again = np.flatnonzero(needed == factor) if factor <= self.finest else np.zeros(0, dtype=int)
-            if not len(again):
-                continue
-            finer = self._finer(factor)
-            for places, part in finer._accepted(found["member"], again):
-                one = replace(part, members=part.members[index : index + 1])
-                (fine,) = figures_of(one.setting, batches_run(one.setting, one.members))
-                verdict[places] = fine.kinds
-                rings[places] = finer._oscillated(one.setting, [fine.metrics], index)[0]
-                settled[places] = np.where(fine.finer_by <= 1, 1.0, 0.0)
-        found[f"{controller}/{SETTLED}"] = settled
-
-    def _accepted(self, numbers: Array, which: Array) -> Iterator[tuple[Array, StudyPart]]:
-        """Parts of the members at these places, and their places; without members that this step refuses.
-
-        A delay that varies may be a whole number of the finer steps wherever it was tried: its weights then pass for constants.
-        Such members stay unsettled, whoever else runs with them.
-        """
-        try:
-            parts = list(self.parts_for(numbers[which]))
-        except InputError:
-            if len(which) > 1:
-                for place in which:
-                    yield from self._accepted(numbers, np.array([place]))
-            return
-        for part in parts:
-            yield which[part.which], part
-
-    def _finer(self, factor: int) -> Study:
-        if factor not in self._finer_studies:
-            self._finer_studies[factor] = Study(Finer(self.varied, factor), self.plan, settling=False)
-        return self._finer_studies[factor]
-
-    @cached_property
-    def finest(self) -> float:
-        """The smallest step that members are run again with, as a factor: all reruns together stay below MOST_RERUN plain sweeps.
-
-        By what the plan's first members need, so that it does not depend on which members run together.
-        """
-        numbers = np.arange(min(len(self), PILOTS))
-        parts, figures = [], []
-        for one in self.parts_for(numbers):
-            figures.append(figures_of(one.setting, batches_run(one.setting, one.members)))
-            parts.append(replace(one, members=()))
-        found = self.as_run(numbers, parts, figures)
-        needed = np.concatenate([found[f"{controller}/{FINER_BY}"] for controller in self.controllers])
-        needed = needed[np.isfinite(needed) & (needed > 1)]
-        share = len(self) / len(numbers) * self.steps / len(self.controllers)  # steps of all members that a pilot stands for
-        most = max(MOST_RERUN * len(self) * self.steps, ALWAYS_RERUN)
-        return float(max((factor for factor in FACTORS if share * needed[needed <= factor].sum() <= most), default=1))
-
-    def simulated(self, member: int) -> list[Metrics]:
-        """Figures of one member, for each controller."""
-        row = self.values(member, 1)
-        setting = self.setting(row[0])
-        batches = batches_run(setting, setting.members(row, self.plan.streams(member, 1)))
-        return [batch.metrics(setting.simulation) for batch in batches]
 
     def _groups(self, rows: Array) -> Iterator[Array]:
         """The rows that run together: those of one structure with one set of signals."""
@@ -308,7 +227,7 @@ class Study:
             self._motions[setting] = ReferenceMotion.of(setting.example.problem, setting.simulation)
         return self._motions[setting]
 
-    def _oscillated(self, setting: Setting, metrics: Sequence[Metrics], first: int = 0) -> list[Array]:
+    def oscillated(self, setting: Setting, metrics: Sequence[Metrics], first: int = 0) -> list[Array]:
         """Of controllers from number ``first`` on (M,): 1 where estimates swing, NaN where nothing says what is much."""
         problem, motion = setting.example.problem, self._motion(setting)
         found = []
@@ -319,6 +238,19 @@ class Study:
             unknown = len(width) == 0 or not np.isfinite(width).all()
             found.append(np.where(np.isfinite(one.diverged_at) | unknown, np.nan, swings))
         return found
+
+    @cached_property
+    def _needed_by_modes(self) -> list[float]:
+        """For each controller, the largest of the middle member and of the ends of what varies of the plant and its step."""
+        rows = [self.tried.middle]
+        for column, path in enumerate(self.plan.paths):
+            if path.keys[0] in ("plant", "parameters", "simulation"):
+                rows += list(self.tried.rows(column, self.tried.middle))
+        cases = [self.varied.at(row) for row in rows]
+        return [
+            max(needed_by_modes(ClosedLoop.of(case.problem, case.controllers[i]), case.simulation) for case in cases)
+            for i in range(len(self.controllers))
+        ]
 
     @cached_property
     def redesigned(self) -> dict[str, tuple[str, ...]]:
@@ -338,12 +270,12 @@ class Study:
         return found
 
     def equations(self) -> str:
-        """SHA-256 of the operation lists, numbers and signals of the middle member: the version of the equations."""
-        digest = hashlib.sha256()
-        setting = self.setting(self.tried.middle)
-        for family in setting.families:
-            program = family.members.program
-            digest.update(repr((program.program, program.sample, program.shape)).encode())
+        """SHA-256 of the operation lists, numbers and signals of the middle member: the version of the equations.
+
+        Without the judge, on which no bit of a run depends: what was stored before runs were judged has the same.
+        """
+        setting = Setting.of(self.varied, self.kinds, self.tried, self.tried.middle)
+        digest = hashlib.sha256(_programs(setting))
         for numbers in setting.numbers(self.tried.middle[None]):
             digest.update(numbers.parameters.tobytes() + numbers.states.tobytes())
         simulation = setting.simulation
@@ -352,9 +284,25 @@ class Study:
             digest.update(np.asarray(signal(t), dtype=float).tobytes())
         return digest.hexdigest()
 
+    def judge(self) -> str:
+        """SHA-256 of the operation lists with the judge's: the version of the verdicts."""
+        terms = repr((NEGLIGIBLE, FACTORS, ORDER_EIGHT_FACTORS)).encode()
+        return hashlib.sha256(_programs(self.setting(self.tried.middle)) + terms).hexdigest()
+
     def identity(self) -> dict[str, object]:
         """What a store must have been made with to be gone on with."""
-        return {"case": self.varied.source, "plan": self.plan.as_json(), "equations": self.equations()}
+        return {
+            "case": self.varied.source,
+            "plan": self.plan.as_json(),
+            "equations": self.equations(),
+            "judge": self.judge(),
+        }
+
+
+def _programs(setting: Setting) -> bytes:
+    """The operation lists of all controllers' kernels."""
+    programs = [family.members.program for family in setting.families]
+    return "".join(repr((one.program, one.sample, one.shape)) for one in programs).encode()
 
 
 def _tried(plan: Plan) -> Tried:
@@ -385,37 +333,27 @@ def batches_run(
     return batches
 
 
+def run_here(parts: Sequence[StudyPart], *, threads: int | None = None, progress: Progress | None = None) -> list[list[Figured]]:
+    """What became of the members of each part, by controllers, in threads of this process."""
+    found, done, whole = [], 0, sum(one.work for one in parts)
+    for one in parts:
+        told = part_of(progress, done / whole, one.work / whole)
+        batches = batches_run(one.setting, one.members, threads=threads, progress=told)
+        found.append(figures_of(one.setting, batches, threads))
+        done += one.work
+    return found
+
+
 def figures_of(setting: Setting, batches: Sequence[Batch], threads: int | None = None) -> list[Figured]:
     """What became of the members of each controller, after their run."""
     return [figured(batch, setting.simulation, setting.terms, threads) for batch in batches]
 
 
 def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | None = None) -> Figured:
-    """What became of a batch's members, after their run."""
-    return Figured(
-        batch.metrics(simulation), judged(batch, simulation, terms, threads=threads).kinds, finer_by(batch, simulation)
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Finer(Varied):
-    """The cases of a study with smaller steps. A sampled controller keeps its sample time, and a sampled law its own steps."""
-
-    varied: Varied
-    factor: int
-
-    @property
-    def paths(self) -> tuple[FieldPath, ...]:  # type: ignore[override]
-        """The paths of what is refined."""
-        return self.varied.paths
-
-    @property
-    def source(self) -> str:
-        return self.varied.source
-
-    def at(self, values: Sequence[float] | Array) -> Case:
-        case = self.varied.at(values)
-        return replace(case, simulation=replace(case.simulation, dt=case.simulation.dt / self.factor))
+    """What became of a batch's members, after their run; limit cycles are looked for where the step resolves the run."""
+    needed = finer_by(batch, simulation)
+    resolved = ~(needed > 0)
+    return Figured(batch.metrics(simulation), judged(batch, simulation, terms, among=resolved, threads=threads).kinds, needed)
 
 
 def columns_of(metrics: Metrics) -> Columns:

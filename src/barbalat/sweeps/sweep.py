@@ -18,13 +18,15 @@ from barbalat.cases.load import CaseText
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.path import FieldPath, by_index
 from barbalat.open_numbers.varied import VariedCase, VariedObjects
+from barbalat.protocols import Controller
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.simulate import result_of
 from barbalat.run.engine.stability_label import MOST_WINDOWS
+from barbalat.run.kernel.members import Members
 from barbalat.run.results.result import Result
 from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
-from barbalat.sweeps.chunks import Chunk, Columns, Made, Pace, UnstoredChunks, chunk_size, chunks_of, in_order
+from barbalat.sweeps.chunks import FEWEST_MEMBERS, Chunk, Columns, Made, Pace, UnstoredChunks, chunk_size, chunks_of, in_order
 from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
 from barbalat.sweeps.costs import require_members
 from barbalat.sweeps.evidence import evidence
@@ -32,9 +34,11 @@ from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Design, Plan, design_of, members_of
 from barbalat.sweeps.requirement import Requirement
 from barbalat.sweeps.result import SweepResult
+from barbalat.sweeps.settling import Settling, Step, Work, done_here, settled_by
 from barbalat.sweeps.spread import Axis, Distribution
 from barbalat.sweeps.store import Store, Waiting, opened, require_place
-from barbalat.sweeps.study import Study, columns_of
+from barbalat.sweeps.study import SETTLED, VERDICT, Study, batches_run
+from barbalat.validate import Array
 
 Told = Callable[[str], None]
 """Takes a sentence for the person who waits."""
@@ -68,8 +72,8 @@ def sweep(
     store    a folder that keeps every row and from which the same call goes on
     scheduler  "tcp://HOST:PORT" of a Dask scheduler, or "local:N" for N processes here; the same bits as in threads, the default
     bounds   certify what can be certified and hold the errors against it
-    audit    members that are run again with a step 4 times smaller, 0 for none; by default 32, or as many as an eighth of the
-             sweep's solver steps affords
+    audit    members that are run again at half of the step that their verdict comes from, 0 for none; by default 2 % of them,
+             and 30 at least
     Raises InputError.
     """
     folder = None if store is None else validate.local_path("store", store)
@@ -112,7 +116,7 @@ def run_study(
     chunk   members of a new store's files at most, by default as many as take about a second; no bit depends on it
     scheduler  of the workers that run them; by default threads here
     bounds  certify what can be certified, a second for each controller, and hold the errors against it
-    audit   members that are run again with a finer step; see ``audit.audit``
+    audit   members that are run again at half of their step; see ``audit.audit``
     told    what happened to the store, what is waited for
     Raises InputError for members beyond the budget, and for one that makes no case, with its number; what was stored stays.
     """
@@ -121,46 +125,59 @@ def run_study(
     judged = Bounds(study) if bounds else None
     if store is not None:
         require_place(store)
+    settling = Settling(study)
     if store is None or not store.exists():
-        require_members(study, len(study), judged.certificates if judged else 0)
+        require_members(settling, len(study), judged.certificates if judged else 0)
     first = _judged(study.run(0, 1, threads=threads), study, judged, Chunk(0, 1))
     for requirement in requirements:
         requirement.require_known(list(first), study.controllers)
     started = time.perf_counter()
-    with _sink(study, store, chunk, list(first)) as sink:
+    with _sink(settling, store, chunk, list(first)) as sink:
         if told is not None and sink.damaged:
             told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
         resumed = done = sink.stored
+        names = sink.names or list(first)
+        settling.settles = f"{study.controllers[0]}/{SETTLED}" in names
         pace = Pace(ahead=1 if scheduler is None else CHUNKS_AHEAD)
-        require_members(study, sum(one.size for one in sink.missing), judged.certificates if judged else 0)
+        require_members(settling, sum(one.size for one in sink.missing), judged.certificates if judged else 0)
         units = iter(sink.missing) if sink.in_order else pace.units(sink.missing)
-        made = _here(study, units, done, threads, progress) if scheduler is None else _elsewhere(study, units, scheduler, told)
+        made = (
+            _here(settling, units, done, threads, progress) if scheduler is None else _elsewhere(settling, units, scheduler, told)
+        )
         with _kept(sink) as keep:
-            for one, figures in in_order(made) if sink.in_order else _paced(made, pace):
-                keep(one, _judged(figures, study, judged, one))
+            for one, figures in in_order(made) if sink.in_order else _paced(made, pace, settling):
+                columns = _judged(figures, study, judged, one)
+                keep(one, {name: columns[name] for name in names})
                 done += one.size
                 if progress is not None:
                     progress(done / len(study))
         rows = sink.rows()
     seconds = time.perf_counter() - started
-    notes = judged.notes if judged is not None else ()
-    found = evidence(rows, study.controllers, requirements, study.plan, notes, study.unexamined)
+    notes = [*(judged.notes if judged is not None else ()), *(() if settling.settles else (UNJUDGED,))]
     return SweepResult(
         case=study.example.name,
         controllers=study.controllers,
         plan=study.plan,
         rows=rows,
-        evidence=found,
+        evidence=evidence(rows, study.controllers, requirements, study.plan, notes, study.unexamined),
         redesigned=study.redesigned,
-        audit=audited(study, found, requirements, judged, members=audit, threads=threads),
+        audit=audited(settling, rows, requirements, members=audit, run=_runner(scheduler, threads)),
         resumed=resumed,
         seconds=seconds,
         member_steps=float(study.steps) * (len(study) - resumed),
     )
 
 
+UNJUDGED = (
+    "this store was begun before runs were judged: its members have neither verdicts nor finer steps; another --store, or none, "
+    "makes them"
+)
+"""Of a store without the judge's columns: what it has is read, and it goes on with the same columns."""
+
+
 @contextlib.contextmanager
-def _sink(study: Study, store: Path | None, chunk: int | None, columns: Sequence[str]) -> Iterator[Store | UnstoredChunks]:
+def _sink(settling: Settling, store: Path | None, chunk: int | None, columns: Sequence[str]) -> Iterator[Store | UnstoredChunks]:
+    study = settling.study
     size = chunk or chunk_size(len(study), study.steps)
     if store is None:
         yield UnstoredChunks.room_for(list(chunks_of(len(study), size)), len(columns))
@@ -168,7 +185,10 @@ def _sink(study: Study, store: Path | None, chunk: int | None, columns: Sequence
     bounded = any(name.endswith(f"/{ERROR_BOUND}") for name in columns)
     # which bounds are computed depends on how many members there are
     grows = study.plan.keeps_its_first and not bounded
-    with opened(store, study.identity() | {"bounds": bounded}, len(study), size, grows=grows) as found:
+    identity = study.identity() | {"bounds": bounded}
+    if study.plan.keeps_its_first:  # which finer steps are afforded depends on how many members there are
+        identity["finest"] = str(settling.finest)
+    with opened(store, identity, len(study), size, grows=grows) as found:
         yield found
 
 
@@ -185,28 +205,48 @@ def _kept(sink: Store | UnstoredChunks) -> Iterator[Callable[[Chunk, Columns], N
         waiting.put()
 
 
-def _paced(made: Made, pace: Pace) -> Made:
+def _paced(made: Made, pace: Pace, settling: Settling) -> Made:
     """The same, where the next pieces are as large as these show to be right."""
     for one, columns in made:
         yield one, columns
+        pace.fewest = FEWEST_MEMBERS * settling.kernels
         pace.done(one)
 
 
-def _here(study: Study, units: Iterator[Chunk], done: int, threads: int | None, progress: Progress | None) -> Made:
+def _here(settling: Settling, units: Iterator[Chunk], done: int, threads: int | None, progress: Progress | None) -> Made:
     """In threads, one after the other; ``done`` members are there already."""
+    members = len(settling.study)
     for one in units:
-        yield one, study.run(*one, threads=threads, progress=part_of(progress, done / len(study), one.size / len(study)))
+        told = part_of(progress, done / members, one.size / members)
+        yield one, settling.run(_numbers(one), threads=threads, progress=told)
         done += one.size
 
 
-def _elsewhere(study: Study, units: Iterator[Chunk], scheduler: Scheduler, told: Told | None) -> Made:
+def _elsewhere(settling: Settling, units: Iterator[Chunk], scheduler: Scheduler, told: Told | None) -> Made:
     """On a cluster, in any order."""
     first = next(units, None)
     if first is not None:
         with connected(scheduler) as client:
             if told is not None and not client.nthreads():
                 told(f"no worker at {scheduler.address} yet: the sweep begins when one joins, 'dask worker {scheduler.address}'")
-            yield from Workers(study, client).run(chain([first], units))
+            yield from Workers(lambda chunk: settling.work(_numbers(chunk)), client).run(chain([first], units))
+
+
+def _numbers(chunk: Chunk) -> Array:
+    return np.arange(chunk.first, chunk.first + chunk.size)
+
+
+def _runner(scheduler: Scheduler | None, threads: int | None) -> Callable[[Work], Columns]:
+    """What does a piece of work by itself, where the members are run."""
+    if scheduler is None:
+        return lambda work: done_here(work, threads=threads)
+
+    def on_workers(work: Work) -> Columns:
+        with connected(scheduler) as client:
+            ((_, columns),) = Workers(lambda _: work, client).run([Chunk(0, 1)])
+        return columns
+
+    return on_workers
 
 
 def _judged(found: Columns, study: Study, bounds: Bounds | None, chunk: Chunk) -> Columns:
@@ -237,21 +277,50 @@ def replay(study: Study, member: int, *, threads: int | None = None, progress: P
     A recorded run adds its sums up in other blocks. So its figures are those of the run that is not recorded.
     """
     validate.whole("member", member, least=0, most=len(study) - 1)
+    settling, row = Settling(study), study.values(member, 1)
+    case, columns = study.varied.at(row[0]), settling.run(np.array([member]), threads=threads)
+    results = []
+    for i, (controller, name) in enumerate(zip(case.controllers, study.controllers, strict=True)):
+        (factor,) = settled_by(columns.__getitem__, name)
+        own = settling.finer(Step(int(factor), refined=True)) if factor > 0 else study
+        part = part_of(progress, i / len(case.controllers), 1 / len(case.controllers))
+        results.append(_recorded(own, member, i, controller, threads, part))
+    return Replayed(number=member, case=case, results=tuple(results), columns=columns)
+
+
+def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) -> dict[str, tuple[int, Result]]:
+    """For each controller its worst member and that member's run, recorded, with the step that settled it.
+
+    Of the first class that any member has, the one that was lost first, or else has the largest error in the tail.
+    """
+    settling, runs = Settling(study), {}
+    for i, name in enumerate(study.controllers):
+        kinds = found.column(f"{name}/{VERDICT}")
+        tail = np.max([found.column(one) for one in found.rows.names if one.startswith(f"{name}/tail_max_abs_e[")], axis=0)
+        diverged = found.column(f"{name}/diverged_at")
+        badness = np.where(np.isfinite(diverged), np.inf, np.nan_to_num(tail, nan=np.inf))
+        (worst, *_) = np.lexsort((np.nan_to_num(diverged, nan=np.inf), -badness, kinds))
+        (factor,) = settled_by(found.column, name)[[worst]]
+        own = settling.finer(Step(int(factor), refined=True)) if factor > 0 else study
+        runs[name] = int(worst), _recorded(own, int(worst), i, study.example.controllers[i], threads, None)
+    return runs
+
+
+def _recorded(
+    study: Study, member: int, number: int, controller: Controller, threads: int | None, progress: Progress | None
+) -> Result:
+    """A member's run with one controller; its figures are those of the run that is not recorded."""
     row = study.values(member, 1)
     case, setting = study.varied.at(row[0]), study.setting(row[0], windows=MOST_WINDOWS)
-    plain = study.simulated(member)
-    batches = []
-    for controller, members in zip(case.controllers, setting.members(row, study.plan.streams(member, 1)), strict=True):
-        own = replace(members, loop=ClosedLoop.of(case.problem, controller))
-        batches.append(Batch.part(own, slice(0, 1), record=True))
-    for i, batch in enumerate(batches):  # one after the other: a loop too large to be watched has no windows
-        part = part_of(progress, i / len(batches), 1 / len(batches))
-        run([batch], setting.signals, case.simulation, threads=threads, progress=part)
-    results = tuple(
-        replace(result_of(case.problem, controller, case.simulation, batch), metrics=metrics)
-        for controller, batch, metrics in zip(case.controllers, batches, plain, strict=True)
-    )
-    found: Columns = {"member": np.array([member])} | {str(path): row[:, i] for i, path in enumerate(study.plan.paths)}
-    for name_of, metrics in zip(study.controllers, plain, strict=True):
-        found |= {f"{name_of}/{name}": values for name, values in columns_of(metrics).items()}
-    return Replayed(number=member, case=case, results=results, columns=found)
+    members = setting.members(row, study.plan.streams(member, 1))[number]
+    (plain,) = batches_run(study.setting(row[0]), [study_members(study, member)[number]], threads=threads)
+    batch = Batch.part(replace(members, loop=ClosedLoop.of(case.problem, controller)), slice(0, 1), record=True)
+    run([batch], setting.signals, case.simulation, threads=threads, progress=progress)
+    found = result_of(case.problem, controller, case.simulation, batch)
+    return replace(found, metrics=plain.metrics(case.simulation))
+
+
+def study_members(study: Study, member: int) -> tuple[Members, ...]:
+    """What each controller's kernel is given of one member."""
+    (part,) = study.parts(member, 1)
+    return part.members

@@ -6,8 +6,8 @@ import { CHUNK_STEPS, tailStart } from "./grid.js";
 
 // What is kept of a run before its tail and of all of it, by the names of the rows.
 export class Kept {
-  constructor({ rows }, beforeTail, whole) {
-    Object.assign(this, { places: placesOf(rows), beforeTail, whole });
+  constructor(judge, beforeTail, whole) {
+    Object.assign(this, { judge, places: placesOf(judge.rows), beforeTail, whole });
   }
 
   of(name) {
@@ -18,6 +18,20 @@ export class Kept {
     const before = this.beforeTail.subarray(...this.places[name]);
     return Array.from(this.of(name), (value, i) => value - before[i]);
   }
+
+  // Of each control, in whose shares swings are judged.
+  ranges() {
+    return Array.from(this.of("range"), (one, j) => Math.max(one, this.roundings(j)));
+  }
+
+  // Of the tail; none of a control that does not move but for roundings.
+  reversals() {
+    return this.inTail("reversals").map((count, j) => (this.of("range")[j] > this.roundings(j) ? count : 0));
+  }
+
+  roundings(j) {
+    return this.judge.leastRange * Math.max(Math.abs(this.of("low")[j]), Math.abs(this.of("high")[j]));
+  }
 }
 
 export function placesOf(rows) {
@@ -26,8 +40,8 @@ export function placesOf(rows) {
 }
 
 // The memory with the rows that begin anew with a tail, or a window, as they begin.
-export function renew(judge, memory) {
-  for (const row of judge.renewed) memory[row] = judge.begins[row];
+export function renew(judge, memory, rows) {
+  for (const row of rows) memory[row] = judge.begins[row];
 }
 
 // Of each component, as judge.settings.scale_of; initial: the rows of the states that are the components, if any.
@@ -44,8 +58,8 @@ export function verdictOf(task, kept, diverged, recorded, tail, cyclesOf) {
   const follows = judge.names.map((name, i) => judge.follows[name] ?? judge.followsShare * scale[i]);
   const limits = judge.names.map((name, i) => judge.lost[name] ?? judge.lostShare * scale[i]);
   const lost = diverged !== null || !limits.every((limit, i) => kept.of("largest y")[i] <= limit);
-  const suspect = !lost && kept.inTail("reversals").some((count) => count > judge.fewestReversals + 2 * tail.turns);
-  const cycle = suspect ? cyclesOf(Array.from(kept.of("range"), (one) => judge.cycle * one), tail.values) : null;
+  const suspect = !lost && kept.reversals().some((count) => count > judge.fewestReversals + 2 * tail.turns);
+  const cycle = suspect ? cyclesOf(kept.ranges().map((one) => judge.cycle * one), tail.values) : null;
   const error = Array.from(kept.of("largest e"));
   const within = error.every((one, i) => one <= follows[i]);
   const kind = lost ? "lost" : cycle ? "limit cycle" : within ? "follows" : "off";
@@ -121,7 +135,7 @@ export function slowestPeriod({ model, own, judge }, jacobian) {
 export function cycleOf(task, kept, slowest, going, band) {
   const { judge, grid, dt } = task;
   const tail = grid.tEnd - (tailStart(grid.steps) * grid.tEnd) / grid.steps;
-  const reversals = Math.max(...kept.inTail("reversals"));
+  const reversals = Math.max(...kept.reversals());
   const periods = reversals > 0 ? (judge.fewestCycles * 2 * tail) / reversals : 0;
   const steps = Math.max(Math.round(Math.min(Math.max(judge.slowestPeriods * slowest, periods), judge.longestShare * grid.tEnd) / dt), 1);
   const seen = [];
@@ -130,7 +144,7 @@ export function cycleOf(task, kept, slowest, going, band) {
   const last = seen[seen.length - 1];
   if (!which.some(Boolean)) return null;
   const { times, path } = going.traced(steps, Math.floor(judge.samplesEachReversal * Math.max(...last.reversals)));
-  const against = which.map((is, j) => (is ? last.swing[j] / kept.of("range")[j] : -1));
+  const against = which.map((is, j) => (is ? last.swing[j] / kept.ranges()[j] : -1));
   const input = against.indexOf(Math.max(...against));
   return { input, amplitude: last.swing[input] / 2, frequency: frequencyOf(times, path.map((row) => row[input])) };
 }
@@ -199,7 +213,7 @@ export class Continued {
     const { task: { judge, own, shape }, places } = this;
     const memory = () => this.state.subarray(own, own + judge.begins.length);
     const before = memory().slice();
-    renew(judge, memory());
+    renew(judge, memory(), judge.renewed.window);
     let good = 0;
     for (let done = 0; done < steps;) {
       const count = Math.min(CHUNK_STEPS, steps - done);
@@ -215,7 +229,7 @@ export class Continued {
 
   traced(steps, samples) {
     const { own, shape } = this.task;
-    const [first, stop] = this.places.held;
+    const [farthest, direction] = [this.places.farthest, this.places.direction];
     const length = Math.min(Math.max(Math.floor(steps / Math.max(samples, 1)), 1), CHUNK_STEPS);
     const [blocks, most] = [Math.floor(steps / length), Math.floor(CHUNK_STEPS / length)];
     const size = shape.states + shape.accumulators;
@@ -226,7 +240,8 @@ export class Continued {
       const out = this.call(count, length);
       for (let i = 0; i < count; i++) {
         found.times.push((at + i * length) * this.task.dt);
-        found.path.push(Array.from(out.subarray(i * size + own + first, i * size + own + stop)));
+        const kept = out.subarray(i * size + own, (i + 1) * size);
+        found.path.push(Array.from(kept.subarray(...farthest), (value, j) => value * kept[direction[0] + j]));
       }
     }
     return found;

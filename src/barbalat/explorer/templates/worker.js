@@ -195,7 +195,7 @@ export function simulated(task) {
   for (const one of segments) {
     if (one.inTail && !beforeTail) {
       beforeTail = memory().slice();
-      renew(task.judge, memory());
+      renew(task.judge, memory(), task.judge.renewed.tail);
     }
     const rows = commands.rows(one.start, stopOf(one));
     kernel.view(at.signals, rows.length).set(rows);

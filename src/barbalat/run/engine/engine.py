@@ -14,6 +14,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.budget import Progress
 from barbalat.judge.beside import Watched
+from barbalat.judge.memory import Begins
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.lowering.llvm.machine import Kernel, Rings, Watch, vector_width
 from barbalat.problem.tracking import TrackingProblem
@@ -214,7 +215,7 @@ class Group:
         if not np.isnan(self.batch.totals.diverged_step[self.columns]).any():
             return  # every member has diverged
         if segment.in_tail and self.before_tail is None:
-            self.before_tail = self.renew()
+            self.before_tail = self.renew(Begins.TAIL)
         out = self.call(segment.start, segment.blocks, segment.length, self.state, table)
         self.batch.totals.merge(segment, out[:, self.batch.program.shape.states :], self.columns)
         if self.batch.record:
@@ -230,12 +231,12 @@ class Group:
         if memory is not None:
             self.judged[memory.responses] = self.state[own:][memory.responses]
 
-    def renew(self) -> Array:
+    def renew(self, at: Begins) -> Array:
         """What the judge kept so far, (rows, W); what it keeps of the tail, or of a window, begins anew."""
         own, memory = self.batch.loop.size, self.batch.program.memory
         before = self.state[own:].copy()
         if memory is not None:
-            rows = np.array(memory.renewed)
+            rows = np.array(memory.renewed(at))
             self.state[own + rows] = np.array(memory.begins)[rows, None]
         return before
 

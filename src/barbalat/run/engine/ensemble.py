@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat import budget, validate
-from barbalat.budget import Progress, part_of
+from barbalat.budget import Estimate, Progress, part_of
 from barbalat.judge.judged import Judged
 from barbalat.judge.settings import Judge
 from barbalat.pictures.plotted import Plotted
@@ -120,7 +120,12 @@ def simulate_ensemble(
         if len(numbers) != len(read):
             raise InputError(f"numbers must have {validate.counted(len(read), 'entry')}, one for each member, got {len(numbers)}")
         read = replace(read, numbers=np.array([validate.whole("numbers", number, least=0) for number in numbers]))
-    budget.require("members", len(read), lambda count: costs.of_members([read.loop], simulation.steps, count), what="an ensemble")
+
+    def cost(count: float) -> Estimate:
+        kept = Estimate() if judge is None else costs.of_judging([read.loop], count)
+        return costs.of_members([read.loop], simulation.steps, count) + kept
+
+    budget.require("members", len(read), cost, what="an ensemble")
     delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), MEMBERS_AT_ONCE), simulation.dt)
     points = 4 * int(
         np.ceil(simulation.steps / (4 * CHUNK_STEPS))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -14,12 +15,17 @@ from barbalat.judge.beside import Watched
 from barbalat.judge.cycles import FEWEST_WINDOWS, MOST_WINDOWS, Windows, frequency_of, slowest_period, suspects, window
 from barbalat.judge.held import Held
 from barbalat.judge.judged import Cycles, Judged, Kept
+from barbalat.judge.memory import Begins
 from barbalat.judge.settings import FOLLOWS_SHARE, Judge, component_names, scale_of
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import jacobian_function
+from barbalat.loop.packing import flatten
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import SlopedSignal
 from barbalat.run.engine.engine import Batch, Group
 from barbalat.run.kernel.grid import CHUNK_STEPS, WHOLE_STEP
+from barbalat.solvers import Tableau
+from barbalat.solvers.order_eight import order_eight
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -75,10 +81,19 @@ class Terms:
         )
 
 
-def judged(batch: Batch, simulation: Simulation, terms: Terms, *, closely: bool = False, threads: int | None = None) -> Judged:
+def judged(
+    batch: Batch,
+    simulation: Simulation,
+    terms: Terms,
+    *,
+    closely: bool = False,
+    among: Array | None = None,
+    threads: int | None = None,
+) -> Judged:
     """The verdicts on a batch whose run is over.
 
     closely  every run is a suspect, however seldom its control reverses: the tail may be too short for it
+    among    (M,) members whose limit cycles are looked for, without their frequencies; by default all are, with these
     """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
@@ -86,8 +101,10 @@ def judged(batch: Batch, simulation: Simulation, terms: Terms, *, closely: bool 
     bands = judge.bands(terms.names, terms.units, scale)
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
-        suspect = (suspects(kept.in_tail("reversals"), held.turns) | closely) & ~lost
-    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads)
+        suspect = (suspects(kept.reversals, held.turns) | closely) & ~lost
+    if among is not None:
+        suspect &= among
+    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, traced=among is None)
     return Judged.of(
         kept,
         bands,
@@ -161,13 +178,15 @@ def _cycles(
     share: float,
     slowest: float,
     threads: int | None,
+    *,
+    traced: bool,
 ) -> Cycles:
     members, inputs = len(suspect), kept.memory.inputs
     if not suspect.any():
         return Cycles.none(members, inputs, suspect)
-    band = share * kept.of("range")
+    band = share * kept.ranges
     tail = simulation.t_end - float(simulation.time(simulation.tail_start))
-    reversals = kept.in_tail("reversals")
+    reversals = kept.reversals
     which, amplitude, frequency = (np.zeros((members, inputs)) for _ in range(3))
     growing = np.zeros(members, dtype=bool)
 
@@ -191,7 +210,7 @@ def _cycles(
         which[columns] = cycling
         growing[columns] = found.growing(band[columns]) & mine
         amplitude[columns] = np.where(cycling, 0.5 * found.swing[-1], 0.0)
-        if cycling.any():
+        if traced and cycling.any():
             t, path = going.traced(steps, int(SAMPLES_EACH_REVERSAL * found.reversals[-1].max()))
             for i, j in zip(*np.nonzero(cycling), strict=True):
                 frequency[columns.start + i, j] = frequency_of(t, path[:, i, j])
@@ -222,7 +241,7 @@ class Continued:
         group, memory = self.group, self.group.batch.program.memory
         assert memory is not None
         own, shape = group.batch.loop.size, group.batch.program.shape
-        before, good = group.renew(), 0.0
+        before, good = group.renew(Begins.WINDOW), 0.0
         done = 0
         while done < steps:
             count = min(CHUNK_STEPS, steps - done)
@@ -238,10 +257,10 @@ class Continued:
         return _Seen(after[rows["low"]].T, after[rows["high"]].T, turned.T, np.asarray(good < steps))
 
     def traced(self, steps: int, samples: int) -> tuple[Array, Array]:
-        """Instants (K,) [s] of so many steps more, about ``samples``, and there the controls behind the hysteresis, (K, M, m)."""
+        """Instants (K,) [s] of so many steps more, about ``samples``, and there each control's farthest point, (K, M, m)."""
         group, memory = self.group, self.group.batch.program.memory
         assert memory is not None
-        own, rows = group.batch.loop.size, memory.places["held"]
+        own, (farthest, direction) = group.batch.loop.size, (memory.places[name] for name in ("farthest", "direction"))
         length = min(max(steps // max(samples, 1), 1), CHUNK_STEPS)
         blocks, found = steps // length, []
         first, per_call = self.step, CHUNK_STEPS // length
@@ -250,7 +269,8 @@ class Continued:
             if group.watch is not None:
                 group.watch = group.watch.elsewhere(self.step, self.step + count * length)
             out = group.call(self.step, count, length, group.state, self._table(count * length))
-            found.append(out[:, own + rows.start : own + rows.stop].transpose(0, 2, 1))
+            kept = out[:, own:]
+            found.append((kept[:, farthest] * kept[:, direction]).transpose(0, 2, 1))
             self.step += count * length
         return self.simulation.time(first + length * np.arange(blocks)), np.concatenate(found)
 
@@ -274,37 +294,92 @@ FACTORS = (2, 4, 8, 16, 32, 64, 128)
 """By which a step is made smaller where the method's own damping or growth is not negligible."""
 
 
+ORDER_EIGHT_FACTORS = (1, 2, 4, 8, 16, 32, 64)
+"""The same of a method of order eight, whose own step may do."""
+
+
+ROOM = 0.9
+"""Of the tr J^2 that a finer step would bear, what the run at the coarser one may show: at the finer one it may be larger."""
+
+
+class Refining(NamedTuple):
+    """A method that resolves more than a run's own, and by how much smaller its steps may be."""
+
+    solver: Tableau
+    factors: tuple[int, ...]
+
+    @classmethod
+    def of(cls, solver: Tableau, *, delayed: bool) -> Refining:
+        """Of order eight, which damps far less for each evaluation; the run's own where a delay is interpolated."""
+        return cls(solver, FACTORS) if delayed or solver.order >= 8 else cls(order_eight(), ORDER_EIGHT_FACTORS)
+
+    def work(self, factor: Array, solver: Tableau) -> Array:
+        """Evaluations of the equations as a multiple of those of a run by ``solver``."""
+        return factor * (len(self.solver.b) / len(solver.b))
+
+
 def finer_by(batch: Batch, simulation: Simulation) -> Array:
-    """(M,) by how much smaller a step each member needs, so that the method neither damps nor excites what it does not resolve.
+    """(M,) what each member of a sweep needs, so that the method neither damps nor excites what it does not resolve.
+
+    0 where its own step does, else by how much smaller steps of ``Refining`` must be, infinite where none of its factors is
+    enough; NaN where nothing was watched.
 
     The kernel kept the largest tr J^2 of every eighth step, which is 2 omega^2 of an oscillation that the equations may leave
-    undamped: no spectrum is taken, and the whole run counts as if it had been as stiff as at its stiffest instant. 1 for a step
-    that is small enough, infinite where none of FACTORS is, NaN where nothing was watched. A sampled law is no solver's matter.
+    undamped: no spectrum is taken, and the whole run counts as if it had been as stiff as at its stiffest instant. A sampled law
+    is no solver's matter.
     """
     coupling = np.full((1, batch.states.shape[1]), np.nan)
     if batch.loop.sampled:
-        return np.ones(coupling.shape[1])
+        return np.zeros(coupling.shape[1])
     for group in batch.groups:
         if group.watch is not None:
             rows = group.watch.rows[:, :1] if group.watch.lanes == 1 else group.watch.rows
             coupling[0, group.columns] = rows.max(axis=0)[: group.columns.stop - group.columns.start]
-    return _needed(coupling, simulation.steps, simulation)
+    solver, factors = Refining.of(simulation.solver, delayed=batch.loop.delayed)
+    own = _needed(coupling, simulation.steps, simulation, simulation.solver, (1,))
+    finer = _needed(coupling / ROOM, simulation.steps, simulation, solver, factors)
+    return np.where(own == 1, 0.0, finer)
+
+
+def needed_by_modes(loop: ClosedLoop, simulation: Simulation) -> float:
+    """The same by the loop's modes at the start: what is constant, as an actuator is, the kernel does not watch.
+
+    A mode that decays must do so by the method too, and one that oscillates keep its damping for as long as it lasts.
+    """
+    jacobian = jacobian_function(loop.following_within(simulation.dt))
+    modes = np.linalg.eigvals(np.array(jacobian(flatten(loop.initial()), np.zeros(loop.signal_count)).full()))
+
+    def resolved(solver: Tableau, factor: int) -> bool:
+        z = modes * simulation.dt / factor
+        growth = 0.5 * np.log1p(np.maximum(solver.growth(z), -1 + 1e-300))
+        lasts = np.minimum(simulation.steps * factor, 1 / np.maximum(np.abs(z.real), 1e-300))
+        oscillates = np.abs(z.imag) > np.abs(z.real)
+        damped = np.abs(growth - z.real) * lasts <= NEGLIGIBLE
+        return bool(((z.real >= 0) | (growth < 0)).all() and (damped | ~oscillates).all())
+
+    if not np.isfinite(modes).all() or resolved(simulation.solver, 1):
+        return 0.0
+    solver, factors = Refining.of(simulation.solver, delayed=loop.delayed)
+    return float(next((factor for factor in factors if resolved(solver, factor)), np.inf))
 
 
 def finer_by_along(batch: Batch, simulation: Simulation) -> float:
-    """The same of one recorded member, whose windows are taken one by one: each counts for as long as it lasts."""
+    """By how much smaller steps of its own method one recorded member needs; each window counts for as long as it lasts."""
     if batch.loop.sampled or batch.watch is None:
         return 1.0 if batch.loop.sampled else np.nan
-    return float(_needed(batch.watch.rows[:, :1], batch.watch.window, simulation)[0])
+    return float(_needed(batch.watch.rows[:, :1], batch.watch.window, simulation, simulation.solver, (1, *FACTORS))[0])
 
 
-def _needed(coupling: Array, steps: int, simulation: Simulation) -> Array:
-    """(M,) of so many steps in each of K windows with these tr J^2, (K, M); minus infinity where nothing varies."""
+def _needed(coupling: Array, steps: int, simulation: Simulation, solver: Tableau, factors: Sequence[int]) -> Array:
+    """(M,) the smallest of the factors that does, of so many steps in each of K windows with these tr J^2, (K, M).
+
+    Minus infinity where nothing varies, NaN where nothing was watched.
+    """
     omega = np.sqrt(np.maximum(coupling, 0.0) / 2)
     found = np.full(coupling.shape[1], np.inf)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        for factor in reversed((1, *FACTORS)):
-            growth = simulation.solver.growth(1j * simulation.dt / factor * omega)  # |R|^2 - 1
+        for factor in reversed(factors):
+            growth = solver.growth(1j * simulation.dt / factor * omega)  # |R|^2 - 1
             changed = (0.5 * np.abs(np.log1p(np.maximum(growth, -1.0)))).sum(axis=0) * steps * factor
             found = np.where(changed <= NEGLIGIBLE, factor, found)
     return np.where(np.isnan(coupling).any(axis=0), np.nan, found)

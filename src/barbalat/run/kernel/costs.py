@@ -19,6 +19,10 @@ MEMBER = Estimate(memory=200.0, seconds=1.2e-5)
 """Of a member of an ensemble beside its states and its steps: read, put into columns, looked at."""
 
 
+JUDGED_COMPONENT, JUDGED_INPUT, JUDGED_COPIES = 3, 10, 4
+"""Rows of the judge's memory at most, for each component of the error and each input, and how often each row is kept."""
+
+
 def require_states(loop: ClosedLoop) -> None:
     """InputError, before its equations are traced, for a loop with too many states."""
     dense, size = _plant_states(loop), loop.size
@@ -87,6 +91,12 @@ def of_members(loops: Sequence[ClosedLoop], steps: float, members: float) -> Est
     counted = sum(budget.operations(loop.size, _plant_states(loop)) for loop in loops)
     each = Estimate(8.0 * sum(loop.size for loop in loops), steps * counted * budget.MEMBER_OPERATION_SECONDS)
     return (MEMBER + each).times(members)
+
+
+def of_judging(loops: Sequence[ClosedLoop], members: float) -> Estimate:
+    """What the judge keeps of members that run side by side: beside their states, before the tail and at the end."""
+    rows = sum(JUDGED_COMPONENT * loop.errors + JUDGED_INPUT * loop.inputs for loop in loops)
+    return Estimate(memory=8.0 * JUDGED_COPIES * rows).times(members)
 
 
 def _made(loops: Sequence[ClosedLoop]) -> Estimate:

@@ -1,0 +1,215 @@
+"""The plant or the solver? Members whose step may damp or excite what it does not resolve are run again with one that does.
+
+What is then known of a member, its figures as well as its verdict, is what that step says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat.budget import Progress, part_of
+from barbalat.cases.build import Case
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import Varied
+from barbalat.run.engine.judging import Refining
+from barbalat.run.kernel import delay
+from barbalat.sweeps.chunks import Columns
+from barbalat.sweeps.study import FINER_BY, RINGS, SETTLED, VERDICT, Figured, Study, StudyPart, columns_of, run_here
+from barbalat.validate import Array, InputError
+
+PILOTS = 32
+"""Of a plan's members, by which it is decided what steps can be afforded."""
+MOST_RERUN = 9.0
+"""Times the evaluations of the plain sweep that runs with finer steps may take in all: with it they are ten."""
+ALWAYS_RERUN = 10**8
+"""Solver steps that they may take in a small sweep too: a second of one core, as long as tracing and compiling take."""
+
+Work = Generator[list[StudyPart], list[list[Figured]], Columns]
+"""Yields parts to be run, wherever that is, takes their figures, and comes to columns."""
+
+
+class Step(NamedTuple):
+    """How much smaller a step is, and whether it is one of the method that resolves more, see ``Refining``, or the case's own."""
+
+    factor: int
+    refined: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Finer(Varied):
+    """The cases of a study with another step. A sampled controller keeps its sample time, and a sampled law its own steps."""
+
+    varied: Varied
+    step: Step
+
+    @property
+    def paths(self) -> tuple[FieldPath, ...]:  # type: ignore[override]
+        """The paths of what is refined."""
+        return self.varied.paths
+
+    @property
+    def source(self) -> str:
+        return self.varied.source
+
+    def at(self, values: Sequence[float] | Array) -> Case:
+        case = self.varied.at(values)
+        own = case.simulation
+        solver = Refining.of(own.solver, delayed=case.problem.delay > 0).solver if self.step.refined else own.solver
+        return replace(case, simulation=replace(own, dt=own.dt / self.step.factor, solver=solver))
+
+
+@dataclass(frozen=True, eq=False)
+class Rerun:
+    """Members with one controller and another step: ``places`` among those that were asked for, ``part`` what is run."""
+
+    controller: int
+    places: Array
+    part: StudyPart
+    study: Study
+
+
+@dataclass(eq=False)
+class Settling:
+    """A study whose members are run again where their own step does not settle what became of them, if it ``settles``.
+
+    kernels  among how many, about, the members were spread that were run last: by their own step, and by finer ones
+    """
+
+    study: Study
+    settles: bool = True
+    _finer: dict[Step, Study] = field(init=False, default_factory=dict)
+    _expected: float | None = field(init=False, default=None)
+    kernels: int = field(init=False, default=1)
+
+    def finer(self, step: Step) -> Study:
+        """The same study with another step."""
+        if step not in self._finer:
+            self._finer[step] = Study(Finer(self.study.varied, step), self.study.plan)
+        return self._finer[step]
+
+    def work(self, numbers: Array) -> Work:
+        """All columns of the members with these numbers, (K,); InputError, with its number, for one that makes no case."""
+        parts = list(self.study.parts_for(numbers))
+        found = self.study.columns_for(numbers, parts, (yield parts))
+        reruns = list(self._reruns(found)) if self.settles else []
+        self._expected = sum(one.part.work for one in reruns) / max(sum(one.work for one in parts), 1)
+        self.kernels = 1 + len({one.study for one in reruns})
+        if reruns:
+            figures = yield [one.part for one in reruns]
+            for one, (fine,) in zip(reruns, figures, strict=True):
+                self._settle(found, one, fine)
+        return found
+
+    def run(self, numbers: Array, *, threads: int | None = None, progress: Progress | None = None) -> Columns:
+        """The same, in threads of this process; ``progress`` expects reruns as many as the members before had."""
+        own = 1 / (1 + (1.0 if self._expected is None else self._expected))
+        shares = part_of(progress, 0.0, own), part_of(progress, own, 1 - own)
+        return done_here(self.work(numbers), threads=threads, progress=shares)
+
+    def _reruns(self, found: Columns) -> Iterator[Rerun]:
+        for i, controller in enumerate(self.study.controllers):
+            needed = found[f"{controller}/{FINER_BY}"]
+            for factor in np.unique(needed[np.isfinite(needed) & (needed > 0)]):
+                if factor <= self.finest:
+                    places = np.flatnonzero(needed == factor)
+                    yield from self.again(found["member"], places, i, Step(int(factor), refined=True))
+
+    def again(self, numbers: Array, places: Array, controller: int, step: Step) -> Iterator[Rerun]:
+        """The members at these places with another step; without those that this step refuses, or that have no room with it.
+
+        A delay that varies may be a whole number of the finer steps wherever it was tried: its weights then pass for constants.
+        Such members stay unsettled, whoever else runs with them.
+        """
+        study = self.finer(step)
+        try:
+            parts = [replace(one, members=one.members[controller : controller + 1]) for one in study.parts_for(numbers[places])]
+            for part in parts:
+                (one,) = part.members
+                delay.require_memory(one.longest_delay, one.loop.inputs, len(one), part.setting.simulation.dt)
+        except InputError:
+            if len(places) > 1:
+                for place in places:
+                    yield from self.again(numbers, np.array([place]), controller, step)
+            return
+        for part in parts:
+            yield Rerun(controller, places[part.which], part, study)
+
+    def _settle(self, found: Columns, rerun: Rerun, fine: Figured) -> None:
+        """Take what the finer step says; whether estimates oscillate at the case's own step stays beside it."""
+        name, resolved = self.study.controllers[rerun.controller], fine.finer_by == 0
+        (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
+        columns = columns_of(fine.metrics) | {VERDICT: fine.kinds, RINGS: rings, SETTLED: np.ones(len(resolved))}
+        for column, values in columns.items():
+            found[f"{name}/{column}"][rerun.places[resolved]] = values[resolved]
+
+    @cached_property
+    def finest(self) -> float:
+        """The smallest step that members are run again with, as a factor: all reruns together stay below MOST_RERUN plain sweeps.
+
+        By what the plan's first members need, so that it does not depend on which members run together.
+        """
+        within = max(MOST_RERUN, ALWAYS_RERUN / (len(self.study) * self.study.steps))
+        tried = sorted({factor for factor, _ in self._needed})
+        affordable = [factor for factor in tried if self.expected(factor) <= within]
+        return np.inf if len(affordable) == len(tried) else max(affordable, default=0.0)
+
+    def expected(self, finest: float) -> float:
+        """Evaluations that all reruns with factors up to ``finest`` take, as a multiple of the plain sweep's."""
+        each = len(self.study.controllers) * self._pilots
+        return sum(work for factor, work in self._needed if factor <= finest) / each
+
+    @property
+    def settled(self) -> float:
+        """Share of the plan's first members, those of all controllers, that their own step settles, or one that is afforded."""
+        each = len(self.study.controllers) * self._pilots
+        return 1 - (self._unknown + sum(factor > self.finest for factor, _ in self._needed)) / each
+
+    @property
+    def _pilots(self) -> int:
+        return min(len(self.study), PILOTS)
+
+    @property
+    def _needed(self) -> list[tuple[float, float]]:
+        """Of the plan's first members and each controller that needs one a factor, and the evaluations it takes."""
+        return [one for one in self._looked_at if 0 < one[0] < np.inf]
+
+    @property
+    def _unknown(self) -> int:
+        """Of how many of them no factor is enough, or nobody knows."""
+        return sum(not np.isfinite(factor) for factor, _ in self._looked_at)
+
+    @cached_property
+    def _looked_at(self) -> list[tuple[float, float]]:
+        numbers = np.arange(self._pilots)
+        parts = list(self.study.parts_for(numbers))
+        columns = self.study.columns_for(numbers, parts, run_here(parts))
+        found = []
+        for part in parts:
+            case = part.setting.example
+            refining = Refining.of(case.simulation.solver, delayed=case.problem.delay > 0)
+            for controller in self.study.controllers:
+                needed = columns[f"{controller}/{FINER_BY}"][part.which]
+                found += list(zip(needed.tolist(), refining.work(needed, case.simulation.solver).tolist(), strict=True))
+        return found
+
+
+def settled_by(columns: Callable[[str], Array], controller: str) -> Array:
+    """(K,) the factor with which each member was settled: 0 at its own step, NaN where it is not settled, or nobody looked."""
+    return np.where(columns(f"{controller}/{SETTLED}") == 1, columns(f"{controller}/{FINER_BY}"), np.nan)
+
+
+def done_here(work: Work, *, threads: int | None = None, progress: Sequence[Progress | None] = ()) -> Columns:
+    """Do the work in threads of this process; ``progress`` has one for each time that it asks for parts."""
+    told = iter(progress)
+    try:
+        parts = next(work)
+        while True:
+            parts = work.send(run_here(parts, threads=threads, progress=next(told, None)))
+    except StopIteration as done:
+        found: Columns = done.value
+        return found
