@@ -35,6 +35,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.ideal_benchmark import Judging
 from barbalat.validate import InputError
 from independent import refusal
+from turns import drawn
 
 STATE_FEEDBACK = ("f16-short-period", "first-order", "lateral-aircraft", "third-order", "wing-rock")
 
@@ -86,7 +87,10 @@ def test_trade_off_of_one_scheme_and_its_page(section_v, tmp_path):
     assert (tmp_path / "tradeoff.svg").stat().st_size > 1000
 
 
-@pytest.mark.parametrize("name", STATE_FEEDBACK)
+TURN = {"first-order", *drawn(STATE_FEEDBACK, 3)}
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.bulk] * (name not in TURN)) for name in STATE_FEEDBACK])
 @pytest.mark.short(kept=lambda name: name == "first-order")
 def test_every_bundled_case_with_measured_state(name):
     """Few tunings over a sixth of the run: each scheme has some that follow, and a delay that they bear until loss."""
