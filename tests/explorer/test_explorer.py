@@ -77,6 +77,14 @@ def test_a_page_asks_for_nothing_and_is_small(page) -> None:
     assert "The MIT License" in page
 
 
+@pytest.mark.full
+@pytest.mark.parametrize("name", bundled())
+def test_every_bundled_case_has_a_page_with_all_its_controllers(name) -> None:
+    case = load_case(name)
+    page = explore(case.problem, case.controllers, case.simulation).html
+    assert len(data_of(page)["controllers"]) == len(case.controllers)
+
+
 def test_every_number_of_the_loop_has_a_slider(page) -> None:
     paths = {number["path"]: number for number in data_of(page)["numbers"]}
     wanted = {"controller[0].gamma", "controller[0].filter.kappa", "reference.amplitude", "reference.frequency", "plant.theta[0]"}
