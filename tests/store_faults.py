@@ -191,7 +191,18 @@ def two_writers(folder: Path, expected: dict[str, np.ndarray]) -> str:
 
 def interrupt(folder: Path, *options: str) -> str:
     """Ctrl-C during the command itself, in threads or with a cluster's processes, each in the middle of a chunk."""
-    arguments = ["sweep", "paper", "--sample", "plant.theta=known-set", "--members", "100000", "--no-bounds", "--json"]
+    arguments = [
+        "sweep",
+        "paper",
+        "--sample",
+        "plant.theta=known-set",
+        "--members",
+        "100000",
+        "--no-bounds",
+        "--json",
+        "--budget",
+        "10h",
+    ]
     command = [sys.executable, "-m", "barbalat", *arguments, "--store", str(folder), *options]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     while not (folder / INDEX_FILE).exists() and process.poll() is None:
