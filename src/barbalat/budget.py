@@ -195,6 +195,7 @@ MODES_SECONDS = 3e-8
 LINEARISATION_SECONDS, LINEARISATION_BYTES = 4e-7, 1500.0
 """For each cubed and each squared state: 12 s and 0.3 GB for 300 states."""
 CERTIFICATE_SECONDS = 0.3
+"""Of a small loop's certificate; it grows with the square of the states."""
 KERNEL_BYTES, KERNEL_SECONDS = 1e6, 0.05
 """Of the smallest loop's code."""
 STEP_OPERATION_SECONDS = 6e-10

@@ -141,6 +141,42 @@ def test_a_run_that_the_step_damps_is_settled_by_a_finer_one():
     assert settle(results, afforded_steps=10)["L1"].verdict.settled is None
 
 
+FLEXIBLE = """
+name = "Flexible"
+[plant]   # a mode at 50 rad/s with a damping of 0.2 %
+A = [[-1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -2500.0, -0.2]]
+b = [1.0, 0.0, 50.0]
+[reference_model]
+poles = [-2.0, [-0.5, 50.0]]
+k_0 = 2.0
+[reference]
+kind = "square"
+amplitude = 1.0
+frequency = 1.0
+[uncertainty]
+lower = [-2.0, -2.0, -2.0]
+upper = [2.0, 2.0, 2.0]
+[simulation]
+t_end = 21.0
+dt = 0.03
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 1.0
+sample_time = 0.03
+"""
+
+
+def test_between_samples_the_plants_own_modes_must_be_resolved():
+    case = parse_case(FLEXIBLE)
+    coarse = simulate(case.problem, case.controllers, case.simulation)["MRAC"]
+    assert 1 < coarse.finer_by < np.inf
+    assert coarse.verdict.settled is not True
+    resolved = simulate(case.problem, case.controllers, replace(case.simulation, dt=0.0003))["MRAC"]
+    assert resolved.finer_by == 1
+    assert resolved.verdict.settled is True
+
+
 def test_ringing_shares_are_those_of_a_step_that_resolves_it():
     """Section V at h = 1 ms, where every member rings: against the same members at 10 us."""
     text = CaseText(SECTION_V.replace("GAMMA", "100.0"))

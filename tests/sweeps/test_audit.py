@@ -125,6 +125,23 @@ def test_what_no_finer_step_settled_is_found_by_the_audit():
     assert found.changed >= changed and "a smaller simulation.dt is needed" in found.sentences[0]
 
 
+@pytest.mark.parametrize("unsettled", [16, 64])
+def test_the_audits_share_is_of_members_that_were_run_again(unsettled):
+    settling = Settling(study(STIFF, {"plant.theta": "known-set"}, 64), settles=False)
+    rows, columns = UnstoredChunks(None), settling.run(np.arange(64))
+    columns["L1/settled"][:], columns["L1/finer_by"][:] = 1.0, 0.0
+    columns["L1/settled"][:unsettled], columns["L1/finer_by"][:unsettled] = 0.0, np.inf  # no step is enough
+    rows.add(Chunk(0, 64), columns)
+    found = audit(settling, rows, members=64, run=done_here)
+    assert found.members == tuple(range(unsettled, 64)) and found.drawn == 64
+    if found.members:
+        assert found.share.judged == 48 and found.sentences[0].startswith("of 48 members run again at half the step")
+        assert "16 members drawn beside them could not be run again: no step settles them" in found.sentences
+    else:
+        assert found.share is None
+        assert "no step settles any of the 64 members drawn" in found.sentences[0]
+
+
 def test_requirements_are_split_by_what_the_solver_settles():
     """With the figures of the step that settles a member; where none does, a member may or may not break it."""
     case = study(STIFF, {"plant.theta": "known-set"}, 64)

@@ -21,6 +21,8 @@ from barbalat.validate import Array, InputError
 AUDITED_SHARE, FEWEST_AUDITED = 0.02, 30
 """Of the members, and members at least, that are run again: with 10 % of all verdicts the solver's, 96 of 100 audits find one."""
 FINER_BY = 2
+AGAIN = "run again"
+"""A column of each controller while the audit lasts: of which members drawn a run at half the step could be had."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,14 +37,16 @@ class Changed:
 class Audit:
     """What half the step says of a sweep's verdicts.
 
-    members    numbers of those that were run again, drawn from all; ``of`` how many there are
-    changed    of them, those with another verdict on any controller; None where nothing could be run, see ``why``
+    members    numbers of those that were run again with one controller at least; ``of`` how many the sweep has
+    drawn      how many were to be run again: what no step settled is not, nor what half the step refuses
+    changed    of ``members``, those with another verdict on any controller; None where nothing could be run, see ``why``
     verdicts   by what is judged, and then by controllers
     errors     by controllers, members whose largest |e| differs by more than a tenth
     """
 
     members: tuple[int, ...] = ()
     of: int = 0
+    drawn: int = 0
     changed: int | None = None
     verdicts: Mapping[str, Mapping[str, Changed]] = field(default_factory=dict)
     errors: Mapping[str, int] = field(default_factory=dict)
@@ -65,6 +69,8 @@ class Audit:
             said = [f"{again}, {self.changed} changed a verdict ({within}; {self._changes}): a smaller simulation.dt is needed"]
         else:
             said = [f"{again}, none changed a verdict ({within})"]
+        if left := self.drawn - len(self.members):
+            said.append(f"{validate.counted(left, 'member')} drawn beside them could not be run again: no step settles them")
         if errors := {name: count for name, count in self.errors.items() if count}:
             counts = ", ".join(f"{count} of {name}" for name, count in errors.items())
             said.append(f"the largest |e| changed by more than {EQUAL_FIGURES_SHARE:.0%} in these members: {counts}")
@@ -83,6 +89,7 @@ class Audit:
         """``share`` is that of the members with a changed verdict."""
         return {
             "members": list(self.members),
+            "drawn": self.drawn,
             "finer_by": FINER_BY,
             "changed": self.changed,
             "share": None if self.share is None else self.share.share,
@@ -111,12 +118,15 @@ def audit(
     if count == 0:
         return Audit(why="none was asked for", of=len(study))
     generator = np.random.default_rng([study.plan.seed, FINER_BY])
-    chosen = np.sort(generator.choice(len(study), min(count, len(study)), replace=False))
+    drawn = min(count, len(study))
+    chosen = np.sort(generator.choice(len(study), drawn, replace=False))
     before = _Chosen({name: rows.column(name)[chosen] for name in rows.names})
     try:
         after = _Chosen(run(_work(settling, before)))
     except InputError as error:
-        return Audit(why=str(error), of=len(study))
+        return Audit(why=str(error), of=len(study), drawn=drawn)
+    if not any(after.column(f"{controller}/{AGAIN}").any() for controller in study.controllers):
+        return Audit(why=f"no step settles any of the {validate.counted(drawn, 'member')} drawn", of=len(study), drawn=drawn)
     return _compared(before, after, settling, requirements)
 
 
@@ -139,10 +149,11 @@ class _Chosen:
 
 
 def _work(settling: Settling, before: _Chosen) -> Work:
-    """The same columns, by half the steps."""
+    """The same columns, by half the steps, and which members have them."""
     study, numbers, found = settling.study, before.column("member"), {name: v.copy() for name, v in before.columns.items()}
     reruns: list[Rerun] = []
     for i, controller in enumerate(study.controllers):
+        found[f"{controller}/{AGAIN}"] = np.zeros(len(numbers), dtype=bool)
         judged = f"{controller}/{SETTLED}" in before.names
         factors = settled_by(before.column, controller) if judged else np.zeros(len(numbers))
         for factor in np.unique(factors[~np.isnan(factors)]):
@@ -151,6 +162,7 @@ def _work(settling: Settling, before: _Chosen) -> Work:
     if reruns:
         figures = yield [one.part for one in reruns]
         for rerun, (fine,) in zip(reruns, figures, strict=True):
+            found[f"{study.controllers[rerun.controller]}/{AGAIN}"][rerun.places] = True
             (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
             ring = RINGS if f"{study.controllers[rerun.controller]}/{RINGS}" in found else OSCILLATED  # of a store of old
             for name, values in (columns_of(fine.metrics) | {VERDICT: fine.kinds, ring: rings}).items():
@@ -160,12 +172,15 @@ def _work(settling: Settling, before: _Chosen) -> Work:
 
 
 def _compared(before: _Chosen, after: _Chosen, settling: Settling, requirements: Sequence[Requirement]) -> Audit:
-    changed = np.zeros(len(before.column("member")), dtype=bool)
+    numbers = before.column("member")
+    changed, run_again = np.zeros(len(numbers), dtype=bool), np.zeros(len(numbers), dtype=bool)
     found: dict[str, dict[str, Changed]] = {}
     errors: dict[str, int] = {}
     for controller in settling.study.controllers:
+        again = after.column(f"{controller}/{AGAIN}")
+        run_again |= again
         for one, other in zip(*(judged_by(rows, controller, requirements) for rows in (before, after)), strict=True):
-            judged = one.judged & one.settled & other.judged
+            judged = one.judged & one.settled & other.judged & again
             differs = (one.counted != other.counted) & judged
             changed |= differs
             found.setdefault(one.name, {})[controller] = Changed(changed=int(differs.sum()), judged=int(judged.sum()))
@@ -173,8 +188,9 @@ def _compared(before: _Chosen, after: _Chosen, settling: Settling, requirements:
         with np.errstate(invalid="ignore"):
             errors[controller] = int((np.abs(fine - coarse) > EQUAL_FIGURES_SHARE * np.maximum(fine, coarse)).sum())
     return Audit(
-        members=tuple(map(int, before.column("member"))),
+        members=tuple(map(int, numbers[run_again])),
         of=len(settling.study),
+        drawn=len(numbers),
         changed=int(changed.sum()),
         verdicts=found,
         errors=errors,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -187,38 +187,55 @@ def _cycles(
     band = share * kept.ranges
     tail = simulation.t_end - float(simulation.time(simulation.tail_start))
     reversals = kept.reversals
-    which, amplitude, frequency = (np.zeros((members, inputs)) for _ in range(3))
-    growing = np.zeros(members, dtype=bool)
+    amplitude, frequency = np.zeros((members, inputs)), np.zeros((members, inputs))
+    which, growing = np.zeros((members, inputs), dtype=bool), np.zeros(members, dtype=bool)
 
     def look(group: Group) -> None:
-        columns = group.columns
-        mine = suspect[columns]
-        fewest = float(reversals[columns][mine].max(axis=1).min())
-        length = window(slowest, tail, fewest, simulation.t_end)
-        steps = max(round(length / simulation.dt), 1)
-        going, seen = Continued.of(group, simulation, held.values), []
-        while True:
-            seen.append(going.window(steps))
-            if len(seen) < FEWEST_WINDOWS:
-                continue
-            with np.errstate(invalid="ignore"):
-                swing = np.array([one.high - one.low for one in seen])
-            found = Windows(swing, np.array([one.reversals for one in seen]), seen[-1].lost)
-            if len(seen) == MOST_WINDOWS or (found.decided(band[columns]) | ~mine).all():
-                break
-        cycling = found.cycling(band[columns]) & mine[:, None]
-        which[columns] = cycling
-        growing[columns] = found.growing(band[columns]) & mine
-        amplitude[columns] = np.where(cycling, 0.5 * found.swing[-1], 0.0)
-        if traced and cycling.any():
-            t, path = going.traced(steps, int(SAMPLES_EACH_REVERSAL * found.reversals[-1].max()))
-            for i, j in zip(*np.nonzero(cycling), strict=True):
-                frequency[columns.start + i, j] = frequency_of(t, path[:, i, j])
+        at = group.columns.start + np.flatnonzero(suspect[group.columns])
+        lengths = np.array([window(slowest, tail, seen, simulation.t_end) for seen in reversals[at].max(axis=1)])
+        for length in np.unique(lengths):
+            steps, going = max(round(length / simulation.dt), 1), Continued.of(group, simulation, held.values)
+            mine = at[lengths == length] - group.columns.start
+            for found, now in _decisions(going, steps, band[group.columns], mine):
+                rows, cycling = group.columns.start + now, found.cycling(band[group.columns])[now]
+                which[rows], growing[rows] = cycling, found.growing(band[group.columns])[now]
+                amplitude[rows] = np.where(cycling, 0.5 * found.swing[-1][now], 0.0)
+                if traced:
+                    frequency[rows] = _frequencies(going, steps, found.reversals[-1][now], cycling, now)
 
     pending = [group for group in batch.groups if suspect[group.columns].any()]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         list(pool.map(look, pending))
-    return Cycles(which.astype(bool), amplitude, frequency, suspect, growing)
+    return Cycles(which, amplitude, frequency, suspect, growing)
+
+
+def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Iterator[tuple[Windows, Array]]:
+    """What decides about these ``members`` of a group, and about which of them.
+
+    Each is judged by the first windows that decide about it, whatever its neighbours need: no verdict depends on who runs beside.
+    """
+    seen: list[_Seen] = []
+    while len(members):
+        seen.append(going.window(steps))
+        if len(seen) < FEWEST_WINDOWS:
+            continue
+        with np.errstate(invalid="ignore"):
+            swing = np.array([one.high - one.low for one in seen])
+        found = Windows(swing, np.array([one.reversals for one in seen]), seen[-1].lost)
+        over = found.decided(band)[members] | (len(seen) == MOST_WINDOWS)
+        if over.any():
+            yield found, members[over]
+        members = members[~over]
+
+
+def _frequencies(going: Continued, steps: int, reversals: Array, cycling: Array, members: Array) -> Array:
+    """(K, m) [rad/s] of the controls of K ``members`` that cycle, from one window more; 0 of the others. ``reversals`` (K, m)."""
+    samples, found = (SAMPLES_EACH_REVERSAL * reversals.max(axis=1)).astype(int), np.zeros(cycling.shape)
+    for count in np.unique(samples[cycling.any(axis=1)]):
+        t, path = going.copied().traced(steps, int(count))
+        for i, j in np.argwhere(cycling & (samples == count)[:, None]):
+            found[i, j] = frequency_of(t, path[:, members[i], j])
+    return found
 
 
 @dataclass(eq=False)
@@ -233,8 +250,12 @@ class Continued:
     @classmethod
     def of(cls, group: Group, simulation: Simulation, held: Array) -> Continued:
         """From where the group's run ended; the group itself stays as it is."""
-        twin = replace(group, state=group.state.copy(), past=copy.deepcopy(group.past), recorded=[], quiet=True)
-        return cls(twin, simulation, held, simulation.steps)
+        return cls(replace(group, recorded=[], quiet=True), simulation, held, simulation.steps).copied()
+
+    def copied(self) -> Continued:
+        """The same from here on, by itself."""
+        twin = replace(self.group, state=self.group.state.copy(), past=copy.deepcopy(self.group.past))
+        return replace(self, group=twin)
 
     def window(self, steps: int) -> _Seen:
         """So many steps more."""
@@ -292,12 +313,8 @@ stiffest instant. Of 696 runs of Section V that passed, at steps from 1 to 1/64 
 another class; of 955 that pass 10 instead, ten rang otherwise (docs/judge.md)."""
 FACTORS = (2, 4, 8, 16, 32, 64, 128)
 """By which a step is made smaller where the method's own damping or growth is not negligible."""
-
-
 ORDER_EIGHT_FACTORS = (1, 2, 4, 8, 16, 32, 64)
 """The same of a method of order eight, whose own step may do."""
-
-
 ROOM = 0.9
 """Of the tr J^2 that a finer step would bear, what the run at the coarser one may show: at the finer one it may be larger."""
 
@@ -342,32 +359,56 @@ def finer_by(batch: Batch, simulation: Simulation) -> Array:
 
 
 def needed_by_modes(loop: ClosedLoop, simulation: Simulation) -> float:
-    """The same by the loop's modes at the start: what is constant, as an actuator is, the kernel does not watch.
+    """What ``finer_by`` says of a member, by its loop's modes at the start, since what is constant is not watched."""
+    modes = _modes(loop, simulation, flatten(loop.initial())[None], np.zeros((1, loop.signal_count)))
+    if np.isnan(modes).any() or _smallest(modes, simulation, simulation.solver, (1,)) == 1:
+        return 0.0
+    return _smallest(modes, simulation, *Refining.of(simulation.solver, delayed=loop.delayed))
+
+
+def finer_by_along(batch: Batch, simulation: Simulation, states: Array, signals: Array) -> float:
+    """By how much smaller steps of its own method one recorded member needs; NaN where nothing was watched.
+
+    Each window of a continuous loop counts for as long as it lasts. Between the samples of a sampled one the plant's modes count,
+    at recorded instants with these ``states`` (K, size) and ``signals`` (K, signal_count).
+    """
+    factors = (1, *FACTORS)
+    if batch.loop.sampled:
+        at = np.unique(np.linspace(0, len(states) - 1, MOST_INSTANTS).astype(int))
+        modes = _modes(batch.loop, simulation, states[at], signals[at])
+        return np.nan if np.isnan(modes).any() else _smallest(modes, simulation, simulation.solver, factors)
+    if batch.watch is None:
+        return np.nan
+    return float(_needed(batch.watch.rows[:, :1], batch.watch.window, simulation, simulation.solver, factors)[0])
+
+
+MOST_INSTANTS = 32
+"""Of a record, at which the modes between samples are looked at; those of a linear plant are the same at each."""
+
+
+def _modes(loop: ClosedLoop, simulation: Simulation, states: Array, signals: Array) -> Array:
+    """All eigenvalues of the right-hand side's Jacobian at K instants, (K size,); NaN where one is no number."""
+    jacobian = jacobian_function(loop.following_within(simulation.dt))
+    found = [np.array(jacobian(*at).full()) for at in zip(states, signals, strict=True)]
+    if not np.isfinite(found).all():
+        return np.array([np.nan])
+    return np.concatenate([np.linalg.eigvals(one) for one in found])
+
+
+def _smallest(modes: Array, simulation: Simulation, solver: Tableau, factors: Sequence[int]) -> float:
+    """The smallest of the factors with which the method resolves these modes [1/s]; infinite where none does.
 
     A mode that decays must do so by the method too, and one that oscillates keep its damping for as long as it lasts.
     """
-    jacobian = jacobian_function(loop.following_within(simulation.dt))
-    modes = np.linalg.eigvals(np.array(jacobian(flatten(loop.initial()), np.zeros(loop.signal_count)).full()))
-
-    def resolved(solver: Tableau, factor: int) -> bool:
+    for factor in factors:
         z = modes * simulation.dt / factor
         growth = 0.5 * np.log1p(np.maximum(solver.growth(z), -1 + 1e-300))
         lasts = np.minimum(simulation.steps * factor, 1 / np.maximum(np.abs(z.real), 1e-300))
         oscillates = np.abs(z.imag) > np.abs(z.real)
         damped = np.abs(growth - z.real) * lasts <= NEGLIGIBLE
-        return bool(((z.real >= 0) | (growth < 0)).all() and (damped | ~oscillates).all())
-
-    if not np.isfinite(modes).all() or resolved(simulation.solver, 1):
-        return 0.0
-    solver, factors = Refining.of(simulation.solver, delayed=loop.delayed)
-    return float(next((factor for factor in factors if resolved(solver, factor)), np.inf))
-
-
-def finer_by_along(batch: Batch, simulation: Simulation) -> float:
-    """By how much smaller steps of its own method one recorded member needs; each window counts for as long as it lasts."""
-    if batch.loop.sampled or batch.watch is None:
-        return 1.0 if batch.loop.sampled else np.nan
-    return float(_needed(batch.watch.rows[:, :1], batch.watch.window, simulation, simulation.solver, (1, *FACTORS))[0])
+        if ((z.real >= 0) | (growth < 0)).all() and (damped | ~oscillates).all():
+            return float(factor)
+    return np.inf
 
 
 def _needed(coupling: Array, steps: int, simulation: Simulation, solver: Tableau, factors: Sequence[int]) -> Array:

@@ -102,7 +102,7 @@ def result_of(
         metrics=metrics,
         stiffness=stiffness_along(made),
         judge=judge,
-        finer_by=finer_by_along(batch, simulation),
+        finer_by=finer_by_along(batch, simulation, states, signals.T),
         judged=None if judge is None else judged(batch, simulation, Terms.of(problem, simulation, judge)).verdict(0),
         lost=lost_along(
             lost_order(problem.signals, simulation, delayed=loop.delayed, bends=brings_bends(loop)),
