@@ -80,7 +80,7 @@ def test_labels_known_beforehand():
 @pytest.mark.parametrize("kind", ["van der Pol", "one to three periods in the tail", "relay with delay"])
 def test_no_verdict_depends_on_who_runs_beside(kind):
     members, simulation, _ = labelled(np.random.default_rng(1), 12)[kind]
-    alone, together = (simulate_ensemble(members, simulation, judge=Judge(), closely=True, lanes=w).judged for w in (1, 8))
+    alone, together = (simulate_ensemble(members, simulation, judge=Judge(), lanes=w).judged for w in (1, 8))
     for name in ("which", "growing", "amplitude", "frequency"):
         np.testing.assert_array_equal(getattr(alone.cycles, name), getattr(together.cycles, name), err_msg=name)
 

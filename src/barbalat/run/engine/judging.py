@@ -93,7 +93,9 @@ def judged(
     """The verdicts on a batch whose run is over.
 
     closely  every run is a suspect, however seldom its control reverses: the tail may be too short for it
-    among    (M,) members whose limit cycles are looked for, without their frequencies; by default all are, with these
+    among    (M,) members whose limit cycles are looked for; by default all are
+
+    Cycles have their frequencies where neither is given: studies and sweeps, which give them, have no use for these.
     """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
@@ -104,7 +106,9 @@ def judged(
         suspect = (suspects(kept.reversals, held.turns) | closely) & ~lost
     if among is not None:
         suspect &= among
-    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, traced=among is None)
+    cycles = _cycles(
+        batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, traced=among is None and not closely
+    )
     return Judged.of(
         kept,
         bands,
