@@ -1,5 +1,6 @@
 """Limit cycles known in closed form are found, with their amplitudes and frequencies; nothing else is taken for one."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +16,14 @@ from labelled_runs import (
     relay_problem,
 )
 
-from barbalat import Simulation, simulate, simulate_ensemble
-from barbalat.cases.load import CaseText
+from barbalat import InputError, Simulation, simulate, simulate_ensemble
+from barbalat.cases.load import CaseText, parse_case
 from barbalat.judge.cycles import Windows
 from barbalat.judge.held import Held
 from barbalat.judge.settings import Judge
 from barbalat.judge.verdict import Class
 from barbalat.open_numbers.varied import VariedCase
+from barbalat.run.engine.judging import tail_is_short
 from barbalat.signals import Constant, Sine, Square, Step
 from barbalat.signals.smooth import Clock
 from barbalat.sweeps.known_set_draws import sampled
@@ -75,6 +77,50 @@ def test_labels_known_beforehand():
     missed.pop("one to three periods in the tail")
     assert set(missed.values()) == {0}, missed
     assert set(false.values()) == {0}, false
+
+
+SLOW = """
+name = "Slow hunting"
+[plant]   # an integrator, nearly, behind a delay of 6 s: a relay's cycle of 23 s, and a tail of 10 s
+A = [[-0.02]]
+b = [1.0]
+x0 = [1.0]
+[plant.input]
+saturation = [-1.0, 1.0]
+delay = 6.0
+[reference_model]
+poles = [-0.5]
+k_0 = 0.5
+[reference]
+kind = "constant"
+value = 0.0
+[uncertainty]
+lower = [-1.0]
+upper = [1.0]
+[simulation]
+t_end = 40.0
+dt = 0.01
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 10.0
+"""
+
+
+def test_a_cycle_slower_than_the_tail_is_found_where_it_is_looked_at_closely():
+    """By ``judge.closely``, which ``run`` takes where the tail is shorter than three periods of the model."""
+    plain, closely = (parse_case(SLOW + more) for more in ("", "[judge]\nclosely = true\n"))
+    simulation = plain.simulation
+    assert tail_is_short(plain.problem, simulation)
+    assert not tail_is_short(plain.problem, replace(simulation, t_end=160.0))
+    hidden, seen = (simulate(c.problem, c.controllers, simulation, judge=c.judge)["MRAC"].verdict for c in (plain, closely))
+    long = simulate(plain.problem, plain.controllers, replace(simulation, t_end=400.0))["MRAC"].verdict
+    assert hidden.kind is Class.OFF and seen.kind is long.kind is Class.CYCLE
+    assert seen.cycle.amplitude == pytest.approx(long.cycle.amplitude, rel=1e-6)
+    assert seen.cycle.frequency == pytest.approx(long.cycle.frequency, rel=0.05)
+    assert long.cycle.frequency == pytest.approx(2 * np.pi / 23, rel=0.05)
+    with pytest.raises(InputError, match=r"judge\.closely must be true or false"):
+        Judge(closely=1)
 
 
 @pytest.mark.parametrize("kind", ["van der Pol", "one to three periods in the tail", "relay with delay"])

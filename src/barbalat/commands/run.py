@@ -7,6 +7,7 @@ import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from barbalat.commands.options import add_budget, add_controllers
@@ -84,13 +85,16 @@ def _expected(case: Case, *, plots: bool) -> dict[str, float]:
 
 
 def _simulated(case: Case, running: Work) -> list[Result]:
-    """All controllers, those that left their solver's region of stability also at a finer step."""
+    """All controllers, looked at closely where the tail is short; those that left their solver's region of stability, and what
+    their step damps, also at a finer step."""
     from barbalat.run.engine.check_numerics import check_numerics
+    from barbalat.run.engine.judging import tail_is_short
     from barbalat.run.engine.settle import settle
     from barbalat.run.engine.simulate import simulate
 
     with running.part("simulating") as progress:
-        found = simulate(case.problem, case.controllers, case.simulation, judge=case.judge, progress=progress)
+        judge = replace(case.judge, closely=case.judge.closely or tail_is_short(case.problem, case.simulation))
+        found = simulate(case.problem, case.controllers, case.simulation, judge=judge, progress=progress)
     outside = [name for name, result in found.items() if result.stiffness.unstable_from is not None]
     if outside:
         say(f"outside the region of stability, repeated at a finer step: {', '.join(outside)}")

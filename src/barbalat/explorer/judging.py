@@ -21,7 +21,7 @@ def rules(case: Case) -> dict[str, Any]:
     """By the names that ``templates/judge.js`` has for them, with the case's bands and which signals are the time."""
     judge = case.judge
     return {
-        "cycle": judge.cycle, "follows": dict(judge.follows), "lost": dict(judge.lost),
+        "cycle": judge.cycle, "closely": judge.closely, "follows": dict(judge.follows), "lost": dict(judge.lost),
         "followsShare": FOLLOWS_SHARE, "lostShare": LOST_SHARE, "rounding": ROUNDING, "instants": held.INSTANTS,
         "leastRange": LEAST_RANGE,
         "fewestReversals": cycles.FEWEST_REVERSALS, "slowestPeriods": cycles.SLOWEST_PERIODS,

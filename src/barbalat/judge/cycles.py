@@ -33,9 +33,13 @@ def suspects(reversals: Array, turns: int) -> Array:
 
 
 def window(slowest: float, tail: float, reversals: float, t_end: float) -> float:
-    """The length of a window [s]; ``slowest`` is the model's slowest period [s], ``reversals`` are those of the ``tail`` [s]."""
+    """The length of a window [s]; ``slowest`` is the model's slowest period [s], ``reversals`` are those of the ``tail`` [s].
+
+    As long as it may be where neither says anything.
+    """
     seen = FEWEST_CYCLES * 2 * tail / reversals if reversals > 0 else 0.0
-    return min(max(SLOWEST_PERIODS * slowest, seen), LONGEST_SHARE * t_end)
+    longest = LONGEST_SHARE * t_end
+    return min(max(SLOWEST_PERIODS * slowest, seen) or longest, longest)
 
 
 def slowest_period(A: Array) -> float:
@@ -43,6 +47,11 @@ def slowest_period(A: Array) -> float:
     rates = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
     rates = rates[rates > 0]
     return float(2 * np.pi / rates.min()) if len(rates) else 0.0
+
+
+def enough_windows(reversals: float) -> int:
+    """How many windows hold FEWEST_CYCLES periods of a cycle with so many ``reversals`` in each, two at least."""
+    return int(np.ceil(2 * FEWEST_CYCLES / reversals))
 
 
 def frequency_of(t: Array, v: Array) -> float:

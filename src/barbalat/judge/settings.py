@@ -31,11 +31,14 @@ class Judge(Settings):
     lost     by components, the magnitude beyond which a run is lost, in the plant's units; 100 times the scale unless given
     cycle    the hysteresis of a reversal of the limited control and the least swing of a limit cycle, as a share of the control's
              range: of its limits, or of what it covers where there are none
+    closely  looks for a limit cycle in every run, also where the control reverses too seldom in the tail to be suspected, since
+             the tail may be shorter than one and a half periods. It takes up to three and a half times the run more
     """
 
     follows: Mapping[str, float] = field(default_factory=dict)
     lost: Mapping[str, float] = field(default_factory=dict)
     cycle: float = CYCLE_SHARE
+    closely: bool = False
 
     __repr__ = one_line
 
@@ -50,6 +53,9 @@ class Judge(Settings):
         if share >= 1:
             raise InputError.of("judge.cycle", f"must be a share of the control's range below 1, got {share:g}")
         object.__setattr__(self, "cycle", share)
+        if not isinstance(self.closely, (bool, np.bool_)):
+            raise InputError.of("judge.closely", f"must be true or false, got {validate.show(self.closely)}")
+        object.__setattr__(self, "closely", bool(self.closely))
 
     def require(self, problem: TrackingProblem) -> None:
         """InputError for a component that the problem does not have."""

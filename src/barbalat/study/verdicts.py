@@ -7,7 +7,7 @@ The ranking of adaptive schemes depends on which is asked: see docs/robustness.m
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 
 import numpy as np
@@ -73,10 +73,9 @@ class Verdicts:
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> Verdicts:
-        """Simulate and judge these members, as ``simulate_ensemble`` does."""
-        found = simulate_ensemble(
-            members, simulation, numbers=numbers, judge=judge, closely=True, threads=threads, progress=progress
-        )
+        """Simulate and judge these members, as ``simulate_ensemble`` does, all of them closely."""
+        closely = replace(judge, closely=True)
+        found = simulate_ensemble(members, simulation, numbers=numbers, judge=closely, threads=threads, progress=progress)
         judged = found.judged
         assert judged is not None
         lost = judged.kinds == CLASSES.index(Class.LOST)

@@ -20,6 +20,7 @@ from barbalat.open_numbers.path import FieldPath, by_index
 from barbalat.open_numbers.varied import VariedCase, VariedObjects
 from barbalat.protocols import Controller
 from barbalat.run.engine.engine import Batch, run
+from barbalat.run.engine.judging import tail_is_short
 from barbalat.run.engine.simulate import result_of
 from barbalat.run.engine.stability_label import MOST_WINDOWS
 from barbalat.run.kernel.members import Members
@@ -153,7 +154,7 @@ def run_study(
                     progress(done / len(study))
         rows = sink.rows()
     seconds = time.perf_counter() - started
-    notes = [*(judged.notes if judged is not None else ()), *(() if settling.settles else (UNJUDGED,))]
+    notes = [*(judged.notes if judged is not None else ()), *_of_the_judge(settling)]
     return SweepResult(
         case=study.example.name,
         controllers=study.controllers,
@@ -168,6 +169,18 @@ def run_study(
     )
 
 
+def _of_the_judge(settling: Settling) -> Iterator[str]:
+    case = settling.study.example
+    if not settling.settles:
+        yield UNJUDGED
+    elif not case.judge.closely and tail_is_short(case.problem, case.simulation):
+        yield SHORT_TAIL
+
+
+SHORT_TAIL = (
+    "the tail, the last quarter of the run, has less than three periods of the model's slowest mode: of limit cycles as slow as "
+    "that not all are counted; a longer run has them, or judge.closely = true, which takes up to three and a half times as long"
+)
 UNJUDGED = (
     "this store was begun before runs were judged: its members have neither verdicts nor finer steps; another --store, or none, "
     "makes them"

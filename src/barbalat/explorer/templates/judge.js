@@ -58,7 +58,7 @@ export function verdictOf(task, kept, diverged, recorded, tail, cyclesOf) {
   const follows = judge.names.map((name, i) => judge.follows[name] ?? judge.followsShare * scale[i]);
   const limits = judge.names.map((name, i) => judge.lost[name] ?? judge.lostShare * scale[i]);
   const lost = diverged !== null || !limits.every((limit, i) => kept.of("largest y")[i] <= limit);
-  const suspect = !lost && kept.reversals().some((count) => count > judge.fewestReversals + 2 * tail.turns);
+  const suspect = !lost && (judge.closely || kept.reversals().some((count) => count > judge.fewestReversals + 2 * tail.turns));
   const cycle = suspect ? cyclesOf(kept.ranges().map((one) => judge.cycle * one), tail.values) : null;
   const error = Array.from(kept.of("largest e"));
   const within = error.every((one, i) => one <= follows[i]);
@@ -137,13 +137,15 @@ export function cycleOf(task, kept, slowest, going, band) {
   const tail = grid.tEnd - (tailStart(grid.steps) * grid.tEnd) / grid.steps;
   const reversals = Math.max(...kept.reversals());
   const periods = reversals > 0 ? (judge.fewestCycles * 2 * tail) / reversals : 0;
-  const steps = Math.max(Math.round(Math.min(Math.max(judge.slowestPeriods * slowest, periods), judge.longestShare * grid.tEnd) / dt), 1);
+  const longest = judge.longestShare * grid.tEnd;
+  const steps = Math.max(Math.round(Math.min(Math.max(judge.slowestPeriods * slowest, periods) || longest, longest) / dt), 1);
   const seen = [];
   do seen.push(going.window(steps)); while (seen.length < judge.fewestWindows || (seen.length < judge.mostWindows && !decided(judge, seen, band)));
   const which = cycling(judge, seen, band);
   const last = seen[seen.length - 1];
   if (!which.some(Boolean)) return null;
-  const { times, path } = going.traced(steps, Math.floor(judge.samplesEachReversal * Math.max(...last.reversals)));
+  const turned = Math.max(...last.reversals), windows = Math.ceil((2 * judge.fewestCycles) / turned);
+  const { times, path } = going.traced(windows * steps, Math.floor(judge.samplesEachReversal * windows * turned));
   const against = which.map((is, j) => (is ? last.swing[j] / kept.ranges()[j] : -1));
   const input = against.indexOf(Math.max(...against));
   return { input, amplitude: last.swing[input] / 2, frequency: frequencyOf(times, path.map((row) => row[input])) };

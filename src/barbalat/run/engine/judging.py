@@ -12,7 +12,17 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.judge.beside import Watched
-from barbalat.judge.cycles import FEWEST_WINDOWS, MOST_WINDOWS, Windows, frequency_of, slowest_period, suspects, window
+from barbalat.judge.cycles import (
+    FEWEST_WINDOWS,
+    MOST_WINDOWS,
+    SLOWEST_PERIODS,
+    Windows,
+    enough_windows,
+    frequency_of,
+    slowest_period,
+    suspects,
+    window,
+)
 from barbalat.judge.held import Held
 from barbalat.judge.judged import Cycles, Judged, Kept
 from barbalat.judge.memory import Begins
@@ -86,16 +96,12 @@ def judged(
     simulation: Simulation,
     terms: Terms,
     *,
-    closely: bool = False,
     among: Array | None = None,
     threads: int | None = None,
 ) -> Judged:
     """The verdicts on a batch whose run is over.
 
-    closely  every run is a suspect, however seldom its control reverses: the tail may be too short for it
-    among    (M,) members whose limit cycles are looked for; by default all are
-
-    Cycles have their frequencies where neither is given: studies and sweeps, which give them, have no use for these.
+    among  (M,) members whose limit cycles are looked for, without their frequencies; by default all are, with these
     """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
@@ -103,12 +109,10 @@ def judged(
     bands = judge.bands(terms.names, terms.units, scale)
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
-        suspect = (suspects(kept.reversals, held.turns) | closely) & ~lost
+        suspect = (suspects(kept.reversals, held.turns) | judge.closely) & ~lost
     if among is not None:
         suspect &= among
-    cycles = _cycles(
-        batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, traced=among is None and not closely
-    )
+    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, traced=among is None)
     return Judged.of(
         kept,
         bands,
@@ -119,6 +123,12 @@ def judged(
         steps=simulation.steps,
         input_units=terms.input_units,
     )
+
+
+def tail_is_short(problem: TrackingProblem, simulation: Simulation) -> bool:
+    """Whether the tail may hide a limit cycle as slow as the model: it has less than SLOWEST_PERIODS of its slowest mode."""
+    tail = simulation.t_end - float(simulation.time(simulation.tail_start))
+    return tail < SLOWEST_PERIODS * slowest_period(problem.model.matrices[0])
 
 
 def kept_of(batch: Batch) -> Kept:
@@ -233,11 +243,12 @@ def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Ite
 
 
 def _frequencies(going: Continued, steps: int, reversals: Array, cycling: Array, members: Array) -> Array:
-    """(K, m) [rad/s] of the controls of K ``members`` that cycle, from one window more; 0 of the others. ``reversals`` (K, m)."""
-    samples, found = (SAMPLES_EACH_REVERSAL * reversals.max(axis=1)).astype(int), np.zeros(cycling.shape)
-    for count in np.unique(samples[cycling.any(axis=1)]):
-        t, path = going.copied().traced(steps, int(count))
-        for i, j in np.argwhere(cycling & (samples == count)[:, None]):
+    """(K, m) [rad/s] of the controls of K ``members`` that cycle, from what follows; 0 of the others. ``reversals`` (K, m)."""
+    turned, found = reversals.max(axis=1), np.zeros(cycling.shape)
+    for count in np.unique(turned[cycling.any(axis=1)]):
+        windows = enough_windows(count)
+        t, path = going.copied().traced(windows * steps, int(SAMPLES_EACH_REVERSAL * windows * count))
+        for i, j in np.argwhere(cycling & (turned == count)[:, None]):
             found[i, j] = frequency_of(t, path[:, members[i], j])
     return found
 
