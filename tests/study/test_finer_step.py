@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +12,15 @@ from barbalat.certificates.certify import certify
 from barbalat.controllers import Adrc, L1Adaptive, Mrac
 from barbalat.linear.systems import input_filter
 from barbalat.problem.actuation import PlantInput
+from barbalat.problem.modelling_error import GainError
 from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import ParameterBox, Problem
 from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine, Square
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import Bracket, delay_margins_ensemble
-from barbalat.study.finer_step import PlainRun, delays_confirmed
+from barbalat.study.delay_margin import Bracket, delay_margins_ensemble, gains_scanned, margins_ensemble
+from barbalat.study.finer_step import PlainRun, delays_confirmed, gains_confirmed
+from barbalat.study.ideal_benchmark import Ideals, Judging
 from barbalat.study.simulated_margins import with_simulated_margins
 from foreign import PlainState
 
@@ -54,6 +57,23 @@ def test_true_delays_are_confirmed_and_false_ones_are_not(factors, said):
     assert [any(text in change for change in confirmed.changes) for text in said] == [True] * len(said)
     assert len(confirmed.changes) == len(said)
     assert ("the step decides" in confirmed.sentence) == bool(said)
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.0, None), (1.5, "already"), (0.6, "yet")])
+def test_true_gains_are_confirmed_and_false_ones_are_not(factor, said):
+    delayed = replace(DRIVE, plant=replace(DRIVE.plant, input=PlantInput(delay=0.1)))
+    members, error, sizes = [(delayed, Adrc(bandwidth=4.0))], GainError(), gains_scanned()
+    found = margins_ensemble(members, SIMULATION, sizes, Ideals(SIMULATION, sizes, error))
+    assert found.onset.bears[0] > 0 and np.isfinite(found.loss.loses[0])
+    false = (Bracket(factor * one.bears, factor * one.loses) for one in (found.onset, found.loss))
+    false = replace(found, **dict(zip(("onset", "loss"), false, strict=True)))
+    (confirmed,) = gains_confirmed(members, SIMULATION, false, error, numbers=NUMBERS, by=Judging())
+    assert confirmed.asked > 0 and bool(confirmed.changes) == (said is not None)
+    for change in confirmed.changes:
+        factors = [float(text) for text in re.findall(r"a gain of ([0-9.]+)", change)]
+        assert said in change and len(factors) == 1 and factors[0] > 1
+    assert "simulated gains" in confirmed.sentence
+    assert GainError(downwards=True).factor(0.25) == 0.8
 
 
 def test_an_oscillation_that_is_the_solvers_is_told(section_v):

@@ -53,6 +53,10 @@ class GainError:
 
     downwards: bool = False
 
+    def factor(self, size: float) -> float:
+        """By which the input's effectiveness is multiplied."""
+        return 1 / (1 + size) if self.downwards else 1 + size
+
     def added(self, path: PlantInput, size: float) -> PlantInput:
         gain = path.gain / (1 + size) if self.downwards else path.gain * (1 + size)
         # an effectiveness of exactly one is no part of the path's equations: it would part runs that go side by side

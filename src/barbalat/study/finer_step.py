@@ -5,7 +5,7 @@ A study judges thousands of runs by their figures alone. Those few that it repor
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,12 +13,13 @@ import numpy as np
 
 from barbalat.judge.settings import Judge
 from barbalat.judge.verdict import Verdict
+from barbalat.problem.modelling_error import GainError
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import LONGEST_DELAY, DelayMargins
+from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, LONGEST_DELAY, DelayMargins, gains_scanned
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Judging, Undelayed, quiet
 from barbalat.study.verdicts import Member
 from barbalat.validate import Array
@@ -105,8 +106,9 @@ VERDICTS = {
 
 @dataclass(frozen=True)
 class Confirmed:
-    """What a finer step says of the delays that one member tolerates: how much was asked, and what came out otherwise."""
+    """What a finer step says of ``what`` one member tolerates: how much was asked, and what came out otherwise."""
 
+    what: str
     dt: float
     asked: int
     changes: tuple[str, ...]
@@ -115,10 +117,10 @@ class Confirmed:
     def sentence(self) -> str | None:
         """The finding as a sentence; None where nothing was asked."""
         if self.changes:
-            return f"the step decides the simulated delays: {'; '.join(self.changes)}. Make simulation.dt smaller"
+            return f"the step decides the simulated {self.what}: {'; '.join(self.changes)}. Make simulation.dt smaller"
         if not self.asked:
             return None
-        return f"a step of {self.dt:g} s gives the same verdicts a tenth to either side of the simulated delays"
+        return f"a step of {self.dt:g} s gives the same verdicts a tenth to either side of the simulated {self.what}"
 
 
 def delays_confirmed(
@@ -136,25 +138,63 @@ def delays_confirmed(
     Where a little less is tolerated at the finer step too, and a little more is not; where it oscillates without a
     delay, whether it does there too. Nothing is asked of delays that are too short to be simulated or longer than the longest.
     """
-    fine, changes = refined(simulation), [list[str]() for _ in members]
-    both = found.onset.bears, found.loss.bears
-    asked = [(c, sign, (1 + sign * BESIDE_SHARE) * both[c]) for c in (0, 1) for sign in (-1, 1)]
-    sizes = np.unique(np.concatenate([size[size > 0] for _, _, size in asked]))
-    ideals = Ideals(fine, sizes) if 0 < len(sizes) <= SIZES_TRIED else Ideals.over(fine, longest)
-    by = by or Judging()
+    asking = _Asking("delays", SHORTEST_DELAY_STEPS * simulation.dt, longest, lambda size: f"{size:.3g} s")
+    beside = _beside(found)
+    fine = refined(simulation)
+    ideals = Ideals(fine, beside) if 0 < len(beside) <= SIZES_TRIED else Ideals.over(fine, longest)
+    return _confirmed(members, found, ideals, asking, numbers, by or Judging(), threads)
+
+
+def gains_confirmed(
+    members: Sequence[Member], simulation: Simulation, found: DelayMargins, error: GainError, *, numbers: Array, by: Judging
+) -> list[Confirmed]:
+    """The same of factors on the input's effectiveness, upwards or downwards; none is asked beyond the largest that is tried."""
+    asking = _Asking("gains", 0.0, LARGEST_GAIN_ERROR, lambda size: f"a gain of {error.factor(size):.3g}")
+    beside = _beside(found)
+    ideals = Ideals(refined(simulation), beside if len(beside) else gains_scanned(), error)
+    return _confirmed(members, found, ideals, asking, numbers, by, None)
+
+
+@dataclass(frozen=True)
+class _Asking:
+    """What is confirmed, the sizes of the modelling error that can be asked, and how one is said."""
+
+    what: str
+    least: float
+    most: float
+    said: Callable[[float], str]
+
+
+def _beside(found: DelayMargins) -> Array:
+    """All sizes to either side of those that were found."""
+    both = np.concatenate([found.onset.bears, found.loss.bears])
+    return np.unique(np.outer([1 - BESIDE_SHARE, 1 + BESIDE_SHARE], both[both > 0]))
+
+
+def _confirmed(
+    members: Sequence[Member],
+    found: DelayMargins,
+    ideals: Ideals,
+    asking: _Asking,
+    numbers: Array,
+    by: Judging,
+    threads: int | None,
+) -> list[Confirmed]:
+    fine, changes = ideals.simulation, [list[str]() for _ in members]
     undelayed = Undelayed.run(members, fine, by.judge, numbers, threads)
     judged = JudgedRuns(members, fine, undelayed, numbers, ideals, by, threads)
     count = found.oscillates.astype(int)
     for i in np.flatnonzero(found.oscillates & ~judged.oscillates):
         changes[i].append(f"at h = {fine.dt:g} s it does not oscillate without a delay")
-    shortest = SHORTEST_DELAY_STEPS * simulation.dt
-    for c, sign, size in asked:
-        which = np.flatnonzero((size >= shortest) & (size <= longest))
-        count[which] += 1
-        lost = judged.lost(which, size[which])[c]
-        for i in which[lost if sign < 0 else ~lost]:
-            changes[i].append(f"at h = {fine.dt:g} s it {VERDICTS[c, sign]} with {size[i]:.3g} s")
-    return [Confirmed(fine.dt, int(n), tuple(said)) for n, said in zip(count, changes, strict=True)]
+    for c, bears in enumerate((found.onset.bears, found.loss.bears)):
+        for sign in (-1, 1):
+            size = (1 + sign * BESIDE_SHARE) * bears
+            which = np.flatnonzero((size > 0) & (size >= asking.least) & (size <= asking.most))
+            count[which] += 1
+            lost = judged.lost(which, size[which])[c]
+            for i in which[lost if sign < 0 else ~lost]:
+                changes[i].append(f"at h = {fine.dt:g} s it {VERDICTS[c, sign]} with {asking.said(size[i])}")
+    return [Confirmed(asking.what, fine.dt, int(n), tuple(said)) for n, said in zip(count, changes, strict=True)]
 
 
 def different(coarse: float, fine: float) -> bool:

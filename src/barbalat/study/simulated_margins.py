@@ -25,7 +25,7 @@ from barbalat.study.delay_margin import (
     gains_scanned,
     margins_ensemble,
 )
-from barbalat.study.finer_step import PlainRun, delays_confirmed
+from barbalat.study.finer_step import PlainRun, delays_confirmed, gains_confirmed
 from barbalat.study.ideal_benchmark import NOISE_SENTENCE, Ideals, Judging
 from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.study.verdicts import Lost
@@ -75,6 +75,7 @@ class _Measured:
     gains: tuple[DelayMargins, DelayMargins]
     plain: PlainRun
     confirmed: str | None
+    gains_confirmed: tuple[str, ...]
 
     @classmethod
     def of(
@@ -88,14 +89,17 @@ class _Measured:
         member, zero = (problem, controller), np.zeros(1, dtype=int)
         part = part_of(progress, 0.0, 1 / PARTS)
         delay = delay_margins(problem, [controller], simulation, judge=by.judge, lost=by.lost, progress=part)[controller.name]
-        gains, sizes = [], gains_scanned()
-        for k, downwards in enumerate((False, True), start=1):
-            ideals, part = Ideals(simulation, sizes, GainError(downwards)), part_of(progress, k / PARTS, 1 / PARTS)
+        gains, sizes, errors = [], gains_scanned(), [GainError(downwards) for downwards in (False, True)]
+        for k, error in enumerate(errors, start=1):
+            ideals, part = Ideals(simulation, sizes, error), part_of(progress, k / PARTS, 1 / PARTS)
             gains.append(margins_ensemble([member], simulation, sizes, ideals, by=by, progress=part))
-        plain, confirmed = PlainRun.of(problem, controller, simulation, by.judge), None
+        plain, confirmed, of_gains = PlainRun.of(problem, controller, simulation, by.judge), None, []
         if delay.tracks[0] and plain.settles:
             confirmed = delays_confirmed([member], simulation, delay, numbers=zero, by=by)[0].sentence
-        return cls(controller, by, delay, (gains[0], gains[1]), plain, confirmed)
+            for found, error in zip(gains, errors, strict=True):
+                of_gains += gains_confirmed([member], simulation, found, error, numbers=zero, by=by)
+        said = [one.sentence for one in of_gains if one.changes] or [one.sentence for one in of_gains]
+        return cls(controller, by, delay, (gains[0], gains[1]), plain, confirmed, tuple(dict.fromkeys(filter(None, said))))
 
     @property
     def gain(self) -> float:
@@ -116,7 +120,8 @@ class _Measured:
     def _entries(self, problem: TrackingProblem, simulation: Simulation) -> Draft:
         resting = (REST_SENTENCE,) if ReferenceMotion.of(problem, simulation).comes_to_rest else ()
         noisy = (NOISE_SENTENCE,) if self.delay.noisy else ()
-        beside = (*resting, *noisy, *self.plain.sentences, *filter(None, [self.confirmed]))
+        plain = (*resting, *noisy, *self.plain.sentences)
+        beside = (*plain, *filter(None, [self.confirmed]))
         onset, begun = float(self.delay.onset.bears[0]), self._begun
         limit = _limit(self.delay.onset.bears[0], self.delay.onset.loses[0], simulation)
         loss = (
@@ -128,7 +133,12 @@ class _Measured:
         drawn = Draft()
         delay = f"delay_margin_measured was {MEASURED_SENTENCE}{begun}{limit}"
         drawn.estimate({"delay_margin_measured": onset}, delay, *beside)
-        drawn.estimate({"gain_margin_measured": self.gain}, f"gain_margin_measured was {MEASURED_SENTENCE}{begun}", *beside)
+        drawn.estimate(
+            {"gain_margin_measured": self.gain},
+            f"gain_margin_measured was {MEASURED_SENTENCE}{begun}",
+            *plain,
+            *self.gains_confirmed,
+        )
         drawn.estimate({"delay_onset_simulated": onset}, delay, *beside)
         drawn.estimate({"delay_margin_simulated": float(self.delay.loss.bears[0])}, loss, *beside)
         return drawn
