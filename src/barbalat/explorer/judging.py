@@ -28,6 +28,7 @@ def rules(case: Case) -> dict[str, Any]:
         "fewestCycles": cycles.FEWEST_CYCLES,
         "longestShare": cycles.LONGEST_SHARE, "keptShare": cycles.KEPT_SHARE, "steadyShare": cycles.STEADY_SHARE,
         "levellingShare": cycles.LEVELLING_SHARE, "fewestWindows": cycles.FEWEST_WINDOWS, "mostWindows": cycles.MOST_WINDOWS,
+        "firstPieces": cycles.FIRST_PIECES,
         "samplesEachReversal": SAMPLES_EACH_REVERSAL, "slowest": cycles.slowest_period(case.problem.model.matrices[0]),
         "clock": [isinstance(signal, Clock) for signal in case.problem.signals],
     }  # fmt: skip

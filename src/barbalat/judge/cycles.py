@@ -24,6 +24,8 @@ LEVELLING_SHARE = 0.5
 """What of a window's change the next one has at most, where a swing is on its way to a limit cycle's."""
 FEWEST_WINDOWS = 3
 """The first shows what holding the command does, the other two are compared."""
+FIRST_PIECES = 3
+"""Of the first window: a run whose control is quiet in all but the first piece, and not less so in the last, needs no other."""
 MOST_WINDOWS = 7
 
 
@@ -64,6 +66,16 @@ def frequency_of(t: Array, v: Array) -> float:
     seen = np.flatnonzero(side)
     up = seen[1:][(side[seen][1:] == 1) & (side[seen][:-1] == -1)]
     return float(2 * np.pi * (len(up) - 1) / (t[up[-1]] - t[up[0]])) if len(up) > 1 else 0.0
+
+
+def quiet(swing: Array, band: Array) -> Array:
+    """(M,) which runs rest by the pieces of their first window: ``swing`` (FIRST_PIECES, M, m), ``band`` (M, m).
+
+    A control that stays in its band all that time, which is two periods of the model's slowest mode unless the run is shorter,
+    swings for ever only with a period that is several times as long.
+    """
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((swing[1:] <= band).all(axis=0) & (swing[-1] <= swing[-2])).all(axis=1))
 
 
 @dataclass(frozen=True, eq=False)

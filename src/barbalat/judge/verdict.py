@@ -24,7 +24,7 @@ class Cycle:
 
     signal     which control, such as "u_limited[0]": what the limits leave of the demand
     amplitude  half of its swing, in the control's unit
-    frequency  [rad/s], by its reversals
+    frequency  [rad/s], by its passes from low to high; 0 where it was not measured
     """
 
     signal: str
@@ -128,7 +128,8 @@ class Verdict:
         if self.kind is Class.CYCLE:
             assert self.cycle is not None
             unit = f" {self.input_unit}" if self.input_unit else ""
-            return f"limit cycle, u swings by ±{self.cycle.amplitude:.3g}{unit} at {self.cycle.frequency:.3g} rad/s"
+            at = f" at {self.cycle.frequency:.3g} rad/s" if self.cycle.frequency else ""
+            return f"limit cycle, u swings by ±{self.cycle.amplitude:.3g}{unit}{at}"
         how = "follows within" if self.kind is Class.FOLLOWS else "off by"
         return f"{how} {self._error}"
 

@@ -75,7 +75,9 @@ class Verdicts:
     ) -> Verdicts:
         """Simulate and judge these members, as ``simulate_ensemble`` does, all of them closely."""
         closely = replace(judge, closely=True)
-        found = simulate_ensemble(members, simulation, numbers=numbers, judge=closely, threads=threads, progress=progress)
+        found = simulate_ensemble(
+            members, simulation, numbers=numbers, judge=closely, frequencies=False, threads=threads, progress=progress
+        )
         judged = found.judged
         assert judged is not None
         lost = judged.kinds == CLASSES.index(Class.LOST)

@@ -353,7 +353,11 @@ def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | N
     """What became of a batch's members, after their run; limit cycles are looked for where the step resolves the run."""
     needed = finer_by(batch, simulation)
     resolved = ~(needed > 0)
-    return Figured(batch.metrics(simulation), judged(batch, simulation, terms, among=resolved, threads=threads).kinds, needed)
+    return Figured(
+        batch.metrics(simulation),
+        judged(batch, simulation, terms, among=resolved, frequencies=False, threads=threads).kinds,
+        needed,
+    )
 
 
 def columns_of(metrics: Metrics) -> Columns:

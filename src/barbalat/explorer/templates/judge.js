@@ -139,7 +139,10 @@ export function cycleOf(task, kept, slowest, going, band) {
   const periods = reversals > 0 ? (judge.fewestCycles * 2 * tail) / reversals : 0;
   const longest = judge.longestShare * grid.tEnd;
   const steps = Math.max(Math.round(Math.min(Math.max(judge.slowestPeriods * slowest, periods) || longest, longest) / dt), 1);
-  const seen = [];
+  const end = (i) => Math.floor((i * steps) / judge.firstPieces);
+  const pieces = Array.from({ length: judge.firstPieces }, (_, i) => going.window(end(i + 1) - end(i)));
+  if (quiet(pieces, band)) return null;
+  const seen = [together(pieces)];
   do seen.push(going.window(steps)); while (seen.length < judge.fewestWindows || (seen.length < judge.mostWindows && !decided(judge, seen, band)));
   const which = cycling(judge, seen, band);
   const last = seen[seen.length - 1];
@@ -149,6 +152,19 @@ export function cycleOf(task, kept, slowest, going, band) {
   const against = which.map((is, j) => (is ? last.swing[j] / kept.ranges()[j] : -1));
   const input = against.indexOf(Math.max(...against));
   return { input, amplitude: last.swing[input] / 2, frequency: frequencyOf(times, path.map((row) => row[input])) };
+}
+
+function quiet(pieces, band) {
+  const [before, last] = pieces.slice(-2);
+  const within = pieces.slice(1).every((one) => one.swing.every((value, j) => value <= band[j]));
+  return within && last.swing.every((value, j) => value <= before.swing[j]) && !pieces.some((one) => one.lost);
+}
+
+function together(pieces) {
+  const each = (name, take) => pieces[0][name].map((_, j) => take(...pieces.map((one) => one[name][j])));
+  const [low, high] = [each("low", Math.min), each("high", Math.max)];
+  const reversals = each("reversals", (...counts) => counts.reduce((sum, count) => sum + count, 0));
+  return { low, high, swing: high.map((value, j) => value - low[j]), reversals, lost: pieces.some((one) => one.lost) };
 }
 
 function swings({ swing, reversals, lost }, band) {
@@ -226,7 +242,7 @@ export class Continued {
     const of = (name, from = after) => Array.from(from.subarray(...places[name]));
     const [low, high] = [of("low"), of("high")];
     const turned = of("reversals").map((value, j) => value - of("reversals", before)[j]);
-    return { swing: high.map((value, j) => value - low[j]), reversals: turned, lost: good < steps };
+    return { low, high, swing: high.map((value, j) => value - low[j]), reversals: turned, lost: good < steps };
   }
 
   traced(steps, samples) {
@@ -294,7 +310,7 @@ export function sentenceOf(verdict) {
 
 function saidOf({ kind, cycle, component, unit, inputUnit, error, scale, lostAt: at }) {
   if (kind === "lost") return at === null ? "lost" : `lost at t = ${brief(at, 4)} s`;
-  if (cycle) return `limit cycle, u swings by ±${brief(cycle.amplitude)}${inputUnit ? ` ${inputUnit}` : ""} at ${brief(cycle.frequency)} rad/s`;
+  if (cycle) return `limit cycle, u swings by ±${brief(cycle.amplitude)}${inputUnit ? ` ${inputUnit}` : ""}${cycle.frequency ? ` at ${brief(cycle.frequency)} rad/s` : ""}`;
   const how = kind === "follows" ? "follows within" : "off by";
   if (!(scale > 0)) return `${how} ${brief(error)}${unit ? ` ${unit}` : ""} in ${component}`;
   return `${how} ${percent(error / scale)}${kind === "follows" ? "" : ` in ${component}`}`;

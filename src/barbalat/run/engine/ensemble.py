@@ -87,6 +87,7 @@ def simulate_ensemble(
     numbers: Sequence[int] | Array | None = None,
     quarters: bool = False,
     judge: Judge | None = None,
+    frequencies: bool = True,
     threads: int | None = None,
     lanes: int | None = None,
     progress: Progress | None = None,
@@ -101,6 +102,7 @@ def simulate_ensemble(
                     with one number and one seed have the same noise
     quarters        keep the largest |e| of each quarter of the run too; at least eight steps
     judge           gives a verdict on every member; by default none is given. Model, signals and labels are the first member's
+    frequencies     of limit cycles are measured, which takes as long again as the run where members cycle
     threads, lanes  only speed depends on them, not a single bit of the results
     progress        reading members counts as a part of the work where their number is known beforehand
     """
@@ -137,7 +139,7 @@ def simulate_ensemble(
         found.append((batch.metrics(simulation), _quarters(batch, blocks) if quarters else None))
         if judge is not None and read.problem is not None:
             terms = Terms.of(read.problem, simulation, judge)
-            verdicts.append(judged(batch, simulation, terms, threads=threads))
+            verdicts.append(judged(batch, simulation, terms, frequencies=frequencies, threads=threads))
     metrics, by_quarters = zip(*found, strict=True)
     largest = np.concatenate([part.max_abs_u.reshape(len(part.max_abs_u), -1) for part in metrics])
     lost = lost_order(read.signals, simulation, delayed=read.loop.delayed, bends=delay.brings_bends(read.loop))

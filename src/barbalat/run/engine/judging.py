@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -14,11 +15,13 @@ import numpy as np
 from barbalat.judge.beside import Watched
 from barbalat.judge.cycles import (
     FEWEST_WINDOWS,
+    FIRST_PIECES,
     MOST_WINDOWS,
     SLOWEST_PERIODS,
     Windows,
     enough_windows,
     frequency_of,
+    quiet,
     slowest_period,
     suspects,
     window,
@@ -97,11 +100,13 @@ def judged(
     terms: Terms,
     *,
     among: Array | None = None,
+    frequencies: bool = True,
     threads: int | None = None,
 ) -> Judged:
     """The verdicts on a batch whose run is over.
 
-    among  (M,) members whose limit cycles are looked for, without their frequencies; by default all are, with these
+    among        (M,) members whose limit cycles are looked for; by default all are
+    frequencies  of limit cycles, each of which takes another window or more of the run
     """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
@@ -112,7 +117,7 @@ def judged(
         suspect = (suspects(kept.reversals, held.turns) | judge.closely) & ~lost
     if among is not None:
         suspect &= among
-    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, traced=among is None)
+    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, frequencies=frequencies)
     return Judged.of(
         kept,
         bands,
@@ -182,6 +187,12 @@ class _Seen(NamedTuple):
     reversals: Array
     lost: Array
 
+    @classmethod
+    def together(cls, pieces: Sequence[_Seen]) -> _Seen:
+        """What one window of them all would have shown, but for the reversals where two of them meet."""
+        low, high, reversals, lost = zip(*pieces, strict=True)
+        return cls(np.min(low, axis=0), np.max(high, axis=0), np.sum(reversals, axis=0), np.any(lost, axis=0))
+
 
 def _cycles(
     batch: Batch,
@@ -193,7 +204,7 @@ def _cycles(
     slowest: float,
     threads: int | None,
     *,
-    traced: bool,
+    frequencies: bool,
 ) -> Cycles:
     members, inputs = len(suspect), kept.memory.inputs
     if not suspect.any():
@@ -214,7 +225,7 @@ def _cycles(
                 rows, cycling = group.columns.start + now, found.cycling(band[group.columns])[now]
                 which[rows], growing[rows] = cycling, found.growing(band[group.columns])[now]
                 amplitude[rows] = np.where(cycling, 0.5 * found.swing[-1][now], 0.0)
-                if traced:
+                if frequencies:
                     frequency[rows] = _frequencies(going, steps, found.reversals[-1][now], cycling, now)
 
     pending = [group for group in batch.groups if suspect[group.columns].any()]
@@ -228,7 +239,11 @@ def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Ite
 
     Each is judged by the first windows that decide about it, whatever its neighbours need: no verdict depends on who runs beside.
     """
-    seen: list[_Seen] = []
+    ends = [i * steps // FIRST_PIECES for i in range(FIRST_PIECES + 1)]
+    pieces = [going.window(end - begin) for begin, end in pairwise(ends)]
+    seen = [_Seen.together(pieces)]
+    rests = quiet(np.array([one.high - one.low for one in pieces]), band) & ~seen[0].lost
+    members = members[~rests[members]]
     while len(members):
         seen.append(going.window(steps))
         if len(seen) < FEWEST_WINDOWS:
