@@ -123,6 +123,13 @@ def test_a_cycle_slower_than_the_tail_is_found_where_it_is_looked_at_closely():
         Judge(closely=1)
 
 
+@pytest.mark.parametrize("steps", [1, 2, 3, 5])
+def test_a_run_of_a_few_steps_is_judged_closely_too(steps):
+    case = parse_case(SLOW + "[judge]\nclosely = true\n")
+    simulation = Simulation(t_end=float(steps), dt=1.0)
+    assert simulate(case.problem, case.controllers, simulation, judge=case.judge)["MRAC"].verdict.kind in Class
+
+
 @pytest.mark.parametrize("kind", ["van der Pol", "one to three periods in the tail", "relay with delay"])
 def test_no_verdict_depends_on_who_runs_beside(kind):
     members, simulation, _ = labelled(np.random.default_rng(1), 12)[kind]

@@ -139,10 +139,13 @@ export function cycleOf(task, kept, slowest, going, band) {
   const periods = reversals > 0 ? (judge.fewestCycles * 2 * tail) / reversals : 0;
   const longest = judge.longestShare * grid.tEnd;
   const steps = Math.max(Math.round(Math.min(Math.max(judge.slowestPeriods * slowest, periods) || longest, longest) / dt), 1);
-  const end = (i) => Math.floor((i * steps) / judge.firstPieces);
-  const pieces = Array.from({ length: judge.firstPieces }, (_, i) => going.window(end(i + 1) - end(i)));
-  if (quiet(pieces, band)) return null;
-  const seen = [together(pieces)];
+  const seen = [];
+  if (steps >= judge.firstPieces) {
+    const end = (i) => Math.floor((i * steps) / judge.firstPieces);
+    const pieces = Array.from({ length: judge.firstPieces }, (_, i) => going.window(end(i + 1) - end(i)));
+    if (quiet(pieces, band)) return null;
+    seen.push(together(pieces));
+  }
   do seen.push(going.window(steps)); while (seen.length < judge.fewestWindows || (seen.length < judge.mostWindows && !decided(judge, seen, band)));
   const which = cycling(judge, seen, band);
   const last = seen[seen.length - 1];

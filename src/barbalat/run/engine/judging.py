@@ -239,11 +239,13 @@ def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Ite
 
     Each is judged by the first windows that decide about it, whatever its neighbours need: no verdict depends on who runs beside.
     """
-    ends = [i * steps // FIRST_PIECES for i in range(FIRST_PIECES + 1)]
-    pieces = [going.window(end - begin) for begin, end in pairwise(ends)]
-    seen = [_Seen.together(pieces)]
-    rests = quiet(np.array([one.high - one.low for one in pieces]), band) & ~seen[0].lost
-    members = members[~rests[members]]
+    seen: list[_Seen] = []
+    if steps >= FIRST_PIECES:
+        ends = [i * steps // FIRST_PIECES for i in range(FIRST_PIECES + 1)]
+        pieces = [going.window(end - begin) for begin, end in pairwise(ends)]
+        seen.append(_Seen.together(pieces))
+        rests = quiet(np.array([one.high - one.low for one in pieces]), band) & ~seen[0].lost
+        members = members[~rests[members]]
     while len(members):
         seen.append(going.window(steps))
         if len(seen) < FEWEST_WINDOWS:
