@@ -27,20 +27,20 @@ hypothesis.settings.load_profile("untimed")  # how long an example takes is the 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--full", action="store_true", help="all tests, every random-problem test with all its problems")
     parser.addoption("--rest", action="store_true", help="what --full runs and the short command does not")
+    parser.addoption("--one-in", type=int, default=1, help="of these tests one in so many, which the sources' commit draws")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Without an option what is marked ``full``, or lies outside a ``short`` mark, is left out."""
-    everything, rest = config.getoption("full"), config.getoption("rest")
+    everything, rest, one_in = config.getoption("full"), config.getoption("rest"), config.getoption("one_in")
     if everything and rest:
         raise pytest.UsageError("--full runs everything, --rest what is left out without it: give one of them")
-    if everything:
-        return
-    kept, others = [], []
-    for item in items:
-        runs = _left_out(item) or _draws_samples(item) if rest else not _left_out(item)
-        (kept if runs else others).append(item)
-    config.hook.pytest_deselected(items=others)
+    if one_in < 1:
+        raise pytest.UsageError(f"--one-in takes 1, which keeps all, or more, but got {one_in}")
+    kept = items if everything else [item for item in items if _left_out(item) == rest or (rest and _draws_samples(item))]
+    kept = drawn(kept, -(-len(kept) // one_in))
+    chosen = set(kept)
+    config.hook.pytest_deselected(items=[item for item in items if item not in chosen])
     items[:] = kept
 
 
