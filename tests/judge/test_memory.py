@@ -65,6 +65,13 @@ def limited_of(posed, result) -> np.ndarray:
     return np.clip(result.u, *path.saturation)
 
 
+def at_limit_of(path, u, v):
+    """Where the demand is beyond a limit and the control ``v`` has arrived there."""
+    low, high = path.saturation
+    asked = np.clip(u, low, high)
+    return ((u <= low) | (u >= high)) & (np.abs(asked - v) <= 1e-3 * (high - low))
+
+
 def test_every_quantity_is_what_the_recorded_signals_give(recorded):
     posed, result, kept = recorded
     assert len(result.t) == SIMULATION.steps + 1
@@ -83,7 +90,7 @@ def test_every_quantity_is_what_the_recorded_signals_give(recorded):
     (path,) = posed.input_paths
     if path is not None and path.saturation is not None:
         low, high = path.saturation
-        expected["at limit"] = ((result.u <= low) | (result.u >= high)).sum()
+        expected["at limit"] = at_limit_of(path, result.u, v).sum()
         widths = np.full(len(v), 0.025 * (high - low))
     else:
         widths = 0.025 * (np.maximum.accumulate(v) - np.minimum.accumulate(v))
@@ -103,7 +110,7 @@ def test_along_recorded_signals_the_list_gives_what_it_gave_in_the_kernel(record
     v, nothing = limited_of(posed, result), np.zeros(len(result.t))
     at_limit = at_rate_limit = nothing
     if path is not None:
-        at_limit = ((result.u <= path.saturation[0]) | (result.u >= path.saturation[1])).astype(float)
+        at_limit = at_limit_of(path, result.u, v).astype(float)
         if path.rate_limit is not None:
             asked = np.clip(result.u, *path.saturation)
             at_rate_limit = (np.abs(asked - v) >= path.rate_limit * SIMULATION.dt).astype(float)

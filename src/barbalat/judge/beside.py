@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 STATE, MEMORY, PARAMETERS, SIGNALS, PAST, NOISE, ERROR, DEMAND = range(8)
 """Arguments of the judge's list: those of a step, with the memory for its accumulators, and what the step computes anyway."""
+ARRIVED = 1e-3
+"""Of a control's range: so near to its limit a rate limiter has brought it there, which it approaches as an exponential does."""
 
 
 class Given(NamedTuple):
@@ -73,7 +75,10 @@ def sample_of(loop: ClosedLoop, flat: Value, signals: Value, dt: Value, u: Value
             beyond = np.where(u[i] >= high, 1.0, np.where(u[i] <= low, 1.0, 0.0))
         if path is not None and path.rate_limit is not None:
             actual = state.input[i].limited[0]
-            held_back = np.where(np.abs(asked - actual) >= path.rate_limit * dt, 1.0, 0.0)
+            behind = np.abs(asked - actual)
+            held_back = np.where(behind >= path.rate_limit * dt, 1.0, 0.0)
+            if path.saturation is not None:  # on its way to the limit it is at the rate limit alone
+                beyond = beyond * np.where(behind <= ARRIVED * (high - low), 1.0, 0.0)
             asked = actual
         limited.append(asked)
         at_limit.append(beyond)

@@ -29,7 +29,8 @@ class Sample(NamedTuple):
     e              (n,) y - y_m
     u              (m,) the demand, before the limits
     limited        (m,) what the limits leave of it
-    at_limit       (m,) 1 where the demand is at a limit or beyond it, else 0; 0 where there is none
+    at_limit       (m,) 1 where the demand is at a limit or beyond it, and a limited rate has brought the control there, else 0;
+                   0 where there is none
     at_rate_limit  (m,) 1 where the rate limit holds it back, else 0
     r              (q,) the commands
     steps          how long the sample stands for, in solver steps: 1, or less where a step comes in pieces
