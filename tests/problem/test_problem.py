@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import copy
 import pickle
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pytest
@@ -11,8 +11,11 @@ from scipy.integrate import solve_ivp
 
 from barbalat import Mrac, Simulation, simulate
 from barbalat.cases.load import load_case
+from barbalat.problem.command_gain import gains_at_rest
+from barbalat.problem.labels import Labels
 from barbalat.problem.state_feedback import Known, ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.signals import Constant, Sine
+from barbalat.validate import InputError
 from independent import refusal
 
 
@@ -141,3 +144,41 @@ def test_one_command_of_several_inputs_is_a_list_of_one():
     drive = lambda t, x_m: plant.A_m @ x_m + (B @ k_0)[:, 0] * np.sin(2 * t)  # noqa: E731
     exact = solve_ivp(drive, (0.0, 1.0), [0.0, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
     np.testing.assert_allclose(found.x_m[-1], exact, atol=1e-9)
+
+
+def following(follow, names=(), b=(0.0, 2.0), commands=None):
+    labels = Labels(names=names) if names else None
+    plant = Plant(A_m=[[0.0, 1.0], [-12.0, -7.0]], b=b, theta=np.zeros(2 * np.ndim(b)))
+    model = ReferenceModel(follow=follow)
+    return Problem(plant=plant, reference_model=model, labels=labels, reference=commands or Constant(1.0))
+
+
+def test_the_gain_follows_from_the_state_that_is_to_follow():
+    problem = following("angle", names=("angle", "rate"))
+    assert problem.k_0 == problem.known.k_0 == pytest.approx(6.0, rel=1e-15)
+    assert gains_at_rest(problem)[0, 0] == pytest.approx(1.0, rel=1e-15)
+    assert following("x_1").k_0 == problem.k_0
+    assert replace(problem, plant=replace(problem.plant, b=[0.0, 3.0])).k_0 == pytest.approx(4.0, rel=1e-15)
+
+
+def test_the_gains_of_several_inputs_follow_from_as_many_states():
+    b, commands = [[1.0, 0.5], [0.0, 2.0]], (Constant(1.0), Constant(2.0))
+    problem = following(("x_2", "x_1"), b=b, commands=commands)
+    np.testing.assert_allclose(gains_at_rest(problem), [[0.0, 1.0], [1.0, 0.0]], atol=1e-15)
+    with pytest.raises(InputError, match=r"^reference must be 2 commands, one for each followed state, got 1"):
+        following(("x_2", "x_1"), b=b, commands=commands[:1])
+    with pytest.raises(InputError, match=r"must name 2 states, one for each input, got 1"):
+        following("x_1", b=b, commands=commands)
+    with pytest.raises(InputError, match=r"names x_1, x_1, which come to rest at values that depend on each other"):
+        following(("x_1", "x_1"), b=b, commands=commands)
+
+
+def test_what_cannot_be_followed_is_refused():
+    with pytest.raises(InputError, match=r"names rate, which comes to rest at 0 under every constant command"):
+        following("rate", names=("angle", "rate"))
+    with pytest.raises(InputError, match=r"names no state, got 'x_3'; there are x_1, x_2"):
+        following("x_3")
+    with pytest.raises(InputError, match=r"reference_model.k_0 and reference_model.follow are both given"):
+        ReferenceModel(k_0=1.0, follow="x_1")
+    with pytest.raises(InputError, match=r"reference_model.follow"):
+        ReferenceModel(follow=3)

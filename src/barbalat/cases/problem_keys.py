@@ -40,7 +40,9 @@ def _problem(given: Given, _: Context) -> Problem:
     """The disturbances stand with the plant, the input gain with the known set, what A becomes with the model."""
     plant, model, known = given.pop("plant"), given.pop("reference_model"), given.pop("uncertainty", {})
     disturbances = {key: plant.pop(key) for key in ("disturbance", "unmatched") if key in plant}
-    reference_model = ReferenceModel(k_0=model["k_0"])
+    if "k_0" not in model and "follow" not in model:
+        raise InputError.of("reference_model.k_0", "is missing (or give reference_model.follow, the state that is to follow)")
+    reference_model = ReferenceModel(k_0=model.get("k_0"), follow=model.get("follow"))
     return Problem(plant=_plant(plant, model), reference_model=reference_model, **disturbances, **known, **given)
 
 
@@ -138,7 +140,6 @@ DIFFERENCES: dict[type, Differences] = {
                 None,
             ),
         },
-        required=("k_0",),
         make=_as_given,
     ),
     Uncertainty: Differences(

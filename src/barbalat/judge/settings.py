@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from barbalat import validate
+from barbalat.problem.labels import Labels
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError
@@ -105,11 +106,8 @@ def _unit(bracketed: str) -> str:
 
 def component_names(problem: TrackingProblem) -> tuple[str, ...]:
     """What the components of the error are called: by the labels, else x_1, x_2, ..., or y."""
-    count = int(np.size(problem.model.x0)) if problem.feedback == "state" else 1
-    labels = problem.labels
-    if labels is not None and labels.names:
-        return labels.names
-    return ("y",) if problem.feedback == "output" else tuple(f"x_{i + 1}" for i in range(count))
+    labels = problem.labels or Labels()
+    return labels.of_states(int(np.size(problem.model.x0))) if problem.feedback == "state" else labels.names or ("y",)
 
 
 def scale_of(model: Array, initial: Array, noise: Array | None, reached: Array) -> Array:

@@ -43,6 +43,10 @@ class Labels(Settings):
         """Return the name of the i-th state or of the output; empty where none is given."""
         return self.names[i] if self.names else ""
 
+    def of_states(self, n: int) -> tuple[str, ...]:
+        """The names of n states, x_1, x_2, ... where none are given."""
+        return self.names or tuple(f"x_{i + 1}" for i in range(n))
+
     def unit(self, i: int) -> str:
         """Return the unit as it stands behind a name, such as "[rad/s]"; empty where none is given."""
         return bracketed(self.units[i : i + 1])

@@ -260,16 +260,58 @@ class Model:
         return self.A_m, self.b.reshape(n, -1) @ np.atleast_2d(self.k_0), np.eye(n)
 
 
+AT_REST = 1e-9
+"""Of the model's largest gain at rest: below it, what a constant command moves a state by is rounding."""
+
+
 @dataclass(frozen=True, eq=False)
 class ReferenceModel(Settings):
     """x_m' = A_m x_m + b k_0 r, x_m(0) = x(0): eq. (2); A_m and b are the plant's.
 
-    k_0  a number; with m inputs a matrix (m, q) for q commands
+    k_0     a number; with m inputs a matrix (m, q) for q commands. A case file gives it or ``follow``; 1 by default in Python
+    follow  instead of k_0: the state, by its label or as "x_1", that comes to rest at a constant command; with m inputs a list of
+            m states, one for each of m commands. k_0 follows from A_m and b
     """
 
-    k_0: float | Matrix = 1.0
+    k_0: float | Matrix | None = None
+    follow: str | tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        name = "reference_model.k_0"
-        matrix = isinstance(self.k_0, (list, tuple)) or validate.dimensions(self.k_0) > 0
-        freeze(self, k_0=validate.array(name, self.k_0, (None, None)) if matrix else validate.number(name, self.k_0))
+        if self.follow is not None:
+            self._check_follow()
+            return
+        name, k_0 = "reference_model.k_0", 1.0 if self.k_0 is None else self.k_0
+        matrix = isinstance(k_0, (list, tuple)) or validate.dimensions(k_0) > 0
+        freeze(self, k_0=validate.array(name, k_0, (None, None)) if matrix else validate.number(name, k_0))
+
+    def _check_follow(self) -> None:
+        name = "reference_model.follow"
+        if self.k_0 is not None:
+            raise InputError.of("reference_model.k_0", f"and {name} are both given; k_0 follows from the state to follow")
+        if isinstance(self.follow, (list, tuple)):
+            freeze(self, follow=tuple(validate.line(name, one) for one in self.follow))
+        else:
+            freeze(self, follow=validate.line(name, self.follow))
+
+    def gain(self, plant: Plant, states: Sequence[str]) -> Array | float:
+        """k_0: as given, or so that the followed ones of the plant's ``states`` come to rest at a constant command.
+
+        Raises InputError for a state that there is not, another number of states than of inputs, and states that no constant
+        command can bring to rest at any value.
+        """
+        if self.follow is None:
+            assert self.k_0 is not None
+            return self.k_0
+        name, m = "reference_model.follow", plant.inputs
+        followed = (self.follow,) if isinstance(self.follow, str) else self.follow
+        if len(followed) != m:
+            raise InputError.of(name, f"must name {validate.counted(m, 'state')}, one for each input, got {len(followed)}")
+        for state in followed:
+            if state not in states:
+                raise InputError.of(name, f"names no state, got {validate.show(state)}; there are {', '.join(states)}")
+        at_rest = -np.linalg.solve(plant.A_m, plant.b.reshape(plant.n, m))  # x_m = at_rest k_0 r
+        gains = at_rest[[states.index(state) for state in followed]]
+        if np.linalg.svd(gains, compute_uv=False).min() <= AT_REST * np.abs(at_rest).max():
+            told = "comes to rest at 0" if m == 1 else "come to rest at values that depend on each other"
+            raise InputError.of(name, f"names {', '.join(followed)}, which {told} under every constant command")
+        return 1.0 / float(gains[0, 0]) if m == 1 else np.linalg.inv(gains)

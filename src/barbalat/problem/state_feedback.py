@@ -119,6 +119,9 @@ class Problem(TrackingProblem, Settings):
                 raise InputError.of(field, f"must have {validate.counted(wanted, 'entry')}, one for each parameter, got {size}")
         if self.input_gain is not None:
             self._check_input_gain()
+        if self.labels is not None:
+            validate.instance("labels", self.labels, Labels)
+            self.labels.require(self.plant.n, self.plant.inputs)
         self._check_commands()
         if self.disturbance is not None:
             require_signal("disturbance", self.disturbance)
@@ -128,9 +131,6 @@ class Problem(TrackingProblem, Settings):
             validate.instance("sensor", self.sensor, Sensor)
             if self.sensor.noise is not None and np.size(self.sensor.noise.std) > 1:
                 validate.vector("sensor.noise.std", self.sensor.noise.std, self.plant.n)
-        if self.labels is not None:
-            validate.instance("labels", self.labels, Labels)
-            self.labels.require(self.plant.n, self.plant.inputs)
         if not isinstance(self.unmatched, (list, tuple)):
             raise InputError(f"unmatched must be a list of Disturbance, got {validate.show(self.unmatched)}")
         for disturbance in self.unmatched:
@@ -155,12 +155,21 @@ class Problem(TrackingProblem, Settings):
             require_signal("reference", command)
         if self.plant.inputs == 1 and len(commands) != 1:
             raise InputError.of("reference", f"must be one command where the plant has one input, got {len(commands)}")
-        shape = np.shape(self.reference_model.k_0)
+        shape = np.shape(self.k_0)
         wanted = (self.plant.inputs, len(commands)) if self.plant.inputs > 1 else ()
         if shape != wanted:
             asked = f"a matrix {wanted[0]} x {wanted[1]} (inputs x commands)" if wanted else "a number"
-            raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(self.reference_model.k_0)}")
+            if self.reference_model.follow is not None:
+                raise InputError.of(
+                    "reference", f"must be {self.plant.inputs} commands, one for each followed state, got {len(commands)}"
+                )
+            raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(self.k_0)}")
         freeze(self, reference=commands if wanted else commands[0])  # type: ignore[redundant-expr]  # one command of several inputs is a list of one
+
+    @property
+    def k_0(self) -> Array | float:
+        """The command's gain, (m, q) with m inputs: as the reference model gives it, or from the state that is to follow."""
+        return self.reference_model.gain(self.plant, (self.labels or Labels()).of_states(self.plant.n))
 
     @property
     def in_brief(self) -> str:
@@ -184,7 +193,7 @@ class Problem(TrackingProblem, Settings):
         return Known(
             A_m=p.A_m,
             b=p.b,
-            k_0=self.reference_model.k_0,
+            k_0=self.k_0,
             x0=p.x0,
             estimate_set=with_gains(self.uncertainty, gains),
             matched=MatchedTerm(p.regressor, p.inputs, self.input_gain is not None),
@@ -218,7 +227,7 @@ class Problem(TrackingProblem, Settings):
     def model(self) -> Model:
         """The reference model (2), which starts where the plant does."""
         p = self.plant
-        return Model(p.A_m, p.b, self.reference_model.k_0, p.x0)
+        return Model(p.A_m, p.b, self.k_0, p.x0)
 
 
 def _limits(plant: Plant) -> Array | None:
