@@ -240,6 +240,15 @@ def test_command_and_its_page(drive, tmp_path, capsys):
     assert "What it costs" in (tmp_path / "none" / "report.html").read_text()
 
 
+def test_a_plant_that_no_tuning_controls_is_named_as_the_reason():
+    """Some plants of the known set are unstable, and need more than the limits let through: no constraint is to blame."""
+    text = DRIVE.replace("[reference_model]", "[plant.input]\nsaturation = [-0.1, 0.1]\n[reference_model]")
+    text = text.replace("t_end = 4.0", "t_end = 30.0").replace("lower = [-3.0]\nupper = [3.0]", "lower = [-0.5]\nupper = [6.0]")
+    found = tune(parse_case(text), "rms_e[0]", vary={"controller[0].gamma": "1:100:log"}, trials=288, plants=4)
+    assert found.controllers["MRAC"].chosen is None
+    assert any("diverges on one at least of the 4 plants" in note for note in found.notes)
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [

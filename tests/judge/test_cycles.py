@@ -24,7 +24,7 @@ from barbalat.judge.settings import Judge
 from barbalat.judge.verdict import Class
 from barbalat.open_numbers.varied import VariedCase
 from barbalat.run.engine.judging import tail_is_short
-from barbalat.signals import Constant, Sine, Square, Step
+from barbalat.signals import Constant, Recorded, Sine, Square, Step
 from barbalat.signals.smooth import Clock
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Design, Plan
@@ -44,6 +44,29 @@ def test_a_relay_with_delay_cycles_as_computed_exactly(a, delay):
     assert verdict.cycle.frequency == pytest.approx(frequency, rel=0.01)
     assert verdict.error == pytest.approx(amplitude, rel=0.02)
     assert verdict.at_limit[0] > 0.95
+
+
+def recorded_noise(t_end):
+    """A command at rest as a logger writes it down."""
+    t = np.linspace(0.0, t_end, 2001)
+    return Recorded(times=t, values=1.0 + 1e-6 * np.random.default_rng(0).normal(size=len(t)))
+
+
+@pytest.mark.parametrize(
+    "ripple", [{"disturbance": Sine(1e-6, 100.0)}, {"disturbance": Sine(0.05, 37.0)}, {"reference": recorded_noise(20.0)}]
+)
+def test_no_ripple_of_a_signal_hides_a_cycle(ripple):
+    """It turns more often than the control does, and drives none of it."""
+    problem = replace(relay_problem(0.5, 0.2), **ripple)
+    (result,) = simulate(problem, [Gain(k=np.array([RELAY_GAIN]))], Simulation(t_end=20.0, dt=0.001)).values()
+    assert result.verdict.kind is Class.CYCLE and result.verdict.cycle.amplitude == pytest.approx(1.0)
+
+
+def test_turns_are_counted_beyond_a_ripple():
+    t = np.linspace(0.0, 20.0, 20001)
+    noisy = Recorded(times=t, values=np.sin(t) + 1e-3 * np.random.default_rng(0).normal(size=len(t)))
+    assert Held.of([Sine(1.0, 1.0)], 0.0, 20.0).turns == Held.of([noisy], 0.0, 20.0).turns == 6
+    assert Held.of([Square(1.0, 1.0)], 0.0, 20.0).turns == 2 * 6 - 1  # each jump begins and turns back
 
 
 @pytest.mark.parametrize(("a", "delay"), [(0.5, 0.2), (1.1, 0.1)])

@@ -24,7 +24,7 @@ def rules(case: Case) -> dict[str, Any]:
         "cycle": judge.cycle, "closely": judge.closely, "follows": dict(judge.follows), "lost": dict(judge.lost),
         "followsShare": FOLLOWS_SHARE, "lostShare": LOST_SHARE, "rounding": ROUNDING, "instants": held.INSTANTS,
         "leastRange": LEAST_RANGE,
-        "fewestReversals": cycles.FEWEST_REVERSALS, "slowestPeriods": cycles.SLOWEST_PERIODS,
+        "ripple": held.RIPPLE, "fewestReversals": cycles.FEWEST_REVERSALS, "slowestPeriods": cycles.SLOWEST_PERIODS,
         "fewestCycles": cycles.FEWEST_CYCLES,
         "longestShare": cycles.LONGEST_SHARE, "keptShare": cycles.KEPT_SHARE, "steadyShare": cycles.STEADY_SHARE,
         "levellingShare": cycles.LEVELLING_SHARE, "fewestWindows": cycles.FEWEST_WINDOWS, "mostWindows": cycles.MOST_WINDOWS,

@@ -9,7 +9,8 @@ import numpy as np
 from barbalat.validate import Array
 
 FEWEST_REVERSALS = 2
-"""In the tail, with two more for each turn of the command: a suspect reverses more often, one and a half periods at least."""
+"""In the tail, with two more for each turn of the command where the run follows: a suspect reverses more often, one and a half
+periods at least."""
 SLOWEST_PERIODS = 3.0
 """A window of a continuation lasts so many periods of the model's slowest mode, as far as the run is not shorter."""
 FEWEST_CYCLES = 4.0
@@ -29,9 +30,13 @@ FIRST_PIECES = 3
 MOST_WINDOWS = 7
 
 
-def suspects(reversals: Array, turns: int) -> Array:
-    """(M,) which members reverse a control more often in the tail than the command asks; ``reversals`` (M, m) there."""
-    return np.asarray((reversals > FEWEST_REVERSALS + 2 * turns).any(axis=1))
+def suspects(reversals: Array, turns: int, follows: Array) -> Array:
+    """(M,) which members reverse a control more often in the tail than the command asks; ``reversals`` (M, m) there.
+
+    The command's turns explain the reversals of a member that ``follows``, (M,), and of no other.
+    """
+    explained = np.where(follows, 2 * turns, 0)[:, None]
+    return np.asarray((reversals > FEWEST_REVERSALS + explained).any(axis=1))
 
 
 def window(slowest: float, tail: float, reversals: float, t_end: float) -> float:

@@ -13,6 +13,8 @@ from barbalat.validate import Array
 
 INSTANTS = 2**14
 """Of the tail, at which the signals are looked at."""
+RIPPLE = 0.025
+"""Of a signal's range in the tail: what moves to and fro by less is no turn of it, and explains no reversal of a control."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +22,7 @@ class Held:
     """The signals of a run's tail.
 
     values  (k,) of each signal where its magnitude is the largest there, with the sign; NaN for the time itself, which goes on
-    turns   how often they jump, begin to move or turn back
+    turns   how often they jump from rest, or turn back
     """
 
     values: Array
@@ -42,6 +44,18 @@ class Held:
 
 
 def _turns(values: Array) -> int:
-    steps = np.sign(np.diff(values))
-    moving = steps[steps != 0]
-    return int((moving[1:] != moving[:-1]).sum()) + int(((steps[1:] != 0) & (steps[:-1] == 0)).sum())
+    width = RIPPLE * float(np.ptp(values))
+    steps = np.diff(values)
+    jumps = (np.abs(steps[1:]) > width) & (steps[:-1] == 0)
+    moves = np.sign(np.diff(_without_ripple(values.tolist(), 0.5 * width)))
+    moves = moves[moves != 0]
+    return int(jumps.sum()) + int((moves[1:] != moves[:-1]).sum())
+
+
+def _without_ripple(values: list[float], half: float) -> list[float]:
+    """What follows the values with so much play on either side."""
+    found, last = [], values[0]
+    for value in values:
+        last = max(min(last, value + half), value - half)
+        found.append(last)
+    return found

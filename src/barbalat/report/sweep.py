@@ -76,8 +76,8 @@ def meanings(found: SweepResult) -> list[str]:
     if not found.judged:
         return [f"Diverged: {DIVERGES}", f"Estimates ring, at this step: {EXAMINED}", *lacking]
     return [
-        "Lost: diverged, or a component left its limit, by default 100 times its scale; limit cycle: the control swings for "
-        "ever; off: the tail's error is outside its band, by default 5 % of the scale",
+        "Lost: diverged, or a component left its limit, 100 times its scale unless [judge] says otherwise; limit cycle: the "
+        "control swings for ever; off: the tail's error is outside its band, 5 % of the scale unless [judge] says otherwise",
         "Not settled: no step that was afforded tells the plant from the solver; the intervals leave open what these members do",
         *lacking,
     ]

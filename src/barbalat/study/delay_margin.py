@@ -111,7 +111,7 @@ class Bracket:
 class DelayMargins(Plotted):
     """For M members; what is said of a delay holds of whatever modelling error was tried.
 
-    onset, loss  where each begins to oscillate, and where it loses its motion, by ``Lost``; the onset is never later
+    onset, loss  where each begins to oscillate, and where it loses its motion, by ``Lost``: either may be first
     tracks       (M,) whether the loop follows its model without a delay, with its noise and without; one that does not bears
                  nothing: 0 and 0
     oscillates   (M,) whether it oscillates without a delay already, judged without noise; the onset of such a one is 0 and 0

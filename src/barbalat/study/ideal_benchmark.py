@@ -207,20 +207,20 @@ class JudgedRuns:
     ) -> tuple[Array, Array]:
         """(J,) by the onset and by the loss: which of the members ``chosen`` are lost with errors of the sizes ``added``.
 
-        The onset is never later than the loss. Where one criterion alone is ``asked``, the other's answer may be too good: what
-        is decided without the noise is not run with it.
+        Where one criterion alone is ``asked``, the other's answer may be too good: what is decided without the noise is not run
+        with it.
         """
         if not len(chosen):
             return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)
         without = self._run(self.quiet, chosen, added, part_of(progress, 0.0, 0.5 if self.noisy else 1.0))
         loss = self.by.lost.judge(without, self.undelayed.quiet.of(chosen))
-        begun = loss | without.oscillates
-        left = ~(begun if asked is Criterion.ONSET else loss)
+        begun = without.oscillates.copy()
+        left = ~{Criterion.ONSET: begun, Criterion.LOSS: loss, None: begun & loss}[asked]
         if self.noisy and left.any():
             which, sizes = chosen[left], added[left]
             seen = self._run(self.members, which, sizes, part_of(progress, 0.5, 0.5))
             loss[left] |= self.by.lost.judge(seen, self.undelayed.noisy.of(which))
-            begun[left] |= loss[left] | seen.oscillates
+            begun[left] |= seen.oscillates
             if asked is not Criterion.LOSS:
                 begun[left] |= self._costs_more(seen, without.of(left), which, sizes)
         return begun, loss

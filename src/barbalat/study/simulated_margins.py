@@ -169,6 +169,12 @@ class _Measured:
         linear = min(up or np.inf, 1 / down if down else np.inf)
         if linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR))):
             said.append(half_sentence(f"gain margin, {self.gain:.3g}, in decibels", [f"gain_margin, {linear:.3g}"]))
+        lost = float(self.delay.loss.loses[0])
+        if lost <= delay:
+            said.append(
+                f"the motion is lost before the loop oscillates: from a delay of {lost:.3g} s on the error in the tail has grown "
+                f"by {self.by.lost.share:g} times the largest |x_m|, delay_margin_simulated"
+            )
         return said
 
 

@@ -267,11 +267,7 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
         said.append("only the case's own plant was looked at: it has no known set from which others of theta could be drawn")
     for name, one in found.items():
         if one.chosen is None:
-            also = f" at a step {FINER_BY} times smaller as well" if one.refused else ""
-            said.append(
-                f"{name}: none of {validate.counted(one.trials, 'tuning')} meets every constraint{also}; "
-                "the case file keeps its own"
-            )
+            said.append(f"{name}: {_unmet(tuner, one)}; the case file keeps its own")
         elif one.refused:
             said.append(
                 f"{name}: better tunings, {len(one.refused)} of them, meet every constraint at the step of the case alone: "
@@ -287,6 +283,19 @@ def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
         said.append(NOISE_SENTENCE)
     said += [LINEAR_SENTENCE.format(key=one.name) for one in aim.quantities if one.key in OF_A_LINEAR_LOOP]
     return tuple(said)
+
+
+def _unmet(tuner: Tuner, one: Tuned) -> str:
+    """Why no tuning was chosen: a constraint, or a plant that no tuning controls."""
+    tunings, plants = validate.counted(one.trials, "tuning"), len(tuner.aim.family(tuner.case))
+    if one.nearest.value is not None and np.isfinite(one.nearest.value):
+        return f"none of {tunings} meets every constraint{f' at a step {FINER_BY} times smaller as well' if one.refused else ''}"
+    if plants == 1:
+        return f"the run diverges with each of {tunings}"
+    return (
+        f"each of {tunings} diverges on one at least of the {plants} plants, the case's own and others of its known set. A "
+        "smaller known set may help; --plants 1 looks at the case's own alone"
+    )
 
 
 def _beside_linear(one: Tuned) -> list[str]:

@@ -58,10 +58,11 @@ export function verdictOf(task, kept, diverged, recorded, tail, cyclesOf) {
   const follows = judge.names.map((name, i) => judge.follows[name] ?? judge.followsShare * scale[i]);
   const limits = judge.names.map((name, i) => judge.lost[name] ?? judge.lostShare * scale[i]);
   const lost = diverged !== null || !limits.every((limit, i) => kept.of("largest y")[i] <= limit);
-  const suspect = !lost && (judge.closely || kept.reversals().some((count) => count > judge.fewestReversals + 2 * tail.turns));
-  const cycle = suspect ? cyclesOf(kept.ranges().map((one) => judge.cycle * one), tail.values) : null;
   const error = Array.from(kept.of("largest e"));
   const within = error.every((one, i) => one <= follows[i]);
+  const turns = within ? tail.turns : 0;
+  const suspect = !lost && (judge.closely || kept.reversals().some((count) => count > judge.fewestReversals + 2 * turns));
+  const cycle = suspect ? cyclesOf(kept.ranges().map((one) => judge.cycle * one), tail.values) : null;
   const kind = lost ? "lost" : cycle ? "limit cycle" : within ? "follows" : "off";
   const worst = worstOf(error, follows);
   const found = {
@@ -109,15 +110,23 @@ export function tailOf(task, commands) {
   for (let j = 0; j < commands.count; j++) {
     const own = steps.map((_, i) => values[i * commands.count + j]);
     found.values.push(judge.clock[j] ? NaN : own.reduce((most, one) => (Math.abs(one) > Math.abs(most) ? one : most)));
-    if (!judge.clock[j]) found.turns += turnsOf(own);
+    if (!judge.clock[j]) found.turns += turnsOf(own, judge.ripple);
   }
   return found;
 }
 
-function turnsOf(values) {
-  const steps = values.slice(1).map((value, i) => Math.sign(value - values[i]));
-  const moving = steps.filter(Boolean);
-  return moving.filter((one, i) => i && one !== moving[i - 1]).length + steps.filter((one, i) => i && one && !steps[i - 1]).length;
+// Jumps from rest and turns, as judge/held.py: ripple is no turn.
+function turnsOf(values, ripple) {
+  const width = ripple * (values.reduce((most, one) => Math.max(most, one)) - values.reduce((least, one) => Math.min(least, one)));
+  const steps = values.slice(1).map((value, i) => value - values[i]);
+  let last = values[0];
+  const moves = values.map((value) => {
+    const before = last;
+    last = Math.max(Math.min(last, value + 0.5 * width), value - 0.5 * width);
+    return Math.sign(last - before);
+  }).filter(Boolean);
+  const jumps = steps.filter((one, i) => i && Math.abs(one) > width && steps[i - 1] === 0).length;
+  return jumps + moves.filter((one, i) => i && one !== moves[i - 1]).length;
 }
 
 // The longest period of the model's modes [s], 0 where it has none; its matrix stands in the loop's Jacobian.

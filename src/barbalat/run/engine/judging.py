@@ -114,7 +114,8 @@ def judged(
     bands = judge.bands(terms.names, terms.units, scale)
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
-        suspect = (suspects(kept.reversals, held.turns) | judge.closely) & ~lost
+        follows = (kept.of("largest e") <= bands.follows).all(axis=1)
+        suspect = (suspects(kept.reversals, held.turns, follows) | judge.closely) & ~lost
     if among is not None:
         suspect &= among
     cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, frequencies=frequencies)
