@@ -59,7 +59,7 @@ def require_members(settling: Settling, members: int, certificates: int = 0) -> 
     reruns = 0.0
     plain, budgeted = cost(members), budget.in_force()
     if settling.settles and budgeted.allows(plain) and plain.seconds * (1 + MOST_RERUN) > budgeted.seconds:
-        reruns = settling.expected(settling.finest)
+        reruns = settling.reruns
     grid = f" at {study.plan.points} points of a grid" if study.plan.points > 1 else ""
     budget.require(
         "the sweep", members, cost, given=f"of {validate.counted(members, 'member')}{grid}",
@@ -124,7 +124,7 @@ class Costs:
             returned=sum(len(pickle.dumps(one)) for one in found) / count,
             stored=size,
             tables=sum(len(pickle.dumps(one)) for one in tables),
-            reruns=settling.expected(settling.finest),
+            reruns=settling.reruns,
             settled=settling.settled,
         )
 

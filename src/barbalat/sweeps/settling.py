@@ -29,6 +29,9 @@ MOST_RERUN = 9.0
 ALWAYS_RERUN = 10**8
 """Solver steps that they may take in a small sweep too: a second of one core, as long as tracing and compiling take."""
 
+GOLDEN = (5**0.5 - 1) / 2
+"""Its multiples lie evenly in [0, 1) modulo 1: those of any run of numbers are a sample of the members."""
+
 Work = Generator[list[StudyPart], list[list[Figured]], Columns]
 """Yields parts to be run, wherever that is, takes their figures, and comes to columns."""
 
@@ -38,6 +41,24 @@ class Step(NamedTuple):
 
     factor: int
     refined: bool
+
+
+class Afforded(NamedTuple):
+    """Which members run again: all whose step need be smaller by ``finest`` at most, and a share of those who need up to
+    ``beyond``."""
+
+    finest: float
+    beyond: float = 0.0
+    share: float = 0.0
+
+    def __str__(self) -> str:
+        return str(self.finest) + (f" and {self.share:.17g} up to {self.beyond:g}" if self.share else "")
+
+    def admits(self, numbers: Array, factor: float) -> Array:
+        """(K,) which members with these numbers run again with a step smaller by ``factor``; by number, whoever runs beside."""
+        if factor <= self.finest or factor > self.beyond:
+            return np.full(len(numbers), factor <= self.finest)
+        return np.asarray((numbers * GOLDEN) % 1.0 < self.share)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +136,8 @@ class Settling:
         for i, controller in enumerate(self.study.controllers):
             needed = found[f"{controller}/{FINER_BY}"]
             for factor in np.unique(needed[np.isfinite(needed) & (needed > 0)]):
-                if factor <= self.finest:
-                    places = np.flatnonzero(needed == factor)
+                places = np.flatnonzero((needed == factor) & self.afforded.admits(found["member"], factor))
+                if len(places):
                     yield from self.again(found["member"], places, i, Step(int(factor), refined=True))
 
     def again(self, numbers: Array, places: Array, controller: int, step: Step) -> Iterator[Rerun]:
@@ -148,15 +169,19 @@ class Settling:
             found[f"{name}/{column}"][rerun.places[resolved]] = values[resolved]
 
     @cached_property
-    def finest(self) -> float:
-        """The smallest step that members are run again with, as a factor: all reruns together stay below MOST_RERUN plain sweeps.
+    def afforded(self) -> Afforded:
+        """Who runs again, so that all reruns together stay below MOST_RERUN plain sweeps.
 
         By what the plan's first members need, so that it does not depend on which members run together.
         """
         within = max(MOST_RERUN, ALWAYS_RERUN / (len(self.study) * self.study.steps))
         tried = sorted({factor for factor, _ in self._needed})
-        affordable = [factor for factor in tried if self.expected(factor) <= within]
-        return np.inf if len(affordable) == len(tried) else max(affordable, default=0.0)
+        whole = [factor for factor in tried if self.expected(factor) <= within]
+        if len(whole) == len(tried):
+            return Afforded(np.inf)
+        finest, beyond = max(whole, default=0.0), tried[len(whole)]
+        taken = self.expected(finest)
+        return Afforded(finest, beyond, (within - taken) / (self.expected(beyond) - taken))
 
     def expected(self, finest: float) -> float:
         """Evaluations that all reruns with factors up to ``finest`` take, as a multiple of the plain sweep's."""
@@ -164,10 +189,18 @@ class Settling:
         return sum(work for factor, work in self._needed if factor <= finest) / each
 
     @property
+    def reruns(self) -> float:
+        """Evaluations that the reruns are expected to take, as a multiple of the plain sweep's."""
+        finest, beyond, share = self.afforded
+        return (1 - share) * self.expected(finest) + share * self.expected(beyond)
+
+    @property
     def settled(self) -> float:
         """Share of the plan's first members, those of all controllers, that their own step settles, or one that is afforded."""
+        finest, beyond, share = self.afforded
         each = len(self.study.controllers) * self._pilots
-        return 1 - (self._unknown + sum(factor > self.finest for factor, _ in self._needed)) / each
+        left = sum(1.0 if factor > max(finest, beyond) else (1.0 - share) * (factor > finest) for factor, _ in self._needed)
+        return 1 - (self._unknown + left) / each
 
     @property
     def _pilots(self) -> int:

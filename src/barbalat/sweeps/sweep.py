@@ -200,7 +200,7 @@ def _sink(settling: Settling, store: Path | None, chunk: int | None, columns: Se
     grows = study.plan.keeps_its_first and not bounded
     identity = study.identity() | {"bounds": bounded}
     if study.plan.keeps_its_first:  # which finer steps are afforded depends on how many members there are
-        identity["finest"] = str(settling.finest)
+        identity["finest"] = str(settling.afforded)
     with opened(store, identity, len(study), size, grows=grows) as found:
         yield found
 
