@@ -26,8 +26,8 @@ PILOTS = 32
 """Of a plan's members, by which it is decided what steps can be afforded."""
 MOST_RERUN = 9.0
 """Times the evaluations of the plain sweep that runs with finer steps may take in all: with it they are ten."""
-ALWAYS_RERUN = 10**8
-"""Solver steps that they may take in a small sweep too: a second of one core, as long as tracing and compiling take."""
+ALWAYS_RERUN = 10**9
+"""Solver steps that they may take in a small sweep too: some ten seconds of one core, which nobody trades for an open answer."""
 
 GOLDEN = (5**0.5 - 1) / 2
 """Its multiples lie evenly in [0, 1) modulo 1: those of any run of numbers are a sample of the members."""
