@@ -21,7 +21,7 @@ void enable(const double *x, const double *u_now, long samples, int keep);
 unsigned act(const double *x, double r, double *u, double *sigma_hat);
 void begin(void) { law_init(&c); }
 void again(void) { law_reset(&c); }
-void enable(const double *x, const double *u_now, long samples, int keep) { law_start(&c, x, u_now, samples, keep); }
+void enable(const double *x, const double *u_now, long samples, int keep) { (void)law_start(&c, x, u_now, samples, keep); }
 unsigned act(const double *x, double r, double *u, double *sigma_hat)
 {
     law_input in = {LAW_SAMPLE_TIME, {x[0], x[1]}, {r}, 0};

@@ -30,7 +30,8 @@ from export.targets import ISO, drive, needs_gcc, run_selftest, same_bits, write
 from export.test_bit_identical import EXAMPLES, FEW, REPLAYED, SHORT
 
 pytestmark = needs_gcc
-OK, WRONG_SAMPLE_TIME, INPUT_REFUSED, RESULT_REFUSED = 0, 1, 2, 8
+OK, WRONG_SAMPLE_TIME, MEASUREMENT_LOST, RESULT_REFUSED, COMMAND_LOST = 0, 1, 2, 8, 16
+BOTH_LOST = MEASUREMENT_LOST | COMMAND_LOST
 SAMPLES = 400
 
 
@@ -57,7 +58,7 @@ class Losses:
 
     @property
     def status(self) -> np.ndarray:
-        return np.where(self.measured | self.command, INPUT_REFUSED, OK)
+        return np.where(self.measured, MEASUREMENT_LOST, OK) | np.where(self.command, COMMAND_LOST, OK)
 
 
 def through_losses(act, losses: Losses, run) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -313,7 +314,7 @@ def test_in_an_outage_without_end_the_state_comes_to_rest(name, tmp_path) -> Non
     printed = exported(tmp_path, *EXAMPLES[name])
     found = outage(printed, name, tmp_path)
     learnt = [i for i, row in enumerate(printed.contents.layout.rows) if row in printed.contents.learnt]
-    assert (found.status[200:] == INPUT_REFUSED).all()
+    assert (found.status[200:] == BOTH_LOST).all()
     assert (found.u[200:] == found.u[199]).all() and (found.kept[200:, learnt] == found.kept[199, learnt]).all()
     size = 1 + np.abs(found.kept[:200]).max()
     assert np.abs(found.kept).max() < 100 * size
@@ -346,9 +347,11 @@ def test_where_even_a_lost_sample_leads_out_of_range_nothing_moves_and_it_is_tol
     measured = np.array([[0.0], [-0.5 * range_], *[[np.nan]] * 400, [0.0], [0.0]])
     found = drive(printed, tmp_path, measured, np.zeros((404, 1)))
     assert (found.status[[0, 1, 402, 403]] == OK).all()
-    full = int(np.flatnonzero(found.status == (INPUT_REFUSED | RESULT_REFUSED))[0])
+    full = int(np.flatnonzero(found.status == (MEASUREMENT_LOST | RESULT_REFUSED))[0])
     assert 60 < full < 250  # 2/s of half the range: a second, in the controller's own scale of its state
-    assert (found.status[2:full] == INPUT_REFUSED).all() and (found.status[full:402] == (INPUT_REFUSED | RESULT_REFUSED)).all()
+    assert (found.status[2:full] == MEASUREMENT_LOST).all() and (
+        found.status[full:402] == (MEASUREMENT_LOST | RESULT_REFUSED)
+    ).all()
     assert (found.kept[full:402] == found.kept[full - 1]).all()
     assert np.abs(found.kept).max() <= range_
 

@@ -267,14 +267,17 @@ AROUND = {
     "a lost sample is taken for zero": ("in->x[i] = c->held_measured[i];", "in->x[i] = 0;"),
     "a lost command is taken for zero": ("in->r[i] = c->held_r[i];", "in->r[i] = 0;"),
     "a lost command opens the loop": (
-        "        *status |= {macro}_INPUT_REFUSED;\n        for",
-        "        *status |= {macro}_INPUT_REFUSED;\n        *measured = 0;\n        for",
+        "        *status |= {macro}_COMMAND_LOST;\n        for",
+        "        *status |= {macro}_COMMAND_LOST;\n        *measured = 0;\n        for",
     ),
     "a lost command is learnt from no more": (
-        "        *status |= {macro}_INPUT_REFUSED;\n        for",
-        "        *status |= {macro}_INPUT_REFUSED;\n        in->freeze = 1;\n        for",
+        "        *status |= {macro}_COMMAND_LOST;\n        for",
+        "        *status |= {macro}_COMMAND_LOST;\n        in->freeze = 1;\n        for",
     ),
     "a loss before the first good sample begins": ("!= 0u && !(c->held_started[0] > 0)) {", "!= 0u && 0) {"),
+    "a lost command is told as a lost measurement": ("*status |= {macro}_COMMAND_LOST;", "*status |= {macro}_MEASUREMENT_LOST;"),
+    "a start anywhere": ("    if (!in_range(x, {macro}_MEASURED) || !in", "    if (!in"),
+    "a start from any control": (" || !in_range(u_now, {macro}_INPUTS)) {", ") {"),
     "a reset goes on": ("    c->held_started[0] = 0x0.0p+0 /* 0.0 */;\n", ""),
     "a start goes on": (
         "c->held_r[0] = 0x0.0p+0 /* 0.0 */;\n    c->held_started[0] = 0x0.0p+0 /* 0.0 */;\n    if (keep",

@@ -50,6 +50,7 @@ def selftest(printed: Printed) -> str:
         standstill=standstill,
         stands_still=indented(["test_standstill();"]) if standstill else "",
         elsewhere=indented(f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = 2; }}" for part in layout.parts),
+        refused_starts=indented(_refused_starts(printed)),
         start_tests=indented(_started_at(printed)),
         kept_tests=indented(_resting(printed, "estimates are to be kept, and")),
         fresh_tests=indented(_fresh(printed)),
@@ -125,6 +126,24 @@ def _started_at(printed: Printed) -> list[str]:
     return lines
 
 
+def _refused_starts(printed: Printed) -> list[str]:
+    """A start that is handed what is out of range, or no number, in its last entry: that is told, and nothing moves."""
+    contents, (y, _, m, _) = printed.contents, printed.contents.sizes
+    beyond = f"2 * {printed.macro}_RANGE"
+    given, lines = ("x", "u") if contents.measures_state else ("u",), []
+    for bad in given:
+        start = f"{printed.name}_start(&c, {'start.x, ' if contents.measures_state else ''}u_start, {FADE}L, 0)"
+        place = f"start.x[{y - 1}]" if bad == "x" else f"u_start[{m - 1}]"
+        lines += [
+            f"{{ {printed.name}_input start = sample(1); {printed.real} u_start[{printed.macro}_INPUTS];",
+            "  memcpy(u_start, u_now, sizeof u_start); (void)start;",
+            f"  {place} = {beyond};",
+            f"  require({start} == {printed.macro}_START_REFUSED && same_state(&c, &before),",
+            '      "a start out of range is not refused"); }',
+        ]
+    return lines
+
+
 def _resting(printed: Printed, when: str) -> list[str]:
     """What was learnt is as before."""
     contents, lines = printed.contents, []
@@ -143,7 +162,7 @@ def _fresh(printed: Printed) -> list[str]:
         return []
     x0 = contents.problem.dynamics.x0
     values = ", ".join(c99.constant(value, contents.real) for value in x0)
-    started = f"{printed.name}_start(&c, {'x0, ' if contents.measures_state else ''}controls[0], 0L, 0);"
+    started = f"(void){printed.name}_start(&c, {'x0, ' if contents.measures_state else ''}controls[0], 0L, 0);"
     given = f"const {printed.real} x0[] = {{ {values} }};" if contents.measures_state else ""
     return [
         f"{{ {given} {started}",
@@ -184,7 +203,8 @@ static void test_standstill(void)
 {poked}    before = c;
     in.{measured}[0] = 2 * {macro}_RANGE;
     in.r[0] = 2 * {macro}_RANGE;
-    require({name}_step(&c, &in, &out) == ({macro}_INPUT_REFUSED | {macro}_RESULT_REFUSED), "a standstill is not told");
+    require({name}_step(&c, &in, &out) == ({macro}_MEASUREMENT_LOST | {macro}_COMMAND_LOST | {macro}_RESULT_REFUSED),
+        "a standstill is not told");
     require(same_state(&c, &before) && same(out.u, before.last_u, {macro}_INPUTS), "what leads out of range is not left out");
 }}
 """

@@ -54,6 +54,9 @@ def source(printed: Printed) -> str:
         ),
         reset=indented(f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in layout.entries().items()),
         start=_start(printed),
+        start_refused=" || ".join(
+            [*([f"!in_range(x, {printed.macro}_MEASURED)"] if state else []), f"!in_range(u_now, {printed.macro}_INPUTS)"]
+        ),
         start_argument=f"const {printed.real} x[{printed.macro}_MEASURED], " if state else "",
     )
 
@@ -129,8 +132,7 @@ def _start(printed: Printed) -> str:
         value = " + ".join(terms if terms and not rest[row] else [_initial(printed, row, rest[row]), *terms])
         (kept if row in contents.learnt else others).append(f"{text} = {value};")
     last = ["if (keep_estimates == 0) {", *(f"    {line}" for line in kept), "}"] if kept else ["(void)keep_estimates;"]
-    unused = ["(void)x;"] if contents.measures_state and not of_x[contents.layout.rows].any() else []
-    return indented([*others, *last, *unused])
+    return indented([*others, *last])
 
 
 def header(printed: Printed) -> str:

@@ -84,13 +84,13 @@ static void take(const ${name}_controller *c, ${name}_input *in, int *measured, 
 {
     int i;
     if (!in_range(in->r, ${macro}_COMMANDS)) {
-        *status |= ${macro}_INPUT_REFUSED;
+        *status |= ${macro}_COMMAND_LOST;
         for (i = 0; i < ${macro}_COMMANDS; ++i) {
             in->r[i] = c->${last_r}[i];
         }
     }
     if (!in_range(in->${measured}, ${macro}_MEASURED)) {
-        *status |= ${macro}_INPUT_REFUSED;
+        *status |= ${macro}_MEASUREMENT_LOST;
         *measured = 0;
         in->freeze = 1;
         for (i = 0; i < ${macro}_MEASURED; ++i) {
@@ -127,10 +127,13 @@ void ${name}_init(${name}_controller *c)
 ${defaults}    ${name}_reset(c);
 }
 
-void ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,
+unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,
     int keep_estimates)
 {
     int i;
+    if (${start_refused}) {
+        return ${macro}_START_REFUSED;
+    }
 ${start}    c->sample_time = ${macro}_SAMPLE_TIME;
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         c->bump[i] = u_now[i];
@@ -139,6 +142,7 @@ ${start}    c->sample_time = ${macro}_SAMPLE_TIME;
     c->fade = samples > 0L ? samples : 0L;
     c->fade_left = c->fade;
     c->matching = 1;
+    return ${macro}_OK;
 }
 
 unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out)
@@ -155,7 +159,7 @@ unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_ou
     }
     taken = *in;
     take(c, &taken, &measured, &status);
-    if ((status & ${macro}_INPUT_REFUSED) != 0u && !(c->${started}[0] > 0)) {
+    if ((status & (${macro}_MEASUREMENT_LOST | ${macro}_COMMAND_LOST)) != 0u && !(c->${started}[0] > 0)) {
         give(c, out, status); /* nothing has begun, and there is nothing that could stand in */
         return out->status;
     }

@@ -11,12 +11,14 @@
 #define ${macro}_SAMPLE_TIME ${sample_time} /* [s] for which it was made */
 #define ${macro}_RANGE ${range} /* what a measurement, a command or a state may be in size: beyond it is refused */
 ${sizes}${limits}
-/* Status of a step, of which several may hold. */
+/* Status of a step, of which several may hold, and of a start. */
 #define ${macro}_OK 0u
 #define ${macro}_WRONG_SAMPLE_TIME 1u /* called after another time, by more than 0.1 %; the step was made as if after the right one */
-#define ${macro}_INPUT_REFUSED 2u /* the measurement or the command is no number or out of range: see ${name}_step */
+#define ${macro}_MEASUREMENT_LOST 2u /* an entry of the measurement is no number or out of range: see ${name}_step */
 #define ${macro}_STATE_REFUSED 4u /* the state is no number or out of range: last u held, nothing goes on until reset or start */
 #define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: u and the whole state stay as they are */
+#define ${macro}_COMMAND_LOST 16u /* an entry of the command is no number or out of range: see ${name}_step */
+#define ${macro}_START_REFUSED 32u /* of ${name}_start, which changed nothing: an argument is no number or out of range */
 
 #ifdef __cplusplus
 extern "C" {
@@ -55,8 +57,9 @@ void ${name}_reset(${name}_controller *c);
  * ${start_comment}
  * u_now is what the actuator gets at this moment: the first control is the same, and the difference to the controller's own
  * fades out over so many samples. keep_estimates: not 0 to keep what was learnt so far.
+ * Returns ${macro}_OK, or ${macro}_START_REFUSED.
  */
-void ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,
+unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,
     int keep_estimates);
 
 /*
@@ -69,7 +72,7 @@ void ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[$
 /*@ requires \valid(c) && \valid_read(in) && \valid(out);
     requires \separated(c, in, out);
     ensures \forall integer i; 0 <= i < ${macro}_INPUTS ==> -${macro}_RANGE <= out->u[i] <= ${macro}_RANGE;
-    ensures \result == out->status && \result <= 15;
+    ensures \result == out->status && \result <= 31;
 */
 unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out);
 

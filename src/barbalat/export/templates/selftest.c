@@ -127,7 +127,8 @@ static void test_losses(void)
             in.r[${macro}_COMMANDS - 1] = nothing / nothing;
         }
         in.freeze = losses[k] & 4;
-        require(${name}_step(&c, &in, &out) == ((losses[k] & 3) != 0 ? ${macro}_INPUT_REFUSED : ${macro}_OK),
+        require(${name}_step(&c, &in, &out) == (((losses[k] & 1) != 0 ? ${macro}_MEASUREMENT_LOST : ${macro}_OK)
+                    | ((losses[k] & 2) != 0 ? ${macro}_COMMAND_LOST : ${macro}_OK)),
             "a lost sample is not told, or a good one refused");
         require(same(out.u, lossy_controls[k], ${macro}_INPUTS) && is_limited(&out), "a run with losses differs");
     }
@@ -160,7 +161,8 @@ static void test_refused(${real} bad, int in_command)
             memcpy(other.${u}, held, sizeof held);
             memcpy(other.last_u, held, sizeof held);
         }
-        require(${name}_step(&c, &in, &out) == (k < last ? ${macro}_INPUT_REFUSED : ${macro}_OK), "a bad input is not told");
+        require(${name}_step(&c, &in, &out) == (k == last ? ${macro}_OK : in_command != 0 ? ${macro}_COMMAND_LOST : ${macro}_MEASUREMENT_LOST),
+            "a bad input is not told");
         require(same(out.u, expected.u, ${macro}_INPUTS), "not the control that a bad input should have");
         require(is_limited(&out), "a bad input is answered beyond the actuator's limits, or with another control within");
         require(same_state(&c, &other), "time does not go on through a bad input as it should");
@@ -235,7 +237,7 @@ ${limit_tests}    ${name}_reset(&c);
             const int without = limits[i][1] > ${macro}_RANGE;
             c.last_u[i] = without != 0 ? (${real})(k - 8) : limits[i][0] * ((${real})(16 - k) / 16) + limits[i][1] * ((${real})k / 16);
         }
-        require(${name}_step(&c, &in, &out) == ${macro}_INPUT_REFUSED && same(out.u, c.last_u, ${macro}_INPUTS),
+        require(${name}_step(&c, &in, &out) == ${macro}_MEASUREMENT_LOST && same(out.u, c.last_u, ${macro}_INPUTS),
             "before the first good sample the control is not held");
         require(is_limited(&out), "a control beyond the actuator's limits, or another one within");
     }
@@ -332,14 +334,14 @@ static void test_start(void)
     (void)replay(&c, SAMPLES);
     before = c;
     in = sample(SAMPLES - 1);
-    ${name}_start(&c, ${start_argument}controls[0], -1L, 1);
+    require(${name}_start(&c, ${start_argument}controls[0], -1L, 1) == ${macro}_OK, "a start is refused");
 ${kept_tests}    require(c.fade == 0L && c.fade_left == 0L && ${name}_step(&c, &in, &own) == ${macro}_OK,
         "a start with a negative number of samples is not one without a fade");
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         u_now[i] = own.u[i] + 1;
     }
     c = before;
-    ${name}_start(&c, ${start_argument}u_now, ${fade}L, 1);
+    (void)${name}_start(&c, ${start_argument}u_now, ${fade}L, 1);
     require(c.fade == ${fade}L && c.fade_left == ${fade}L && c.matching == 1, "the bump does not fade out in the time that was asked for");
     require(${name}_step(&c, &in, &out) == ${macro}_OK, "the first sample after a start is refused");
     require(close_to(out.u, u_now, ${macro}_INPUTS), "the start is not without a bump");
@@ -349,14 +351,14 @@ ${kept_tests}    require(c.fade == 0L && c.fade_left == 0L && ${name}_step(&c, &
     require(c.fade_left == 0L, "the bump does not fade out in the time that was asked for");
     c = before;
     c.sample_time = 0;
-    ${name}_start(&c, ${start_argument}u_now, 0L, 1);
+    (void)${name}_start(&c, ${start_argument}u_now, 0L, 1);
     require(${name}_step(&c, &in, &out) == ${macro}_OK && same(out.u, own.u, ${macro}_INPUTS),
         "a start without a fade is not the controller's own control");
     c = before;
     in.${measured}[0] = 2 * ${macro}_RANGE;
-${elsewhere}    ${name}_start(&c, ${other_start}u_now, ${fade}L, 0);
+${refused_starts}${elsewhere}    (void)${name}_start(&c, ${other_start}u_now, ${fade}L, 0);
 ${start_tests}    before = c;
-    require(${name}_step(&c, &in, &out) == ${macro}_INPUT_REFUSED && same(out.u, u_now, ${macro}_INPUTS)
+    require(${name}_step(&c, &in, &out) == ${macro}_MEASUREMENT_LOST && same(out.u, u_now, ${macro}_INPUTS)
             && is_limited(&out) && same_state(&c, &before),
         "a refused first sample does not hold the actuator where it is");
 ${fresh_tests}}
