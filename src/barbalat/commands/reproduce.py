@@ -118,7 +118,7 @@ def _reproduced(
             folder.write(file, contents.result().page(claims))
         seconds["claims, maps, certificates, explorers"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
-    document = documents.as_json(documents.reproduction_document(figures, claims, certified, seconds))
+    document = documents.as_json(documents.reproduction_document(paper, figures, claims, certified, seconds))
     tried = explorers.addresses(claims) if exploring else {}
     for file, text in page.reproduction(paper, figures, claims, pictures, maps, certified, loops, seconds, tried).items():
         folder.write(file, text)

@@ -104,12 +104,12 @@ class Lesson:
 
 
 def _claim(name: str, claims: Sequence[Claim]) -> dict[str, Any]:
-    """A row of the ledger: with its verdict where it was measured in the same run, else its name alone."""
+    """A row of the ledger: with its finding where it was measured in the same run, else its name alone."""
     found = [claim for claim in claims if claim.id == name]
     if not found:
         return {"id": name}
     (claim,) = found
     return {
-        "id": name, "statement": claim.statement, "verdict": claim.verdict, "number": claim.number or claim.measured,
+        "id": name, "statement": claim.statement, "finding": claim.finding, "headline": claim.headline,
         "place": f"claims.html#claim-{name}",
     }  # fmt: skip

@@ -1,25 +1,17 @@
-"""What a measured statement is: of the paper's text (Claim), over a plane of settings (Map), over one of them (Chart)."""
+"""What a measured sentence is: with its finding (Claim), over a plane of settings (Map), over one of them (Chart)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import InitVar, asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
 from barbalat import validate
+from barbalat.papers.finding import VERDICTS, Finding, Reading, Sentence, Verdict, condition_of, finding_of
 from barbalat.validate import Array, InputError
-
-Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]
-"""The contract's words."""
-
-
-def verdict(*, holds: bool, conditional: bool = False) -> Verdict:
-    """The verdict on a statement that was measured to hold, to hold under a condition that the paper does not name, or not."""
-    if not holds:
-        return "not confirmed"
-    return "confirmed with conditions" if conditional else "confirmed"
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,92 +137,86 @@ class Listing:
                 raise InputError(f"a row of {self.caption!r} has {len(row)} entries for {len(self.columns)} columns: {row}")
 
 
-@dataclass(frozen=True)
-class Reading:
-    """One way to read a sentence: what it then says, the verdict on that, and the number that decides it.
-
-    decides  whether the sentence says this; what is measured beside it for the reader's sake has no part in the row's verdict
-    """
-
-    says: str
-    verdict: Verdict
-    measured: str
-    decides: bool = True
-
-
-ELSEWHERE = "not in the paper: "
-"""How the place of a statement begins that is not the paper's."""
-
-
-def of_readings(readings: Sequence[Reading]) -> Verdict:
-    """The verdict on a sentence that is read in several ways: theirs where they agree, else that it holds in some of them.
-
-    Readings that do not decide are not asked.
-    """
-    found = {reading.verdict for reading in readings if reading.decides}
-    return found.pop() if len(found) == 1 else "confirmed with conditions"
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A statement in our words, with a verdict and all that a referee asks of one.
+    """A sentence with all that a referee asks of it; its finding follows from the readings, by the rules of ``finding``.
 
-    where         the sentence's place in the paper, or "not in the paper: " and who says it
+    sentence      what is said, by whom, and its literal readings
+    readings      what was measured: each literal reading, in the sentence's order, then weaker ones from the widest to the narrowest,
+                  and what stands beside the sentence
+    shows         what is seen, with the number that decides it: a full sentence, two lines of 80 columns at most, true whatever the finding is
     measured      all that was measured, in a sentence
     how           the plant, the solver, the step, what was compared
-    number        the one number that decides the verdict, with its unit and what it is: beside a confirmed row's name it fits a line of
-                  80 columns, beside another's two; what else was found stands in ``measured``
-    readings      what was tested: each way to read the sentence, with a verdict of its own; the row's is ``of_readings``
-    tested        instead of them, where there is one alone: what quantity over which settings decides; verdict and number are the row's
-    condition     under which it is confirmed, where the verdict is "confirmed with conditions"; see ``holds_if``
-    would_change  what would have to be measured, shown or assumed for another verdict
+    would_change  what would have to be measured, shown or assumed for another finding
     sharpened     what ``reproduce --full`` measures beyond the plain command; empty where that is nothing
+    code          the file and the function that measure it; the measurement fills it in
     """
 
-    id: str
-    where: str
-    statement: str
-    verdict: Verdict
+    sentence: Sentence
+    readings: tuple[Reading, ...]
+    shows: str
     measured: str
     how: str
+    would_change: str
     maps: tuple[Map | Chart, ...] = ()
     listings: tuple[Listing, ...] = ()
-    number: str = field(kw_only=True)
-    readings: tuple[Reading, ...] = field(default=(), kw_only=True)
-    condition: str = field(default="", kw_only=True)
-    would_change: str = field(kw_only=True)
-    sharpened: str = field(default="", kw_only=True)
-    tested: InitVar[str] = field(default="", kw_only=True)
+    sharpened: str = ""
+    code: str = ""
 
-    def __post_init__(self, tested: str) -> None:
-        if bool(tested) == bool(self.readings):
-            raise ValueError(f"row {self.id!r} needs the readings that were tested: either one, or several with their verdicts")
-        if tested:
-            object.__setattr__(self, "readings", (Reading(tested, self.verdict, self.number),))
-        if self.verdict != of_readings(self.readings):
-            raise ValueError(f"row {self.id!r} says {self.verdict!r}, its readings {of_readings(self.readings)!r}")
+    def __post_init__(self) -> None:
+        literal = tuple(reading.says for reading in self.readings if reading.literal)
+        if literal != self.sentence.literal:
+            raise ValueError(
+                f"row {self.id!r} has to read each literal reading of its sentence once, in order: {self.sentence.literal}"
+            )
 
     @property
-    def holds_if(self) -> str:
-        """The condition of a verdict with conditions, the readings that hold where no other is named; empty for other verdicts."""
-        if self.verdict != "confirmed with conditions":
-            return ""
-        return self.condition or "; or ".join(one.says for one in self.readings if one.decides and one.verdict != "not confirmed")
+    def id(self) -> str:
+        return self.sentence.row
+
+    @property
+    def where(self) -> str:
+        return self.sentence.where
+
+    @property
+    def statement(self) -> str:
+        return self.sentence.statement
+
+    @property
+    def finding(self) -> Finding:
+        return finding_of(self.readings)
+
+    @property
+    def verdict(self) -> Verdict:
+        """The finding in the JSON contract's words."""
+        return VERDICTS[self.finding]
+
+    @property
+    def condition(self) -> str:
+        """Under which it holds, where the finding is *holds if*; empty for other findings."""
+        return condition_of(self.readings)
+
+    @property
+    def headline(self) -> str:
+        """What is seen, behind the condition where there is one."""
+        return f"Holds if {self.condition}. {self.shows}" if self.condition else self.shows
 
     @property
     def ours(self) -> bool:
-        """Whether it is not the paper's: this project's, or others'."""
-        return self.where.startswith(ELSEWHERE)
+        return self.sentence.source.side == "ours"
 
     def as_json(self) -> dict[str, Any]:
         """The JSON contract's block for a claim; what goes beyond it stands beside the contract's keys."""
-        contract = ("id", "where", "statement", "verdict", "measured", "how")
-        beside = ("number", "would_change", "sharpened")
-        return {name: getattr(self, name) for name in contract + beside} | {
-            "condition": self.holds_if,
-            "readings": [asdict(one) for one in self.readings],
+        own = ("id", "where", "statement", "verdict", "finding", "headline", "condition", "measured", "how", "would_change")
+        return {name: getattr(self, name) for name in (*own, "sharpened", "code")} | {
+            "source": self.sentence.source.key,
+            "quote": self.sentence.quote,
+            "readings": [
+                {"says": one.says, "literal": one.literal, "decides": one.decides, "finding": one.finding, "role": one.role, "measured": one.measured}
+                for one in self.readings
+            ],
             "listings": [asdict(one) for one in self.listings],
-        }
+        }  # fmt: skip
 
 
 LAST = float("inf")
@@ -247,7 +233,7 @@ class Measurement:
     place            where the rows stand in the ledger, among those of their paper
     quick            whether ``reproduce --quick`` measures them
     shares           a name in common with others that use the same runs: one process measures them all
-    sharper          measures the same rows further than the plain command has time for, which is ``reproduce --full``; no verdict
+    sharper          measures the same rows further than the plain command has time for, which is ``reproduce --full``; no finding
                      waits for it
     sharper_seconds  about how long that takes
     """
@@ -266,14 +252,20 @@ class Measurement:
         """The rows that this measurement fills, measured now."""
         measure = self.sharper if full and self.sharper else self.measure
         found = measure(*runs)
-        return [found] if isinstance(found, Claim) else found
+        return [replace(one, code=self.code) for one in ([found] if isinstance(found, Claim) else found)]
+
+    @property
+    def code(self) -> str:
+        """The file and the function that measure the rows, as a place in the sources."""
+        measure = self.measure.func if isinstance(self.measure, partial) else self.measure
+        return f"{measure.__module__.replace('.', '/')}.py: {measure.__qualname__}"
 
     def duration(self, *, full: bool = False) -> float:
         """About how many seconds the rows take."""
         return self.sharper_seconds if full and self.sharper else self.seconds
 
     def as_json(self) -> list[dict[str, Any]]:
-        """A block for each row, without a verdict: that is measured."""
+        """A block for each row, without a finding: that is measured."""
         return [{"id": name, "about": about, "seconds": self.seconds, "quick": self.quick} for name, about in self.names.items()]
 
 

@@ -86,6 +86,11 @@ class Sentence:
     statement: str
     literal: tuple[str, ...]
 
+    @property
+    def why(self) -> str:
+        """What it is: in the table of coverage beside those that have no row."""
+        return "measured"
+
     def reads(self, holds: bool, measured: str, part: int = 0) -> Reading:
         """The result of the literal reading of one of the things that it claims."""
         return Reading(self.literal[part], holds, measured, "literal")

@@ -13,6 +13,7 @@ from barbalat.certificates.certificates import Table1
 from barbalat.certificates.certify import Certified
 from barbalat.discovery import modules_in, packages_in, slices
 from barbalat.papers.claim import Measurement
+from barbalat.papers.finding import Sentence, Unmeasured
 from barbalat.run.results.result import Result
 from barbalat.validate import InputError, hint
 
@@ -50,6 +51,7 @@ class Paper:
     run_seconds   about how long that takes
     figures       its figures, checked on these runs
     certified     the certificates of its schemes, and Table 1
+    coverage      the paper sentence by sentence, in its order: what has a row, and why another has none
     """
 
     package: str
@@ -62,6 +64,7 @@ class Paper:
     run_seconds: float = 0.0
     figures: Callable[[Any], Sequence[PaperFigure]] = _no_figures
     certified: Callable[[], Certified] = _no_certificates
+    coverage: tuple[Sentence | Unmeasured, ...] = ()
 
     @property
     def name(self) -> str:

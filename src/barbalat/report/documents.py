@@ -9,7 +9,7 @@ from typing import Any
 
 from barbalat.certificates.certify import Certified
 from barbalat.papers.claim import Claim
-from barbalat.papers.paper import PaperFigure
+from barbalat.papers.paper import Paper, PaperFigure
 from barbalat.run.results.result import Result
 
 
@@ -27,12 +27,13 @@ def _finite(part: Any) -> Any:
 
 
 def reproduction_document(
-    figures: Sequence[PaperFigure], claims: Sequence[Claim], certified: Certified, seconds: dict[str, float]
+    paper: Paper, figures: Sequence[PaperFigure], claims: Sequence[Claim], certified: Certified, seconds: dict[str, float]
 ) -> dict[str, Any]:
     """The contract's document of ``reproduce --json``."""
     return {
         "figures": {figure.key: figure.as_json() for figure in figures},
         "claims": [claim.as_json() for claim in claims],
+        "coverage": [{"sentence": one.quote, "where": one.where, "row": one.row, "why": one.why} for one in paper.coverage],
         "seconds": seconds,
         **certified.as_json(),
     }

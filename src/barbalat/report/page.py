@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import get_args
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
@@ -24,6 +25,7 @@ from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.result import Tuning
 from barbalat.papers.claim import Claim
+from barbalat.papers.finding import Finding
 from barbalat.papers.paper import ADDED_FIGURE, Paper, PaperFigure
 from barbalat.pictures.symbols import number_text
 from barbalat.report import contest as contest_rows
@@ -70,7 +72,7 @@ LARGER_PAGES_BYTES = {"flights.html": 4_000_000}
 PICTURES_BESIDE = " Its pictures are files in the same folder: send them along."
 
 
-REPRODUCTION = {PAGE: "Figures", "claims.html": "Claims", "guarantees.html": "Guarantees"}
+REPRODUCTION = {PAGE: "Figures", "claims.html": "Claims", "coverage.html": "Coverage", "guarantees.html": "Guarantees"}
 """The pages of ``barbalat reproduce``: file -> what the others call it."""
 EXPLORER = "explorer.html"
 """The page of lessons beside them."""
@@ -91,11 +93,12 @@ def reproduction(
 
     tried  addresses of lessons by the names of claims and of figures, as "figure-2"; empty without explorers
     """
-    tally = Counter(claim.verdict for claim in claims)
+    tally = Counter(claim.finding for claim in claims)
     described = [figure for figure in figures if figure.key != ADDED_FIGURE]
     values: dict[str, object] = {"tally": dict(tally.most_common()), "tried": tried}
     values |= {"reproduced": sum(figure.reproduced for figure in described), "described": len(described)}
-    values["paper"] = paper
+    values |= {"paper": paper, "findings": get_args(Finding), "by_source": by_source(claims)}
+    values["found_of"] = {claim.id: claim.finding for claim in claims}
     values["siblings"] = REPRODUCTION | ({EXPLORER: "Explorer"} if tried else {})
     values |= {
         "figures": figures,
@@ -106,8 +109,14 @@ def reproduction(
         "loops": loops,
         "seconds": seconds,
     }
-    templates = dict(zip(REPRODUCTION, ("reproduction.html", "claims.html", "guarantees.html"), strict=True))
+    templates = dict(zip(REPRODUCTION, ("reproduction.html", "claims.html", "coverage.html", "guarantees.html"), strict=True))
     return {file: _render(template, here=file, **values) for file, template in templates.items()}
+
+
+def by_source(claims: Sequence[Claim]) -> dict[str, Counter[Finding]]:
+    """For each side of the dispute its rows, by their findings."""
+    sides = dict.fromkeys(claim.sentence.source.side for claim in claims)
+    return {side: Counter(claim.finding for claim in claims if claim.sentence.source.side == side) for side in sides}
 
 
 def comparison(

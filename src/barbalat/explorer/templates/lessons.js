@@ -84,11 +84,11 @@ function claimOf(claim) {
   if (claim.place) name.href = claim.place;
   name.textContent = claim.id;
   row.append(name);
-  if (claim.verdict) {
-    const verdict = document.createElement("b");
-    verdict.textContent = claim.verdict;
-    row.append(`: ${claim.statement}. Verdict: `, verdict, `: ${claim.number}.`);
-  } else row.append(`: its verdict is measured by barbalat claims ${claim.id}.`);
+  if (claim.finding) {
+    const finding = document.createElement("b");
+    finding.textContent = claim.finding;
+    row.append(`: ${claim.statement}. Finding: `, finding, `. ${claim.headline}`);
+  } else row.append(`: its finding is measured by barbalat claims ${claim.id}.`);
   return row;
 }
 

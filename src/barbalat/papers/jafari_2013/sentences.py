@@ -7,6 +7,7 @@ letters; what the OCR of the paper's text garbled is mended against the sense.
 from __future__ import annotations
 
 from barbalat.papers.finding import Sentence, Source, Unmeasured
+from barbalat.papers.jafari_2013.statements import OTHERS, STATEMENTS
 
 CRITIQUE = Source("jafari_2013", "Jafari, Ioannou, Rudd (2013)", "the critique")
 
@@ -320,7 +321,7 @@ SECTION_III_B = (
         "Section III.B, after (11)",
         "a small constant may represent the approximation of a time delay mu in the input",
         "A small -mu s stands for an input delay of mu",
-        "for each tau whose frozen loop bears a delay of 10 ms at most, the largest mu borne is that delay, to within a tenth",
+        "the loop of Section V with theta known, u = -theta'x + k_0 r, bears the same largest mu as its delay margin, to within a tenth",
     ),
     _none(
         "Section III.B, (12)",
@@ -381,7 +382,7 @@ SECTION_III_B = (
         "Theorem 2, (17); Section III.B, after it",
         "in the absence of unmodeled dynamics there is a quantifiable bound ||e(t)|| <= tau nu for the tracking error",
         "Without modelling error the largest error of the robust MRAC is at most proportional to tau",
-        "one nu serves all tau from 0.5 s down to 0.005 s: max |e|/tau does not grow as tau falls, by a twentieth at most",
+        "one nu serves all tau from 0.5 s down to 0.005 s: max |e|/tau is nowhere more than a twentieth above its value at the smallest tau",
     ),
     _row(
         "delta-2-term",
@@ -604,3 +605,5 @@ SECTIONS_V_AND_VI = (
 )
 COVERAGE = (*ABSTRACT, *SECTIONS_I_AND_II, *SECTION_III_A, *SECTION_III_B, *SECTION_IV, *SECTIONS_V_AND_VI)
 """Every sentence of the paper that states something, in its order."""
+SENTENCES = {one.row: one for one in (*COVERAGE, *OTHERS, *STATEMENTS) if isinstance(one, Sentence)}
+"""All that has a row, by the row's name."""

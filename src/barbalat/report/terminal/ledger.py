@@ -1,28 +1,33 @@
-"""What ``barbalat reproduce`` and ``barbalat claims`` show: the figures, the ledger by verdict, all of one row."""
+"""What ``barbalat reproduce`` and ``barbalat claims`` show: the figures, the ledger by finding, all of one row."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import get_args
 
-from barbalat.papers.claim import Claim, Listing, Verdict
+from barbalat.papers.claim import Claim, Listing
+from barbalat.papers.finding import Finding, Reading
 from barbalat.papers.paper import ADDED_FIGURE, Paper, PaperFigure
 from barbalat.pictures.symbols import held
 from barbalat.report.terminal.layout import Screen, capitalized
 
-STYLES = {"confirmed": "green", "confirmed with conditions": "yellow", "not confirmed": "red", "erratum": "red"}
+STYLES: dict[Finding, str] = {"holds": "green", "holds if": "yellow", "mixed": "yellow", "fails": "red", "erratum": "red"}
 NAME_COLUMNS = 26
 """Columns of a row's name: as many as the longest one has."""
 
 
 def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Claim]) -> None:
-    """What asks for a second look last: each row's name and number; the figures."""
-    for verdict in get_args(Verdict):
-        mine = [claim for claim in claims if claim.verdict == verdict]
+    """What asks for a second look last: each row's name and headline; how many of each side's rows; the figures."""
+    for finding in get_args(Finding):
+        mine = [claim for claim in claims if claim.finding == finding]
         if mine:
-            screen.line(f"{verdict[0].upper()}{verdict[1:]}: {len(mine)}", STYLES[verdict])
+            screen.line(f"{capitalized(finding)}: {len(mine)}", STYLES[finding])
         for claim in mine:
-            screen.fact(claim.id, claim.number, NAME_COLUMNS)
+            screen.line(f"{claim.id}: {claim.headline}", "", "    ", "  ")
+    for side in dict.fromkeys(claim.sentence.source.side for claim in claims):
+        found = [claim.finding for claim in claims if claim.sentence.source.side == side]
+        counts = ", ".join(f"{found.count(finding)} {finding}" for finding in get_args(Finding) if finding in found)
+        screen.line(f"{capitalized(side) if side != 'ours' else 'Statements of ours'}: {counts}")
     _figures(screen, shown)
 
 
@@ -40,22 +45,24 @@ def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
 
 def streamed(screen: Screen, claim: Claim) -> None:
     """A claim as soon as it is measured: a line where it fits."""
-    screen.line(f"{claim.id}: {held(claim.verdict)}. {claim.number}", STYLES[claim.verdict], "    ")
+    screen.line(f"{claim.id}: {held(claim.finding)}. {claim.headline}", STYLES[claim.finding], "    ")
 
 
 def in_full(screen: Screen, claim: Claim) -> None:
     """All that is known of one claim."""
-    screen.line(f"{claim.id}: {claim.verdict}", f"bold {STYLES[claim.verdict]}")
+    screen.line(f"{claim.id}: {claim.finding}", f"bold {STYLES[claim.finding]}")
+    sentence = claim.sentence
     facts = [
-        ("says", claim.statement),
-        ("where", claim.where),
-        ("number", claim.number),
-        ("condition", claim.holds_if),
+        ("headline", claim.headline),
+        ("sentence", f'"{sentence.quote}"' if sentence.quote else ""),
+        ("says" if not claim.ours else "ours", claim.statement),
+        ("source", f"{sentence.source.name}: {claim.where}" if not claim.ours else claim.where),
+        *((held(f"reading {i}"), _reading(one)) for i, one in enumerate(claim.readings, start=1)),
         ("measured", claim.measured),
         ("how", claim.how),
-        *((held(f"reading {i}"), _reading(one.verdict, one.says, one.measured)) for i, one in enumerate(claim.readings, start=1)),
         ("changes if", claim.would_change),
         ("sharpened", claim.sharpened),
+        ("code", claim.code),
     ]
     for label, text in facts:
         if text:
@@ -66,8 +73,11 @@ def in_full(screen: Screen, claim: Claim) -> None:
         screen.fact("picture", f"{shown.title}: map-{shown.key}.svg of barbalat reproduce", 10, "bold")
 
 
-def _reading(verdict: str, says: str, measured: str) -> str:
-    return f"{held(verdict)}: {says}. {capitalized(measured)}"
+def _reading(one: Reading) -> str:
+    return f"{ROLES[one.role]}, {held(one.finding)}: {one.says}. {capitalized(one.measured)}"
+
+
+ROLES = {"literal": "literal", "weaker": "weaker", "mended": "mended", "beside": "beside the sentence"}
 
 
 def _listing(screen: Screen, listing: Listing) -> None:
@@ -77,7 +87,7 @@ def _listing(screen: Screen, listing: Listing) -> None:
 
 def names(screen: Screen, papers: Sequence[Paper]) -> None:
     """Every row's name, what it is about, and how long it takes to measure."""
-    screen.line("The ledger's rows. No verdict is stored: barbalat claims NAME measures one.", "bold")
+    screen.line("The ledger's rows. No finding is stored: barbalat claims NAME measures one.", "bold")
     for paper in papers:
         if len(papers) > 1:
             screen.title(f"{paper.name}: {paper.title}")

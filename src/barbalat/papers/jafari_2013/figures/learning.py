@@ -8,9 +8,11 @@ import numpy as np
 
 from barbalat.adaptation.laws import Gradient
 from barbalat.controllers import Mrac, NormalizedMrac
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, table, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, table
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import Runs, at_instants, variant
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.run.engine.simulate import simulate
@@ -25,29 +27,19 @@ def loss_of_learning(runs: Runs) -> Claim:
     coarse, fine, robust = runs.coarse["L1"], runs.fine["L1, gamma 1e4"], runs.coarse["Robust MRAC"]
     distances = [float(_distance(r)[r.t > 45].min()) for r in (coarse, fine, robust)]
     spread = [float(_distance(r)[r.t > 45].max()) for r in (coarse, fine, robust)]
-    readings = (
-        Reading(
-            "at Figure 3's step the estimates of L1-AC are not learnt, those of the robust MRAC are",
-            verdict(holds=spread[0] > 5 and spread[2] < 0.01),
-            f"within {spread[0]:.2g} of theta at h = 1e-4 s, the robust MRAC's within {spread[2]:.2g}",
-        ),
-        Reading(
-            "it is the numerical instability that keeps them from it",
-            verdict(holds=spread[1] < 0.5),
-            f"without it, at h = 1e-5 s, they stay {distances[1]:.2g} away over 60 s",
-        ),
-    )
+    sentence = SENTENCES["loss-of-learning"]
     return Claim(
-        "loss-of-learning", "Abstract; Section V, caption of Figure 3", "Numerical instability makes L1-AC lose learning although the signals are exciting",
-        of_readings(readings),
-        f"|theta_hat - theta*| over the last 15 s: {distances[0]:.2g} to {spread[0]:.2g} at h = 1e-4 s, {distances[1]:.2g} to {spread[1]:.2g} at "
+        sentence=sentence,
+        readings=(
+            sentence.reads(spread[0] > 5 and spread[2] < 0.01, f"within {spread[0]:.2g} of theta at h = 1e-4 s, the robust MRAC's within {spread[2]:.2g}"),
+            sentence.reads(distances[1] < 0.5, f"at h = 1e-5 s, without it, the estimates stay {distances[1]:.2g} away over the last 15 s of 60", 1),
+        ),
+        shows=f"At Figure 3's step the estimates end up to {spread[0]:.2g} from theta; at a step without instability they still stay {distances[1]:.2g} away.",
+        measured=        f"|theta_hat - theta*| over the last 15 s: {distances[0]:.2g} to {spread[0]:.2g} at h = 1e-4 s, {distances[1]:.2g} to {spread[1]:.2g} at "
         f"h = 1e-5 s, {distances[2]:.2g} to {spread[2]:.2g} for the robust MRAC: the gain alone keeps the estimates from converging in 60 s, "
         "oscillation or not",
-        "recorded instants of Figures 2, 3, 4",
+        how="recorded instants of Figures 2, 3, 4",
         listings=(_over_time({"L1-AC, h = 1e-4 s": coarse, "L1-AC, h = 1e-5 s": fine, "robust MRAC, h = 1e-4 s": robust}),),
-        number=f"|theta_hat - theta*|: {spread[0]:.2g} at h = 1e-4, {spread[1]:.2g} at 1e-5 s",
-        readings=readings,
-        condition="the step is Figure 3's, and lost learning is not laid at the instability alone: resolved, the gain keeps the estimates from converging too",
         would_change="estimates that converge in 60 s where the step resolves the gain, or at Figure 3's step",
     )  # fmt: skip
 
@@ -77,39 +69,33 @@ def exponential() -> Claim:
     at = at_instants(t, TOLD_INSTANTS)
     power = np.polyfit(np.log(t[at]), np.log(distance["least squares"][at]), 1)[0]
     rate = -np.polyfit(t[at][1:], np.log(distance["normalised gradient"][at][1:]), 1)[0]
-    is_algebraic = abs(power + 1) < 0.15
-    late = -np.diff(np.log(distance["normalised gradient"][at])) / np.diff(t[at])
-    keeps_its_rate = bool(late[-1] > 0.8 * late[-2] > 0)  # an algebraic decay would halve it
-    readings = _exponential_readings(rate, power, keeps_its_rate, is_algebraic)
+    late = {name: -np.diff(np.log(values[at])) / np.diff(t[at]) for name, values in distance.items()}
+    keeps = {name: bool(rates[-1] > KEPT_RATE * rates[-2] > 0) for name, rates in late.items()}
+    sentence = SENTENCES["exponential-convergence"]
+    readings = (
+        sentence.reads(keeps["least squares"], f"|theta_hat - theta*| goes as t^{power:.2f}"),
+        Reading(
+            "the law's gain does not vanish, as with the normalised gradient law in the place of (15)",
+            keeps["normalised gradient"],
+            f"exponential with {rate:.3f} per s",
+        ),
+    )
     return Claim(
-        "exponential-convergence", "Section III.B, last paragraph", "With sufficiently rich signals the estimates of the robust MRAC converge exponentially",
-        of_readings(readings),
-        f"|theta_hat - theta*| with pure least squares (15) goes as t^{power:.2f}: not exponential; with the normalised gradient "
+        sentence=sentence,
+        readings=readings,
+        shows=f"Pure least squares (15) converges as t^{power:.2f}, the gradient law as exp(-{rate:.3f} t).",
+        measured=        f"|theta_hat - theta*| with pure least squares (15) goes as t^{power:.2f}: not exponential; with the normalised gradient "
         "law "
         f"it falls exponentially, by {rate:.3f} per s; MRAC with Gamma = 1 has {distance['MRAC'][at][-1]:.3g} left after "
         f"{TOLD_INSTANTS[-1]:g} s",
-        "Section V with r = 10 sin 0.5t + 10 sin 1.7t, RK4, h = 1e-3 s, 480 s",
+        how="Section V with r = 10 sin 0.5t + 10 sin 1.7t, RK4, h = 1e-3 s, 480 s",
         listings=(_distances({name: values[at] for name, values in distance.items()}),),
-        number=f"least squares as t^{power:.2f}, gradient exp(-{rate:.3f} t)",
-        readings=readings,
-        condition="the covariance does not vanish: the gradient law, or least squares with forgetting or resetting, not (15) as printed",
         would_change="for (15): a covariance kept from zero, by forgetting or resetting; for the gradient law: too little excitation",
     )  # fmt: skip
 
 
-def _exponential_readings(rate: float, power: float, keeps_its_rate: bool, is_algebraic: bool) -> tuple[Reading, ...]:
-    return (
-        Reading(
-            "a robust adaptive law such as the gradient law",
-            verdict(holds=keeps_its_rate),
-            f"exponential with {rate:.3f} per s",
-        ),
-        Reading(
-            "the law that the paper prints, pure least squares (15)",
-            verdict(holds=not is_algebraic),
-            f"|theta_hat - theta*| goes as t^{power:.2f}",
-        ),
-    )
+KEPT_RATE = 0.8
+"""Of the rate of decay from one interval to the next, twice as long: an exponential keeps all of it, an algebraic decay half."""
 
 
 def _distances(at_instants: dict[str, Array]) -> Listing:

@@ -8,8 +8,10 @@ from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.rows import down, up
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.systems import input_filter
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, table, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, table
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.state_feedback import Known
 
 THETA_MAX = 10.0
@@ -20,8 +22,6 @@ BISECTION_WIDTH = 1e-6
 """Relative width of the bisection."""
 TOLD_KAPPAS = (0.01, 0.02, 0.03, 0.04, PRINTED_KAPPA)
 """[s]: beside the limit itself."""
-PROOF_GAP = 1e-6
-"""[s]: at most this between what is proved and what is refuted, so that both are told with six decimals."""
 
 
 def condition() -> Claim:
@@ -29,24 +29,23 @@ def condition() -> Claim:
     known = section_v.problem().known
     largest = theorem_1.kappa_admissible(known, THETA_MAX, BISECTION_WIDTH)
     least = fails_down_to(known, PRINTED_KAPPA)
-    up_to_it = largest >= PRINTED_KAPPA
-    rounded = round(largest, 2) >= PRINTED_KAPPA and least - largest < PROOF_GAP
     proved = math.floor(1e6 * largest) / 1e6
-    held = holds_up_to(known, largest)
+    sentence, held = SENTENCES["kappa-0.05"], holds_up_to(known, largest)
+    value = _value(known, PRINTED_KAPPA)[0]
     readings = (
-        Reading("0.05 with its two decimals", verdict(holds=held and (up_to_it or rounded)), f"holds up to {proved:.6f} s"),
-        Reading("0.05 exactly", verdict(holds=held and up_to_it), f"{_value(known, PRINTED_KAPPA)[0]:.4f} on the left at 0.05 s"),
+        sentence.reads(
+            held and largest >= PRINTED_KAPPA, f"{value:.4f} on the left at {PRINTED_KAPPA:g} s, where less than 1 is asked for"
+        ),
+        Reading(f"kappa is at most {proved:.6f} s", held and round(largest, 2) >= PRINTED_KAPPA, f"proved up to {proved:.6f} s"),
     )
     return Claim(
-        "kappa-0.05", "Section V, settings of L1-AC", "For kappa < 0.05 the condition ||W_b (C - 1)||_1 theta_max < 1 is satisfied",
-        of_readings(readings),
-        f"holds for every kappa up to {proved:.6f} s" + ("" if up_to_it else _refuted(known, least)),
-        "certified enclosures of the norm, bisection to 1e-6; between the points N(k2)/k2 <= N(k1)/k1 and N(k1) <= (2 - k1/k2) N(k2) for "
+        sentence=sentence,
+        readings=readings,
+        shows=f"At the printed {PRINTED_KAPPA:g} s the left side is {value:.4f}, where less than 1 is asked for.",
+        measured=f"holds for every kappa up to {proved:.6f} s" + ("" if largest >= PRINTED_KAPPA else _refuted(known, least)),
+        how="certified enclosures of the norm, bisection to 1e-6; between the points N(k2)/k2 <= N(k1)/k1 and N(k1) <= (2 - k1/k2) N(k2) for "
         "k1 < k2, N(k) = ||W_b (C - 1)||_1, and N(k) <= k ||s W_b||_1 near zero",
         listings=(_over_kappa(known, proved),),
-        number=f"the condition flips at kappa = {proved:.6f} s",
-        readings=readings,
-        condition="0.05 is read with its two decimals, as a rounded limit",
         would_change="nothing that is simulated: the range is proved on both sides",
     )  # fmt: skip
 

@@ -9,8 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from barbalat.controllers import Mrac
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, span, table
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.results.result import Result
 from barbalat.solvers.simulation import Simulation
@@ -95,19 +97,18 @@ def claim(*, full: bool = False) -> Claim:
     )
     shown = next(pair for pair in numerical if (pair.h, pair.gamma) == FIGURE_3)
     falls = [pair for pair in (*numerical, *resolved) if pair.frequency < 1 - EQUAL_FREQUENCY_SHARE]
-    count, readings = len(numerical) + len(resolved), _readings(shown, numerical, resolved)
+    count = len(numerical) + len(resolved)
     return Claim(
-        "filter-control-frequency", "Abstract", "The filter reduces the frequency of the oscillations in the control law",
-        of_readings(readings),
-        f"at Figure 3's gain and step the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s goes from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s with the filter, a factor {shown.frequency:.2f}; it falls by more than a "
+        sentence=SENTENCES["filter-control-frequency"],
+        readings=_readings(shown, numerical, resolved),
+        shows=f"With the filter the mean frequency of u falls from {shown.without.mean:.0f} to {shown.filtered.mean:.0f} rad/s in Figure 3, "
+        f"its strongest from {shown.without.peak:.0f} to {shown.filtered.peak:.0f}.",
+        measured=f"at Figure 3's gain and step the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s goes from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s with the filter, a factor {shown.frequency:.2f}; it falls by more than a "
         f"tenth in {len(falls)} of {count} settings. Their RMS value there: {shown.without.rms:.3g} without the filter, {shown.filtered.rms:.3g} with it",
-        f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {RECORDED_INSTANTS} instants, second half of the run, Welch's method; h and Gamma as listed; a "
+        how=f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {RECORDED_INSTANTS} instants, second half of the run, Welch's method; h and Gamma as listed; a "
         f"difference below {EQUAL_FREQUENCY_SHARE:.0%} counts as none",
         listings=_listings(numerical, resolved),
-        number=f"Figure 3: frequency of u with C over without: {shown.frequency:.2f}",
-        readings=readings,
-        condition="well inside the numerically unstable region, of the mean frequency; of the equations' own ringing it is not so",
-        would_change="confirmed: frequencies, mean and strongest, that fall at every setting, and a ringing that gets slower and smaller; not confirmed: none of it",
+        would_change="another gain or step of the paper's; another definition of the frequency of what is no sine",
         sharpened=f"h = 2e-4 and 5e-5 s as well and more gains, {sum(map(len, MORE_NUMERICAL_SETTINGS.values())) + len(MORE_RESOLVED_SETTINGS[1e-5])} settings in all",
     )  # fmt: skip
 
@@ -117,39 +118,37 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
     sizes, expected = [pair.size for pair in numerical], [1 / (section_v.KAPPA * pair.without.mean) for pair in numerical]
     ringing_peak = [pair.filtered.peak / pair.without.peak for pair in resolved]
     ringing, ringing_size = [pair.frequency for pair in resolved], [pair.size for pair in resolved]
+    peak = shown.filtered.peak / shown.without.peak
+    mean_falls = shown.frequency < 1 - EQUAL_FREQUENCY_SHARE
+    mean = f"mean from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s, a factor {shown.frequency:.2f}"
     return (
+        SENTENCES["filter-control-frequency"].reads(mean_falls and peak < 1 - EQUAL_FREQUENCY_SHARE, f"{mean}; strongest times {peak:.2f}"),
+        Reading("frequency is the mean, weighted by the power, at Figure 3's gain and step", mean_falls, mean),
+        Reading("frequency is where they are strongest, at Figure 3's gain and step", peak < 1 - EQUAL_FREQUENCY_SHARE, f"times {peak:.2f}"),
         Reading(
-            "the mean frequency of the numerical oscillations falls at Figure 3's gain and step",
-            verdict(holds=shown.frequency < 1 - EQUAL_FREQUENCY_SHARE),
-            f"from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s, a factor {shown.frequency:.2f}",
-        ),
-        Reading(
-            "... at every gain at which there are some",
-            verdict(holds=all(pair.frequency < 1 - EQUAL_FREQUENCY_SHARE for pair in numerical)),
-            f"by the factors {span([pair.frequency for pair in numerical])}, in {len(numerical)} settings",
-        ),
-        Reading(
-            "so does the frequency where they are strongest",
-            verdict(holds=all(peak < 1 - EQUAL_FREQUENCY_SHARE for peak in peaks)),
-            f"by the factors {span(peaks)}; without the filter it is "
+            "the mean frequency falls at every gain at which there are some",
+            all(pair.frequency < 1 - EQUAL_FREQUENCY_SHARE for pair in numerical),
+            f"by the factors {span([pair.frequency for pair in numerical])}, strongest {span(peaks)}, in {len(numerical)} settings; without the filter the strongest is "
             f"{span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles in a step of the solver",
+            "beside",
         ),
         Reading(
             "the ringing of the equations, resolved by the step, gets slower",
-            verdict(holds=all(ratio < 1 - EQUAL_FREQUENCY_SHARE for ratio in ringing)),
+            all(ratio < 1 - EQUAL_FREQUENCY_SHARE for ratio in ringing),
             f"mean times {span(ringing)}, strongest times {span(ringing_peak)}: it rings at sqrt(Gamma b'P b) |x|, on which C has no influence",
+            "beside",
         ),
         Reading(
-            "beside the sentence: the numerical oscillations in the control get smaller (what a low-pass filter is for)",
-            verdict(holds=all(size < 0.1 for size in sizes)),
+            "the numerical oscillations in the control get smaller, to less than a tenth (what a low-pass filter is for)",
+            all(size < 0.1 for size in sizes),
             f"RMS times {span(sizes)}, as 1/(kappa w) = {span(expected)} says",
-            decides=False,
+            "beside",
         ),
         Reading(
-            "beside the sentence: so does the ringing of the equations",
-            verdict(holds=all(size < 0.1 for size in ringing_size)),
+            "so does the ringing of the equations",
+            all(size < 0.1 for size in ringing_size),
             f"RMS times {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: without the filter u itself damps the ringing",
-            decides=False,
+            "beside",
         ),
     )  # fmt: skip
 

@@ -13,11 +13,13 @@ from barbalat.controllers import L1Adaptive, Mrac
 from barbalat.judge.settings import Judge
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
-from barbalat.papers.jafari_2013.filter.adapting_margins import GAINS, KAPPAS, MODERATE_KAPPA, filter_effect
+from barbalat.papers.jafari_2013.filter.adapting_margins import GAINS, KAPPAS, MARGINS, TOLD_GAINS, changed, filter_effect
 from barbalat.papers.jafari_2013.filter.adapting_margins import METHOD as EXACT
 from barbalat.papers.jafari_2013.section_v import variant
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller, Signal
@@ -61,39 +63,40 @@ def claim() -> Claim:
     adapting = [adapting_delay_margin(c, 1.0) for c in (Mrac(gamma=100.0), section_v.l1("L1", 100.0))]
     found = [each for name, signal in COMMANDS.items() for each in _simulated(name, signal)]
     effect = filter_effect()
+    always, between = ", ".join(effect.fall_at_every_gain) or "none", TOLD_GAINS[1]
+    counter = f"at Gamma r^2 = {between:g} the delay margin goes from {changed('delay margin', between)} s"
     readings = (
+        SENTENCES["filter-reduces-margins"].reads(
+            len(effect.fall_at_every_gain) == len(MARGINS),
+            f"{counter}; at every gain that was tried only this falls: {always}; at the highest gain these rise: {', '.join(effect.rise_at_high_gain) or 'none'}",
+        ),
         *effect.readings,
         _at_rest(slow),
         _reading("until the loop begins to oscillate: simulated delays and actuators", found, "onset"),
         _reading("until the motion is lost, oscillations or not: simulated delays and actuators", found, "loss"),
     )
     return Claim(
-        "filter-reduces-margins", "Abstract; Section III.A; Section VI", "The filter reduces the robust stability margins no matter what size adaptive gains are used",
-        of_readings(readings),
-        f"exact: the filter changes the delay margin from {_change(slow)} with the estimates at rest on theta, from {_change(adapting)} with "
+        sentence=SENTENCES["filter-reduces-margins"],
+        readings=readings,
+        shows=f"At every gain falls only: {always} ({effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g} in Figure 3); {counter}.",
+        measured=f"exact: the filter changes the delay margin from {_change(slow)} with the estimates at rest on theta, from {_change(adapting)} with "
         f"the law working at Gamma = 100 around r = 1; for Gamma to infinity it is {fast:.3g} s with the filter, while without it the margin "
         f"falls as 1/Gamma. Its gain margin falls from {effect.gain_margins[0]:.4g} to {effect.gain_margins[1]:.4g} at Figure 3's gain. Simulated in {len(found)} readings. Until the loop "
         f"begins to oscillate: {_counted(found, 'onset')}. Until the motion is lost, oscillations or not: {_counted(found, 'loss')}",
-        f"kappa = 0.02 s. {EXACT}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding. Simulated: Section V, RK4, h = 2e-4 s, 40 s: the "
+        how=f"kappa = 0.02 s. {EXACT}; {len(GAINS)} x {len(KAPPAS)} values of Gamma r^2 and kappa, the limit by root finding. Simulated: Section V, RK4, h = 2e-4 s, 40 s: the "
         "exact delay [s] that the loop bears, by scan and bisection, and the smallest natural frequency [rad/s] of a second-order actuator with damping 0.7, as its inverse [s]. Onset: "
         "the judge calls the run lost or a limit cycle, or its oscillation grows without end. Loss: lost, or the error in the tail grew by the "
         "largest |x_m|. At equal gain Gamma = 0.01, 1, 100; at own gain 10 and 100; at equal error the MRAC's Gamma gives the RMS error that "
         "L1-AC has at 100",
         maps=effect.maps,
         listings=(_listing(found),),
-        number=f"margins: gain {_way(effect.gain_margins)} to {effect.gain_margins[1]:.4g}, delay {_way(adapting)} to {adapting[1]:.2g} s",
-        readings=readings,
-        condition=f"robustness is the {', '.join(effect.fall_at_every_gain) or 'margin'} with kappa <= {MODERATE_KAPPA:g} s (Theorem 1's condition admits half of that; the slower filters "
-        "stand in the reading), of the loop that adapts the only margin that falls at every gain, or the delay margin with the estimates at rest on theta; at high gain "
-        f"the filter raises the {', '.join(effect.rise_at_high_gain) or 'others nowhere'}",
-        would_change="not confirmed: moderate filters that raise the gain margin upwards at some gain, and the delay margin of the loop at rest; confirmed: phase, delay and small-gain margins "
-        "that it lowers at high gain too, in the exact loops and in simulation",
+        would_change="holds: phase, delay and small-gain margins that the filter lowers at high gain too, and a downward gain margin that it lowers at every gain",
     )  # fmt: skip
 
 
 def _reading(says: str, found: Sequence[Simulated], criterion: str) -> Reading:
     always = all(change(getattr(each, criterion)) == "down" for each in found)
-    return Reading(says, verdict(holds=always), _counted(found, criterion))
+    return Reading(says, always, _counted(found, criterion), "beside")
 
 
 EQUAL_MARGINS_RATIOS = 0.98, 1.02
@@ -210,8 +213,9 @@ def _slowest(lost: Array) -> float:
 def _at_rest(delays: list[float]) -> Reading:
     return Reading(
         "the delay margin of the loop with its estimates at rest on theta: exact",
-        verdict(holds=delays[1] < delays[0]),
+        delays[1] < delays[0],
         f"{delays[0]:.3g} to {delays[1]:.3g} s",
+        "beside",
     )
 
 

@@ -9,9 +9,11 @@ from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.controllers import Mrac
 from barbalat.linear.largest import largest
 from barbalat.linear.systems import input_filter
-from barbalat.papers.claim import ChartAxis, Claim, Curve, Map, Measurement, Reading, numbers, of_readings, verdict
+from barbalat.papers.claim import ChartAxis, Claim, Curve, Map, Measurement, numbers
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import figures, variant
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.signals import Constant
@@ -34,29 +36,29 @@ def filter_limits_theta() -> Claim:
     unfiltered = _tail([(_given(s), Mrac(gamma=ADAPTIVE_GAIN, projection=False)) for s in THETA_SCALES])
     stays, goes = bool(late[0] < early[0] / 2), bool(np.isnan(late[1]) or late[1] > 2 * early[1])
     bounded = bool((unfiltered < 1e-3).all())
+    sentence = SENTENCES["filter-limits-theta"]
     readings = (
-        Reading(
-            "of what Theorem 1 guarantees",
-            verdict(holds=bool(np.isfinite(guaranteed)) and bounded),
-            f"up to {_down(guaranteed)} [4, -3] with the filter; without it the theorem has no such condition",
+        sentence.reads(
+            stays and goes and bounded,
+            f"lost beyond {exact:.2f} [4, -3] with the filter; MRAC bears {THETA_SCALES[-1]:g} [4, -3]",
         ),
         Reading(
-            "of the loop itself, at high gain",
-            verdict(holds=stays and goes and bounded),
-            f"lost beyond {exact:.2f} [4, -3] with the filter; MRAC bears {THETA_SCALES[-1]:g} [4, -3]",
+            "of what Theorem 1 guarantees",
+            bool(np.isfinite(guaranteed)) and bounded,
+            f"up to {_down(guaranteed)} [4, -3] with the filter; without it the theorem has no such condition",
+            "beside",
         ),
     )
     return Claim(
-        "filter-limits-theta", "Section III.A, after Theorem 1", "The filter puts a limit on the size of the unknown parameters",
-        of_readings(readings),
-        f"with kappa = 0.02 s Theorem 1 guarantees stability up to theta = {_down(guaranteed)} [4, -3], |theta|_1 = {_down(7 * guaranteed)}; the limit "
+        sentence=sentence,
+        readings=readings,
+        shows=f"With the filter the loop is lost beyond theta = {exact:.2f} [4, -3]; the MRAC bears {THETA_SCALES[-1]:g} [4, -3].",
+        measured=f"with kappa = 0.02 s Theorem 1 guarantees stability up to theta = {_down(guaranteed)} [4, -3], |theta|_1 = {_down(7 * guaranteed)}; the limit "
         f"loop is stable up to {exact:.2f} [4, -3], {exact / guaranteed:.1f} times that; simulated at 0.8 and 1.25 of it: tail error of L1-AC "
         f"{numbers(early)} over 30 s, {numbers(late)} over 60 s. MRAC, {len(THETA_SCALES)} sizes up to {THETA_SCALES[-1]:g} [4, -3]: tail error at most {unfiltered.max():.1g}",
-        "certified norms; bisection on the exact eigenvalues of the fast-adaptation loop; RK4, h = 1e-4 s, Gamma = 100, r = 1, no projection, "
+        how="certified norms; bisection on the exact eigenvalues of the fast-adaptation loop; RK4, h = 1e-4 s, Gamma = 100, r = 1, no projection, "
         "30 s (these keep h omega_a below 1 in what is stable)",
-        (_map(),),
-        number=f"limit loop is lost beyond theta = {exact:.2f} [4, -3]",
-        readings=readings,
+        maps=(_map(),),
         would_change="a filtered loop that bears any theta, or an unfiltered one that a large theta takes, without modelling error",
     )  # fmt: skip
 

@@ -7,9 +7,10 @@ from collections.abc import Callable
 import numpy as np
 
 from barbalat.controllers import Mrac
-from barbalat.papers.claim import ChartAxis, Claim, Curve, Map, Measurement, span, table, verdict
+from barbalat.papers.claim import ChartAxis, Claim, Curve, Map, Measurement, span, table
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import Runs, figures
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.protocols import Controller
 from barbalat.run.results.result import Result
 from barbalat.solvers import RK4
@@ -36,15 +37,18 @@ def boundary(runs: Runs) -> Claim:
     exponent = np.polyfit(np.log(steps), np.log(observed[0]), 1)[0]
     shown = _map(filtered, observed[1])
     agree = (shown.values > SWEEP_RATE) == (_predicted_gain(filtered, MAP_STEPS)[:, None] < MAP_GAINS)
+    as_predicted = bool(ratios.min() > 0.9 and ratios.max() < 1.5 and abs(exponent + 2) < 0.1)
+    sentence = SENTENCES["boundary"]
     return Claim(
-        "boundary", "not in the paper: this project, from the stability region of RK4", "The oscillations begin where h omega_a passes the solver's limit on the imaginary axis",
-        verdict(holds=bool(ratios.min() > 0.9 and ratios.max() < 1.5 and abs(exponent + 2) < 0.1)),
-        f"observed gain / predicted: L1-AC {span(ratios[0])}, MRAC {span(ratios[1])}, at {len(steps)} steps; "
+        sentence=sentence,
+        readings=(sentence.reads(as_predicted, f"L1-AC {span(ratios[0])}, MRAC {span(ratios[1])} times; as h^{exponent:.2f}"),),
+        shows=f"The gain at which they begin is {ratios.min():.2f} to {ratios.max():.2f} times the predicted one, at {len(steps)} steps of RK4, with and without filter.",
+        measured=        f"observed gain / predicted: L1-AC {span(ratios[0])}, MRAC {span(ratios[1])}, at {len(steps)} steps; "
         f"the gain falls as h^{exponent:.2f}; {agree.sum()} of the map's {agree.size} cells are as predicted. The prediction is a little early: at the crest of |x| the loop has some damping",
-        f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s; onset: the estimates vary by more than "
+        how=f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s; onset: the estimates vary by more than "
         f"{SWEEP_RATE:g} per s, one sweep of the box there and back",
-        (shown,),
-        (
+        maps=(shown,),
+        listings=(
             table(
                 "The gain at which the oscillations were predicted to begin, and the observed one over it",
                 {
@@ -54,8 +58,6 @@ def boundary(runs: Runs) -> Claim:
                 },
             ),
         ),
-        tested="the least gain at which the estimates oscillate over the predicted one, both schemes, three steps",
-        number=f"observed gain over predicted: {ratios.min():.2f} to {ratios.max():.2f}",
         would_change="an onset that does not go as h^-2, or is off by half and more",
     )  # fmt: skip
 

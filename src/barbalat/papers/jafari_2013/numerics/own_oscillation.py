@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.papers.claim import Claim, Measurement, Reading, numbers, of_readings, table, verdict
+from barbalat.papers.claim import Claim, Measurement, numbers, table
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.numerics.stiff import (
     AUTOMATIC_END,
@@ -16,6 +17,7 @@ from barbalat.papers.jafari_2013.numerics.stiff import (
 )
 from barbalat.papers.jafari_2013.numerics.stiff_methods import RINGING_WINDOW
 from barbalat.papers.jafari_2013.numerics.stiff_runs import rk4
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.validate import Array
 
 
@@ -25,16 +27,16 @@ def own_oscillation() -> Claim:
     free, boxed = ([path.ringing(*TAIL_WINDOW) for path in paths] for paths in zip(*steps, strict=True))
     early = [path.ringing(*LATE_WINDOW) for path in (steps[0][1], steps[2][1])]
     agree = bool(np.allclose(free[1], free[2], rtol=0.1))
-    readings = _readings(free, boxed, agree)
     return Claim(
-        "own-oscillation", "Section V, discussion and caption of Figure 4", "With the step reduced to 1e-5 s the oscillation is gone, because it was numerical",
-        of_readings(readings),
-        f"the estimates' ringing at h = {CONVERGED_STEPS[1]:g} s with projection: at most {boxed[2].max():.2g}, gone once they "
+        sentence=SENTENCES["own-oscillation"],
+        readings=_readings(free, boxed, agree),
+        shows=f"A converged solution rings by {boxed[2].max():.1g} with the projection, by {free[2].max():.2g} without it, which RK4's damping hides at h = 1e-5 s.",
+        measured=        f"the estimates' ringing at h = {CONVERGED_STEPS[1]:g} s with projection: at most {boxed[2].max():.2g}, gone once they "
         "have touched "
         f"their bounds (at {AUTOMATIC_END:g} s, before that, {numbers(early[0])} at h = 1e-5 s, {numbers(early[1])} at 5e-7 s). "
         f"Without projection {numbers(free[2])}: there the equations themselves ring, and at h = 1e-5 s "
         f"RK4's own damping hides it: {free[0].max():.2g} is left",
-        f"L1-AC, kappa = 0.02 s, Gamma = 1e4, RK4, {T_END:g} s; ringing: half the largest swing within {RINGING_WINDOW:g} s, over every step of the last quarter",
+        how=f"L1-AC, kappa = 0.02 s, Gamma = 1e4, RK4, {T_END:g} s; ringing: half the largest swing within {RINGING_WINDOW:g} s, over every step of the last quarter",
         listings=(
             table(
                 "The ringing of the two estimates with RK4, by its step, with projection and without",
@@ -45,28 +47,20 @@ def own_oscillation() -> Claim:
                 },
             ),
         ),
-        number=f"ringing without projection at h = {CONVERGED_STEPS[1]:g} s: {free[2].max():.2g}",
-        readings=readings,
-        condition="the projection acts, and the first seconds are over",
         would_change="a converged solution without projection that doesn't ring, or one with projection that does",
     )  # fmt: skip
 
 
 def _readings(free: list[Array], boxed: list[Array], agree: bool) -> tuple[Reading, ...]:
+    sentence = SENTENCES["own-oscillation"]
     return (
-        Reading(
-            "with the projection, as Figure 4 shows it, after the first seconds",
-            verdict(holds=bool((boxed[2] < 0.01).all())),
-            f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE_STEP:g} s, {boxed[2].max():.2g} at "
-            f"{CONVERGED_STEPS[1]:g} s",
+        sentence.reads(bool((boxed[2] < 0.01).all()), f"ringing of at most {boxed[0].max():.2g} at h = {section_v.FINE_STEP:g} s, {boxed[2].max():.2g} at {CONVERGED_STEPS[1]:g} s"),
+        sentence.reads(
+            not (agree and bool((free[2] > 3 * free[0]).all())),
+            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE_STEP:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} s",
+            1,
         ),
-        Reading(
-            "without projection: what rings at h = 1e-4 s is the solver's alone",
-            verdict(holds=not (agree and bool((free[2] > 3 * free[0]).all()))),
-            f"ringing of at most {free[0].max():.2g} at h = {section_v.FINE_STEP:g} s, {free[2].max():.2g} at {CONVERGED_STEPS[1]:g} "
-            "s",
-        ),
-    )
+    )  # fmt: skip
 
 
 ROWS = (

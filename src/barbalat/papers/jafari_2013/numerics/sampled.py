@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from barbalat.controllers import Mrac, Sampled
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, span, table
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import figures, variant
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
 from barbalat.run.engine.simulate import simulate
@@ -25,11 +27,19 @@ def claim() -> Claim:
     smooth = {scheme: _rates(scheme, "midpoint") for scheme in ("MRAC", "L1")}
     rough = _rates("MRAC", "euler")
     spread = max(float((rates.max(axis=0) / rates.min(axis=0)).max()) for rates in smooth.values())
+    sentence = SENTENCES["sampled-midpoint"]
     return Claim(
-        id="sampled-midpoint",
-        where="not in the paper: this project, against the discussion of Figures 3 to 5 in Section V",
-        statement="The numerical phenomena cannot be avoided at a high gain: a sampled controller with a Lyapunov-preserving step",
-        verdict=verdict(holds=spread > 2),
+        sentence=sentence,
+        readings=(
+            sentence.reads(spread < 2, f"the largest variation is {spread:.3f} times the least"),
+            Reading(
+                "so does the step of explicit Euler, MRAC",
+                bool(rough.max() < 2 * rough.min()),
+                f"{span(rough[:, 0])} per s",
+                "beside",
+            ),
+        ),
+        shows=f"Over Gamma = {GAINS[0]:g} to {GAINS[-1]:g} the variation of the estimates changes by a factor of {spread:.3f}.",
         measured=f"variation of the estimates by the implicit step, over Gamma = {GAINS[0]:g} to {GAINS[-1]:g}: MRAC "
         f"{span(smooth['MRAC'][:, 0])} per s, "
         f"L1-AC {span(smooth['L1'][:, 0])} per s, the largest {spread:.3f} times the least; by explicit Euler "
@@ -41,8 +51,6 @@ def claim() -> Claim:
                 {"Gamma": GAINS, "MRAC": smooth["MRAC"][:, 0], "L1-AC": smooth["L1"][:, 0], "MRAC, explicit Euler": rough[:, 0]},
             ),
         ),
-        tested="the variation of both estimates in the tail, MRAC and L1-AC by the midpoint step of this project: by more than a factor of two over Gamma = 1e2 to 1e8",
-        number=f"variation of estimates over Gamma, max/min: {spread:.3f}",
         would_change="estimates that chatter at some gain and sample time with this step, without a delay; with one see sampled-delay",
     )
 
@@ -76,35 +84,27 @@ def delays() -> Claim:
     filtered_errors, filtered = found["L1-AC, midpoint"][0], found["L1-AC, midpoint"][1][-1]
     borne_by_l1 = max(delay for delay, rate in zip((0.0, *DELAYS), filtered, strict=True) if rate <= quiet) / SAMPLE_TIME
     larger = np.array(DELAYS)[errors[-1, 1:] > filtered_errors[-1, 1:]]
+    sentence = SENTENCES["sampled-delay"]
     readings = (
+        sentence.reads(borne_by_l1 > borne, f"{borne:g} T without the filter, {borne_by_l1:g} T with it"),
         Reading(
-            "until the estimates leave quiet",
-            verdict(holds=borne_by_l1 > borne),
-            f"{borne:g} T without the filter, {borne_by_l1:g} T with it",
-        ),
-        Reading(
-            "by the tracking error: without the filter it is the larger one under a delay",
-            verdict(holds=bool(len(larger)), conditional=len(larger) < len(DELAYS)),
+            "by the tracking error: without the filter it is the larger one under every delay",
+            len(larger) == len(DELAYS),
             f"larger at {len(larger)} of {len(DELAYS)} delays; |e| goes from {errors[-1, 1]:.3g} at {1e3 * DELAYS[0]:g} ms to "
-            f"{errors[-1, -1]:.3g} at "
-            f"{1e3 * DELAYS[-1]:g} ms without the filter, from {filtered_errors[-1, 1]:.3g} to {filtered_errors[-1, -1]:.3g} "
-            "with it",
+            f"{errors[-1, -1]:.3g} at {1e3 * DELAYS[-1]:g} ms without the filter, from {filtered_errors[-1, 1]:.3g} to {filtered_errors[-1, -1]:.3g} with it",
+            "beside",
         ),
     )
     return Claim(
-        id="sampled-delay",
-        where="not in the paper: nearer to what L1's authors argue for the filter",
-        statement="Fast adaptation without a filter leaves no robustness to delays: sampled controllers",
-        verdict=of_readings(readings),
+        sentence=sentence,
+        readings=readings,
+        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet under {borne:g} samples of delay without the filter, {borne_by_l1:g} with it.",
         measured=f"at Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {borne:g} T with MRAC by the midpoint "
         f"form, {borne_by_l1:g} T with L1-AC; beyond it those of MRAC run between their bounds, and |e| is at most {ratio:.2f} times that "
         "of the Euler form, at any gain and delay",
         how=f"T = {SAMPLE_TIME:g} s, h = T/2, RK4, 20 s, kappa = {section_v.KAPPA:g} s; quiet: a variation of the estimates of at most "
         f"{CHATTER_FACTOR:g} times that without delay",
         listings=(_listing(found, quiet),),
-        number=f"samples of delay borne: {borne:g} unfiltered, {borne_by_l1:g} filtered",
-        readings=readings,
-        condition="robustness is that the estimates stay quiet; by the tracking error it depends on the delay",
         would_change="an unfiltered fast sampled law that stays quiet under two samples of delay, or a filter that does not help there",
     )
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, numbers, of_readings, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, numbers
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.numerics.stiff_methods import NEWTON_STEPS, RINGING_WINDOW, SciPyMethod
 from barbalat.papers.jafari_2013.numerics.stiff_runs import (
@@ -16,8 +17,10 @@ from barbalat.papers.jafari_2013.numerics.stiff_runs import (
     agrees,
     cell,
     listing,
+    ratio,
     rings_too_much,
 )
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 
 
 def stiff_solvers() -> Claim:
@@ -41,104 +44,75 @@ def stiff_solvers_further() -> Claim:
     )
     codes = "; ".join(f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}" for row in (*loose, *longer))
     more = Reading(
-        "at more gains, and codes with automatic steps for longer",
-        verdict(holds=not all(rows for _, rows in followed), conditional=any(rows for _, rows in followed)),
+        "at more gains, and codes with automatic steps for longer: none follows the equations",
+        not any(rows for _, rows in followed),
         f"implicit steps that follow the equations, with projection: {gains}. Automatic steps: {codes}",
+        "beside",
     )
     return _claim(StiffRuns.now(full=True), more, listings=tuple(listings))
 
 
 def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ()) -> Claim:
-    readings = (*_phenomena(tried), *_automatic(tried), *_singularity(tried), *more)
     right, shown = PAPER_SETTING.right, [*tried.explicit, *tried.fixed, *tried.automatic, *tried.longer, *tried.loose]
-    best = tried.fixed[0]
+    best, plain = tried.fixed[0], tried.explicit[0]
     neighbours = tuple(
         listing(rows, gain.right, gain.gamma) for gain, rows in zip(NEIGHBOURING_SETTINGS, tried.at_neighbours, strict=True)
     )
     return Claim(
-        "stiff-solvers", "Section V, discussion of Figures 3 to 5",
-        "Even with a solver for stiff problems the phenomena of Figures 3 and 5 cannot be avoided, nor a possible singularity",
-        of_readings(readings),
-        "ringing of the estimates over that of the converged solution, without / with projection: "
+        sentence=SENTENCES["stiff-solvers"],
+        readings=(*_literal(tried), *_automatic(tried), *_phenomena(tried), _giving_up(tried), *more),
+        shows=f"At the paper's h the {best.name} rings {ratio(best.boxed, right[1], best.span):.2f} times the true solution, RK4 {ratio(plain.boxed, right[1], plain.span):.0f} times.",
+        measured="ringing of the estimates over that of the converged solution, without / with projection: "
         + "; ".join(f"{row.name}, {row.setting}: {cell(row, 0, right)} / {cell(row, 1, right)}" for row in (*tried.explicit, *tried.fixed))
         + ". Automatic steps: "
         + "; ".join(
             f"{row.name}, {row.setting}, to {row.span[1]:g} s {cell(row, 1, right)}, {row.free.evaluations} evaluations, {row.free.seconds:.1f} s"
             for row in (*tried.automatic, *tried.longer, *tried.loose)
         )
-        + "".join(f". {one.verdict.capitalize()} is {one.says}: {one.measured}" for one in readings if not one.decides)
-        + f". {NOT_TESTED}",
-        f"right: within a factor {AGREEMENT_FACTOR:g} of RK4 at h = {PAPER_SETTING.converged_step:g} s, which rings by {numbers(right[0].ringing(*TAIL_WINDOW))} without and "
+        + f". {NO_SINGULARITY}",
+        how=        f"right: within a factor {AGREEMENT_FACTOR:g} of RK4 at h = {PAPER_SETTING.converged_step:g} s, which rings by {numbers(right[0].ringing(*TAIL_WINDOW))} without and "
         f"{numbers(right[1].ringing(*TAIL_WINDOW))} with projection; last quarter of {T_END:g} s. Implicit steps: {NEWTON_STEPS} Newton steps of the exact Jacobian, "
         f"the estimate limited at the step's end. Automatic steps: with projection, exact Jacobian, last 0.1 s; up to {AUTOMATIC_END:g} s no estimate is "
-        f"beyond {_highest():.1f} and the projection at rest; the phenomenon begins at {tried.explicit[0].free.reached:.1f} s",
+        f"beyond {_highest(AUTOMATIC_END):.1f} and the projection at rest; the phenomenon begins at {tried.explicit[0].free.reached:.1f} s",
         listings=(listing(shown, right, PAPER_SETTING.gamma), *neighbours, listing(tried.at_figure_5, FIGURE_5.right, FIGURE_5.gamma), *listings),
-        number=f"{best.name} over true ringing: {cell(best, 1, right)}",
-        readings=readings,
-        condition=_condition(tried),
-        would_change="confirmed: implicit steps, and codes at tight tolerances, none of which follows the equations with the projection, and runs that are lost without "
-        "it; not confirmed: codes that neither ring beyond the equations nor give up at a loose tolerance either",
+        would_change="holds: implicit steps, and codes at tight tolerances, none of which follows the equations with the projection",
         sharpened=FULL_COMMAND,
     )  # fmt: skip
 
 
-def _phenomena(tried: StiffRuns) -> tuple[Reading, ...]:
-    """What the paper saw of RK4, of implicit steps of the same size."""
-    free, boxed = PAPER_SETTING.right
-    at_paper = [row for row in tried.fixed if row.setting == tried.fixed[0].setting]
-    too_much = [row for row in at_paper if rings_too_much(row.free, free, TAIL_WINDOW)]
-    pairs = [(gain, row) for gain, rows in zip(NEIGHBOURING_SETTINGS, tried.at_neighbours, strict=True) for row in rows[1:]]
-    failing = [row.boxed.lost or rings_too_much(row.boxed, gain.right[1], gain.span) for gain, row in pairs]
+def _literal(tried: StiffRuns) -> tuple[Reading, Reading]:
+    """No solver at Figure 3's gain follows the equations; and a singularity, which a proof decides."""
+    sentence, boxed = SENTENCES["stiff-solvers"], PAPER_SETTING.right[1]
+    rows = [*tried.fixed, *tried.automatic, *tried.longer, *tried.loose]
+    following = [row for row in rows if agrees(row.boxed, boxed, row.span)]
     return (
-        Reading(
-            "swings between the bounds, at Figure 3's gain and step, with the projection",
-            verdict(holds=not any(agrees(row.boxed, boxed, TAIL_WINDOW) for row in tried.fixed)),
-            "; ".join(f"{row.name}, {row.setting} {cell(row, 1, PAPER_SETTING.right)}" for row in tried.fixed),
+        sentence.reads(
+            not following,
+            f"{len(following)} of {len(rows)} follow them: {'; '.join(f'{row.name}, {row.setting} {cell(row, 1, PAPER_SETTING.right)}' for row in following) or 'none'}",
         ),
-        Reading(
-            f"the same at {' and '.join(f'Gamma = {gain.gamma:g}' for gain in NEIGHBOURING_SETTINGS)}, Figure 3's step",
-            verdict(holds=any(failing), conditional=not all(failing)),
-            "; ".join(f"Gamma = {gain.gamma:g}, {row.name} {cell(row, 1, gain.right)}" for gain, row in pairs),
-        ),
-        Reading(
-            f"at Figure 5's gain and step, with the projection, to {FIGURE_5.t_end:g} s",
-            verdict(holds=not any(agrees(row.boxed, FIGURE_5.right[1], row.span) for row in tried.at_figure_5[1:])),
-            "; ".join(f"{row.name} {cell(row, 1, FIGURE_5.right)}" for row in tried.at_figure_5),
-        ),
-        Reading(
-            "signals that go unbounded, at Figure 3's gain, without projection",
-            verdict(holds=all(row.free.lost for row in tried.fixed)),
-            f"{sum(row.free.lost for row in tried.fixed)} of {len(tried.fixed)} implicit runs are lost",
-        ),
-        Reading(
-            "beside the sentence: a ringing of the solver's own, beyond that of the equations, at Figure 3's gain and step, without projection",
-            verdict(holds=bool(too_much), conditional=len(too_much) < len(at_paper)),
-            "; ".join(f"{row.name} {cell(row, 0, PAPER_SETTING.right)}" for row in at_paper)
-            + ". The midpoint rule is stable at any step, but damps nothing of what it does not resolve: no swing between the bounds, no signal unbounded",
-            decides=False,
+        sentence.reads(
+            False, f"the converged solution reaches {T_END:g} s, its estimates at most {_highest(T_END):.2g}. {NO_SINGULARITY}", 1
         ),
     )
 
 
 def _automatic(tried: StiffRuns) -> tuple[Reading, ...]:
     """Codes that choose their steps: tight, to where the phenomenon has begun and past the first second on a bound; and loose."""
-    tight = tuple(
-        Reading(
-            f"codes with automatic steps, {_named(rows)}, to {rows[0].span[1]:g} s at a tight tolerance, {tolerance:g}",
-            verdict(holds=not any(agrees(row.boxed, PAPER_SETTING.right[1], row.span) for row in rows)),
-            "; ".join(f"{row.name} {cell(row, 1, PAPER_SETTING.right)}" for row in rows),
-        )
-        for rows, tolerance in ((tried.automatic, TOLERANCE), (tried.longer, LOOSE_TOLERANCES[1]))
-    )
+    tight = [*tried.automatic, *tried.longer]
     failing = _failing(tried)
-    loose = Reading(
-        f"codes with automatic steps, {_named(tried.loose)}, to {tried.loose[0].span[1]:g} s at a loose tolerance, {LOOSE_TOLERANCES[0]:g}: one rings beyond "
-        "the equations, or gives up",
-        verdict(holds=bool(failing), conditional=len(failing) < len(tried.loose)),
-        "; ".join(f"{row.name} {cell(row, 1, PAPER_SETTING.right)}{_amplitude(row)}" for row in tried.loose)
-        + f"; the converged solution rings by {PAPER_SETTING.right[1].ringing(*tried.loose[0].span).max():.2g}. The bounds are 5 and -5",
+    return (
+        Reading(
+            f"the solver chooses its steps at a tight tolerance, {TOLERANCE:g} or {LOOSE_TOLERANCES[1]:g}: none follows the equations",
+            not any(agrees(row.boxed, PAPER_SETTING.right[1], row.span) for row in tight),
+            "; ".join(f"{row.name} to {row.span[1]:g} s {cell(row, 1, PAPER_SETTING.right)}" for row in tight),
+        ),
+        Reading(
+            f"the solver chooses its steps at a loose tolerance, {LOOSE_TOLERANCES[0]:g}: each rings beyond the equations, or gives up",
+            len(failing) == len(tried.loose),
+            "; ".join(f"{row.name} {cell(row, 1, PAPER_SETTING.right)}{_amplitude(row)}" for row in tried.loose)
+            + f"; the converged solution rings by {PAPER_SETTING.right[1].ringing(*tried.loose[0].span).max():.2g}. The bounds are 5 and -5",
+        ),
     )
-    return (*tight, loose)
 
 
 def _failing(tried: StiffRuns) -> list[StiffRow]:
@@ -146,15 +120,36 @@ def _failing(tried: StiffRuns) -> list[StiffRow]:
     return [row for row in tried.loose if row.boxed.lost or rings_too_much(row.boxed, PAPER_SETTING.right[1], row.span)]
 
 
-def _condition(tried: StiffRuns) -> str:
-    """State the condition by what is seen: which codes fail at the loose tolerance, and where none does."""
-    said = [
-        f"{row.name} {f'gives up at {row.boxed.reached:.4g} s' if row.boxed.lost else 'rings too much'}"
-        for row in _failing(tried)
-    ]
+def _phenomena(tried: StiffRuns) -> tuple[Reading, ...]:
+    """Other gains, and runs without projection: beside the literal reading, which speaks of every solver at Figure 3's gain."""
+    at_paper = [row for row in tried.fixed if row.setting == tried.fixed[0].setting]
+    pairs = [(gain, row) for gain, rows in zip(NEIGHBOURING_SETTINGS, tried.at_neighbours, strict=True) for row in rows[1:]]
     return (
-        f"the code chooses its steps at a loose tolerance, {LOOSE_TOLERANCES[0]:g} ({', '.join(said) or 'none fails'}); not at {LOOSE_TOLERANCES[1]:g} to {LONG_AUTOMATIC_END:g} s and "
-        f"{TOLERANCE:g} to {AUTOMATIC_END:g} s, nor with implicit steps of the paper's size and the projection"
+        Reading(
+            f"at {' and '.join(f'Gamma = {gain.gamma:g}' for gain in NEIGHBOURING_SETTINGS)}, Figure 3's step: implicit steps swing beyond the equations",
+            all(row.boxed.lost or rings_too_much(row.boxed, gain.right[1], gain.span) for gain, row in pairs),
+            "; ".join(f"Gamma = {gain.gamma:g}, {row.name} {cell(row, 1, gain.right)}" for gain, row in pairs),
+            "beside",
+        ),
+        Reading(
+            f"at Figure 5's gain and step, with the projection, to {FIGURE_5.t_end:g} s: no implicit step follows the equations",
+            not any(agrees(row.boxed, FIGURE_5.right[1], row.span) for row in tried.at_figure_5[1:]),
+            "; ".join(f"{row.name} {cell(row, 1, FIGURE_5.right)}" for row in tried.at_figure_5),
+            "beside",
+        ),
+        Reading(
+            "signals that go unbounded, at Figure 3's gain, without projection",
+            all(row.free.lost for row in tried.fixed),
+            f"{sum(row.free.lost for row in tried.fixed)} of {len(tried.fixed)} implicit runs are lost",
+            "beside",
+        ),
+        Reading(
+            "a ringing of the solver's own, beyond that of the equations, at Figure 3's gain and step, without projection",
+            all(rings_too_much(row.free, PAPER_SETTING.right[0], TAIL_WINDOW) for row in at_paper),
+            "; ".join(f"{row.name} {cell(row, 0, PAPER_SETTING.right)}" for row in at_paper)
+            + ". The midpoint rule is stable at any step, but damps nothing of what it does not resolve: no swing between the bounds, no signal unbounded",
+            "beside",
+        ),
     )
 
 
@@ -162,34 +157,27 @@ def _amplitude(row: StiffRow) -> str:
     return "" if row.boxed.lost else f", by {row.boxed.ringing(*row.span).max():.2g}"
 
 
-def _named(rows: list[StiffRow]) -> str:
-    return ", ".join(row.name for row in rows)
-
-
-NOT_TESTED = (
-    "Not tested, and no reading: a singularity in general. Of (1)-(8) without modelling error the solution has none, at any Gamma: V of Theorem 1 does not "
-    "grow, whatever u is, so theta_hat is bounded; x, x_hat and the filter then obey linear equations with bounded coefficients and stay finite at all times"
+NO_SINGULARITY = (
+    "Of (1)-(8) without modelling error the solution has no singularity, at any Gamma: V of Theorem 1 does not grow, whatever u is, so theta_hat is bounded; x, x_hat "
+    "and the filter then obey linear equations with bounded coefficients and stay finite at all times"
 )
 
 
-def _singularity(tried: StiffRuns) -> tuple[Reading, ...]:
-    """What a code says that meets one: its step falls below what doubles can add to t."""
+def _giving_up(tried: StiffRuns) -> Reading:
+    """What a code says that meets a singularity, or takes something for one: its step falls below what doubles can add to t."""
     codes = [*tried.automatic, *tried.longer, *tried.loose]
     gave_up = [f"{row.name}, {row.setting}, at {row.boxed.reached:.4g} s" for row in codes if row.boxed.lost]
-    return (
-        Reading(
-            "a possible singularity of the solution, on this problem: that a code gives up",
-            verdict(holds=bool(gave_up), conditional=len(gave_up) < len(codes)),
-            f"{len(gave_up)} of {len(codes)} runs with automatic steps gave up" + "".join(f": {said}" for said in gave_up),
-        ),
+    return Reading(
+        "a code gives up, as if it met a singularity",
+        bool(gave_up),
+        f"{len(gave_up)} of {len(codes)} runs with automatic steps gave up" + "".join(f": {said}" for said in gave_up),
+        "beside",
     )
 
 
-def _highest() -> float:
-    """The largest estimate of the converged solution until ``AUTOMATIC_END``."""
-    return float(
-        np.nanmax(np.abs([(p.least, p.greatest) for p in PAPER_SETTING.right])[:, :, : round(AUTOMATIC_END / RINGING_WINDOW)])
-    )
+def _highest(until: float) -> float:
+    """The largest estimate of the converged solution until then."""
+    return float(np.nanmax(np.abs([(p.least, p.greatest) for p in PAPER_SETTING.right])[:, :, : round(until / RINGING_WINDOW)]))
 
 
 ROWS = (
@@ -269,7 +257,9 @@ class StiffRuns:
             automatic=PAPER_SETTING.automatic(EVALUATION_BUDGETS, tolerance=TOLERANCE, t_end=AUTOMATIC_END),
             longer=PAPER_SETTING.automatic({}, tolerance=LOOSE_TOLERANCES[1], t_end=LONG_AUTOMATIC_END),
             loose=PAPER_SETTING.automatic(
-                FULL_BUDGETS if full else {}, tolerance=LOOSE_TOLERANCES[0], t_end=LONG_AUTOMATIC_END if full else LOOSE_END
+                FULL_BUDGETS if full else EVALUATION_BUDGETS,
+                tolerance=LOOSE_TOLERANCES[0],
+                t_end=LONG_AUTOMATIC_END if full else LOOSE_END,
             ),
             at_figure_5=[FIGURE_5.explicit(section_v.FINE_STEP)]
             + [FIGURE_5.implicit(section_v.FINE_STEP, midpoint=midpoint) for midpoint in (True, False)],

@@ -13,8 +13,10 @@ from barbalat.cases.load import load_case
 from barbalat.controllers.output.l1 import L1Output, linear_equivalent
 from barbalat.controllers.output.linear import LinearOutput
 from barbalat.controllers.output.mrac import MracOutput
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, span, table
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013.section_v import at_instants
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.run.engine.ensemble import simulate_ensemble
@@ -37,32 +39,21 @@ def l1_is_linear() -> Claim:
     constant = replace(case.problem, reference=Step(amplitude=1.0), disturbance=Step(amplitude=1.0, start=5.0))
     left = float(np.abs(simulate(constant, [controller], Simulation(t_end=30.0, dt=1e-3))[controller.name].e[-1, 0]))
     late = _after_saturation(case.problem, controller)
-    readings = (
-        Reading(
-            "a fixed-gain LTI controller inside the bounds",
-            verdict(holds=difference < 1e-9),
-            f"its control differs from the equivalent's by {difference:.1g} of the largest |u|",
-        ),
-        Reading("integral action", verdict(holds=left < 1e-9), f"a constant disturbance leaves |e| = {left:.1g}"),
-        Reading(
-            "the projection is an anti-windup",
-            verdict(holds=late[0] < 0.5 * late[1]),
-            f"mean |e| after saturation {late[0]:.2g} with it, {late[1]:.2g} without",
-        ),
-    )
+    sentence = SENTENCES["l1-output-is-lti"]
     return Claim(
-        id="l1-output-is-lti",
-        where="Section IV, before (18) and after (21); Figure 1",
-        statement="The L1 output-feedback controller is an LTI controller with integral action and anti-windup",
-        verdict=of_readings(readings),
+        sentence=sentence,
+        readings=(
+            sentence.reads(difference < 1e-9, f"it differs by {difference:.1g} of the largest |u|"),
+            sentence.reads(left < 1e-9, f"|e| = {left:.1g} is left", 1),
+            sentence.reads(late[0] < 0.5 * late[1], f"mean |e| after saturation {late[0]:.2g} with it, {late[1]:.2g} without", 2),
+        ),
+        shows=f"Inside its bounds it differs from a linear controller by {difference:.0e} of the largest |u|.",
         measured=f"its control differs from that of the linear equivalent by {difference:.1g} of the largest |u| while sigma is inside "
         f"its bounds; a constant disturbance leaves |e| = {left:.1g}; after 5 s of saturation the mean |e| of the next 8 s is "
         f"{late[0]:.2g} with the projection and {late[1]:.2g} without",
         how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation), RK4; the equivalent is "
         "multiplied out and integrated in a realisation of its own",
         listings=(_beside_equivalent(runs[controller.name], runs["equivalent"]),),
-        number=f"difference from LTI equivalent: {difference:.1g} of max |u|",
-        readings=readings,
         would_change="an input for which the two differ while sigma is inside its bounds; other L1 controllers are not meant",
     )
 
@@ -107,15 +98,26 @@ def rohrs() -> Claim:
     heights = _heights(bounded)
     adapting = [name for name, run in bounded.items() if _moved(run) > LEAST_PATH]
     falls = f"diverges at t = {classical.diverged_at:.4g} s" if classical.diverged_at else "stays"
-    readings = _of_rohrs(
-        falls, classical.diverged_at is not None, len(bounded), len(runs), len(lost), adapting, case.simulation.t_end
-    )
+    sentence = SENTENCES["rohrs"]
     return Claim(
-        id="rohrs",
-        where="not in the paper: Rohrs, Valavani, Athans and Stein (1982, 1985). The paper's own sentence, in III.A, is on the projected "
-        "(3)-(4) and (5)-(8)",
-        statement="Unmodelled dynamics destabilise an adaptive law without modifications; the robust laws bear them",
-        verdict=of_readings(readings),
+        sentence=sentence,
+        readings=(
+            sentence.reads(classical.diverged_at is not None, f"it {falls}"),
+            sentence.reads(len(bounded) == len(runs), f"{len(bounded)} of {len(runs)} do over {case.simulation.t_end:g} s", 1),
+            Reading(
+                "a dead zone bears it whatever its width",
+                not lost,
+                f"of {len(DEAD_ZONES)} more dead zones {len(lost)} diverge",
+                "beside",
+            ),
+            Reading(
+                "the modified laws go on adapting",
+                len(adapting) == len(bounded),
+                f"{', '.join(adapting) or 'none'}: estimates that move by more than {LEAST_PATH:g} in all",
+                "beside",
+            ),
+        ),
+        shows=f"The classical law {falls}; of {len(runs)} modified ones {len(bounded)} stay bounded.",
         measured=f"the classical law {falls}, {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the others over {case.simulation.t_end:g} s is {span(heights)}, without "
         "adapting at all "
         f"{resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: of {len(DEAD_ZONES)} more, g_0 = {span(DEAD_ZONES)}, "
@@ -128,28 +130,7 @@ def rohrs() -> Claim:
                 {"g_0": DEAD_ZONES, "diverges at [s]": ended},
             ),
         ),
-        number=f"the classical law {falls}",
-        readings=readings,
-        condition="the dead zone is wider than the error that the initial estimates leave",
         would_change="a run of the classical law that stays bounded, or of sigma-modification, normalisation or the robust law that does not",
-    )
-
-
-def _of_rohrs(
-    falls: str, diverged: bool, bounded: int, modified: int, lost: int, adapting: list[str], t_end: float
-) -> tuple[Reading, ...]:
-    return (
-        Reading("the classical law is destabilised", verdict(holds=diverged), f"it {falls}"),
-        Reading(
-            "the modified laws stay bounded, with any width of the dead zone",
-            verdict(holds=bounded == modified, conditional=lost > 0),
-            f"{bounded} of {modified} do over {t_end:g} s; of {len(DEAD_ZONES)} more dead zones {lost} diverge",
-        ),
-        Reading(
-            "and they go on adapting",
-            verdict(holds=bool(adapting), conditional=len(adapting) < bounded),
-            f"{', '.join(adapting) or 'none'}: estimates that move by more than {LEAST_PATH:g} in all",
-        ),
     )
 
 

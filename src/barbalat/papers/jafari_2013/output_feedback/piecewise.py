@@ -10,7 +10,8 @@ from barbalat.cases.load import load_case
 from barbalat.certificates.certify import certify
 from barbalat.controllers import L1PiecewiseConstant
 from barbalat.controllers.l1_piecewise import realisation, started
-from barbalat.papers.claim import Claim, Measurement, Reading, of_readings, table, verdict
+from barbalat.papers.claim import Claim, Measurement, table
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Step
@@ -31,12 +32,14 @@ def is_linear() -> Claim:
     flown = next(law for law in laws if law.as_flown is not None)
     left = [_left(problem, flown, a) for a in TRIED_POLES]
     margins = [certify(problem, [law], _simulation(law))[law.name].values["delay_margin"] for law in laws]
-    readings = _readings(difference, left)
+    sentence = SENTENCES["l1-piecewise-is-lti"]
     return Claim(
-        id="l1-piecewise-is-lti",
-        where="not in the paper: this project, after Section IV, which says it of the output-feedback controller and calls the flown ones linear",
-        statement="The L1 controller with the piecewise-constant law, the one that flies today, is an LTI controller with integral action",
-        verdict=of_readings(readings),
+        sentence=sentence,
+        readings=(
+            sentence.reads(difference < ROUNDING_SHARE, f"it differs by {difference:.1g} of the largest |u|, in both forms"),
+            sentence.reads(max(left) < ROUNDING_SHARE, f"|e_1| = {left[1]:.2g} is left with a = {TRIED_POLES[1]:g}/s, {left[-1]:.1g} with a = 0", 1),
+        ),
+        shows=f"It differs from a linear controller by {difference:.0e} of the largest |u|; a constant disturbance leaves |e_1| = {left[1]:.1g} with a = {TRIED_POLES[1]:g}/s, {left[-1]:.0e} with a = 0.",
         measured=f"its control differs from that of its realisation by {difference:.1g} of the largest |u|. Its estimate is a difference of "
         f"two measurements; {100 * -np.expm1(TRIED_POLES[1] * flown.sample_time):.3g} % of a constant disturbance are never estimated with "
         f"a = {TRIED_POLES[1]:g}/s at {1 / flown.sample_time:g} Hz, none with a = 0. As for any linear controller its margins are exact: it bears "
@@ -49,26 +52,8 @@ def is_linear() -> Claim:
                 {"a [1/s]": TRIED_POLES, "|e_1| [rad]": left},
             ),
         ),
-        number=f"difference from LTI realisation: {difference:.1g} of max |u|",
-        readings=readings,
-        condition="the predictor's poles are at zero; the exact form and those of flight codes leave a part of what is constant",
         would_change="an input for which law and realisation differ by more than rounding, while no limit acts",
     )  # fmt: skip
-
-
-def _readings(difference: float, left: list[float]) -> tuple[Reading, ...]:
-    return (
-        Reading(
-            "a fixed-gain LTI controller, from sample to sample",
-            verdict(holds=difference < ROUNDING_SHARE),
-            f"its control differs from its realisation's by {difference:.1g} of the largest |u|, in both forms",
-        ),
-        Reading(
-            "integral action",
-            verdict(holds=left[-1] < ROUNDING_SHARE, conditional=left[0] > ROUNDING_SHARE),
-            f"a constant disturbance leaves |e_1| = {left[1]:.2g} with a = {TRIED_POLES[1]:g}/s, {left[-1]:.1g} with a = 0",
-        ),
-    )
 
 
 def _case() -> tuple[Problem, list[L1PiecewiseConstant]]:

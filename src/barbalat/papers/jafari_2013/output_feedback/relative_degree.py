@@ -12,8 +12,9 @@ from barbalat.adaptation.laws import AdaptiveLaw, Gradient, LeastSquares
 from barbalat.adaptation.modifications import SwitchingSigma
 from barbalat.controllers.output.mrac import MracOutput
 from barbalat.linear.systems import TransferFunction
-from barbalat.papers.claim import Claim, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.claim import Claim, Measurement, span, table
 from barbalat.papers.jafari_2013.section_v import local_exponents
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem, OutputReferenceModel
 from barbalat.run.engine.simulate import simulate
@@ -56,53 +57,22 @@ def claim(*, full: bool = False) -> Claim:
     stays = "the largest |y - y_m| of the last quarter is " + ", ".join(
         f"{last:.3g} for {n}, {last / before:.2f} times that of the one before" for n, (before, last) in beside.items()
     )
-    readings = _readings(exponents, beside, degrees, laws, (shrinks, stays))
+    sentence, least = SENTENCES["siso-any-relative-degree"], min(float(exponent.min()) for exponent in exponents.values())
     return Claim(
-        id="siso-any-relative-degree",
-        where="Section I, last paragraph; Section IV, first sentence",
-        statement="The robust MRAC extends to SISO plants of any relative degree, also beside bounded disturbances and unmodelled dynamics",
-        verdict=of_readings(readings),
+        sentence=sentence,
+        readings=(
+            sentence.reads(least > 0.5, f"{shrinks}; tried: n* = {', '.join(map(str, degrees))}, {' and '.join(laws)}"),
+            sentence.reads(all(last <= LARGEST_GROWTH * before for before, last in beside.values()), f"{stays}; gradient law, 0.2 sin 2t, lag {DISTURBANCE_AND_LAG[1]:g} s", 1),
+        ),
+        shows=f"Relative degrees 1 to {max(degrees)} were tried: the error goes as tau^{least:.2f} at least, and stays bounded beside disturbance and lag.",
         measured=f"{shrinks}; beside disturbance and lag {stays}",
         how=f"one plant for each relative degree, r = sin 1.3t, RK4, h = 1e-3 s, tau = {span(taus)} s, 20 s; beside disturbance "
         "and lag the gradient law with (16), alpha_0 = 0.1, delta_0 = 0.5, and a switching sigma-modification, tau = 0.1 s, h = 2e-3 s, 240 s",
         listings=(table("The largest |y - y_m| against tau, by relative degree n* and law", {"tau [s]": taus, **errors}),),
-        number=f"least exponent of tau: {min(float(exponent.min()) for exponent in exponents.values()):.2f}, n* up to {max(degrees)}",
-        readings=readings,
-        condition=f"the relative degree is at most {max(degrees)}, and the law is that of {' or '.join(laws)}: no other was run, and the paper has no proof",
-        would_change="confirmed: a proof for any relative degree; not confirmed: one at which the transient error does not shrink with tau, or at which the "
-        "error grows beside the disturbance and the lag",
+        would_change="a relative degree at which the transient error does not shrink with tau, or at which the error grows beside the disturbance and the lag; "
+        "a run shows its own degree alone, and the paper gives no proof",
         sharpened=f"relative degree {max(DEGREES)}, and pure least squares beside the gradient law",
-    )
-
-
-def _readings(
-    exponents: dict[str, Array],
-    beside: dict[str, tuple[float, float]],
-    degrees: tuple[int, ...],
-    laws: tuple[str, ...],
-    measured: tuple[str, str],
-) -> tuple[Reading, ...]:
-    """What was ``measured`` of the transient error by tau, and ``beside`` what the sentence names by relative degree."""
-    tried = f"n* = {', '.join(map(str, degrees))}, {' and '.join(laws)}"
-    shrinks, stays = measured
-    return (
-        Reading(
-            f"the transient error shrinks with tau, without disturbances and unmodelled dynamics: {tried}",
-            verdict(holds=all((exponent > 0.5).all() for exponent in exponents.values())),
-            shrinks,
-        ),
-        Reading(
-            f"all stays bounded beside a disturbance 0.2 sin 2t and an unmodelled lag of {DISTURBANCE_AND_LAG[1]:g} s: n* = {', '.join(map(str, degrees))}, gradient",
-            verdict(holds=all(last <= LARGEST_GROWTH * before for before, last in beside.values())),
-            stays,
-        ),
-        Reading(
-            "any relative degree, any robust law: those that were run stand for all",
-            # a run shows its own degree alone, and the paper gives no proof: what holds of all that were tried is the most
-            verdict(holds=all((found > 0.5).all() for found in exponents.values()), conditional=True),
-            f"{len(degrees)} relative degrees up to {max(degrees)}, one plant each, and {len(laws)} of the laws: {', '.join(laws)}",
-        ),
-    )
+    )  # fmt: skip
 
 
 def _peaks(degree: int, law: AdaptiveLaw, taus: Array) -> Array:

@@ -16,9 +16,11 @@ from barbalat.adaptation.law import Normalization
 from barbalat.controllers import RobustMrac
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import TransferFunction
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, span, table
+from barbalat.papers.finding import PROPORTIONAL_SHARE, Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import figures, local_exponents, variant
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
 from barbalat.protocols import Signal
@@ -38,8 +40,6 @@ DERIVATIVE_POLE = 2e-3
 """Time constant of the realisation of -mu s [s], as in the rows on Theorem 2's boundary."""
 DELTA_0, ALPHA_0 = 0.5, 0.05
 """Of (16): 1/delta_0 = 2 s is above every tau, Delta(s) is analytic right of -0.25; n_d is a third of phi'phi or less."""
-EXPONENT_TOLERANCE = 0.03
-"""How far an exponent may be from 1: the part that learning has not removed by the end still adds to the smallest errors."""
 
 
 def families() -> dict[str, ModellingError]:
@@ -111,37 +111,36 @@ def claim(*, full: bool = False) -> Claim:
     exponents = np.concatenate([errors.exponents.ravel() for errors in found.values()])
     nu = np.array([constants(errors) for errors in found.values()])
     with_tau = np.array([np.polyfit(np.log(TAUS), np.log(errors.slopes), 1)[0] for errors in found.values()])
-    readings = _one_constant(nu), _proportional(exponents), _peak(found)
+    readings = _one_constant(nu), _proportional(found), _peak(found)
     return Claim(
-        "delta-2-term", "Theorem 2, eq. (17), the term Delta_2 nu", "At fixed tau the modelling error adds to the tracking error at most in proportion to its size Delta_2",
-        of_readings(readings),
-        f"what stays of |e| at fixed tau goes as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one nu = {nu.max():.3g} serves every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
+        sentence=SENTENCES["delta-2-term"],
+        readings=readings,
+        shows=f"One nu = {nu.max():.3g} serves every tau and size tried; it falls to {nu[:, -1].max():.3g} as tau falls to {TAUS[-1]:g} s.",
+        measured=        f"what stays of |e| at fixed tau goes as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one nu = {nu.max():.3g} serves every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
         f"With Section V's own command, one sine, {_one_frequency()}",
-        f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {STEP:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
+        how=f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {STEP:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
         f"{span(SIZES)} s, as Delta_m = -mu s and as "
         f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: the last quarter",
         listings=_listings(found, nu),
-        number=f"exponent of |e| in mu at fixed tau: {exponents.min():.3f} to {exponents.max():.3f}",
-        readings=readings,
-        condition="for the peak of the transient, Delta is well below the size that the loop bears; the error that stays needs no such condition",
-        would_change="confirmed: a peak that grows in proportion up to the largest Delta; not confirmed: a steady error that does not, or a nu that grows as tau falls",
+        would_change="fails: a nu that grows as tau falls, or a run that no nu bounds",
         sharpened=f"runs of {LONGER_T_END:g} s, in which learning has removed more of the rest",
     )  # fmt: skip
 
 
 def _one_constant(nu: Array) -> Reading:
-    return Reading(
-        "|e| <= (tau + Delta_2) nu with one nu, which does not grow as tau falls",
-        verdict(holds=bool(np.isfinite(nu).all() and (nu[:, -1] <= nu[:, :-1].max(axis=1)).all())),
+    return SENTENCES["delta-2-term"].reads(
+        bool(np.isfinite(nu).all() and (nu[:, -1] <= nu[:, :-1].max(axis=1)).all()),
         f"the least nu is {nu[:, 0].max():.3g} for tau = {TAUS[0]:g} s and {nu[:, -1].max():.3g} for {TAUS[-1]:g} s",
     )
 
 
-def _proportional(exponents: Array) -> Reading:
+def _proportional(found: dict[str, Errors]) -> Reading:
+    ratios = np.concatenate([(errors.tail[:, 1:] / errors.tail[:, :-1]).ravel() for errors in found.values()])
     return Reading(
         "the error that stays at fixed tau is proportional to Delta_2",
-        verdict(holds=bool((np.abs(exponents - 1) < EXPONENT_TOLERANCE).all())),
-        f"{exponents.size} local exponents {exponents.min():.3f} to {exponents.max():.3f}",
+        bool((np.abs(ratios / 2 - 1) < PROPORTIONAL_SHARE).all()),
+        f"{ratios.size} times twice the size: {span(ratios)} times the error",
+        "beside",
     )
 
 
@@ -171,9 +170,10 @@ def _peak(found: dict[str, Errors]) -> Reading:
     exponents = np.array([local_exponents(row, SIZES) for row in errors.peak - errors.peak_without[:, None]])
     return Reading(
         "the peak of the transient grows in proportion to Delta_2 too, up to the largest Delta that is borne",
-        verdict(holds=bool((np.abs(exponents - 1) < 0.1).all())),
+        bool((np.abs(2.0 ** (exponents - 1) - 1) < PROPORTIONAL_SHARE).all()),
         f"what mu adds to the largest |e| goes as mu to the power {span(exponents[0])} at tau = {TAUS[0]:g} s and "
         f"{span(exponents[-1])} at {TAUS[-1]:g} s",
+        "beside",
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ all signals.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -19,10 +19,12 @@ from barbalat.adaptation.laws import LeastSquares
 from barbalat.controllers import RobustMrac
 from barbalat.controllers.robust_mrac import Equations as RobustEquations
 from barbalat.linear.systems import TransferFunction
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, span, table
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.robustness import scalar_lemma
 from barbalat.papers.jafari_2013.section_v import variant
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import Value
@@ -33,6 +35,8 @@ from barbalat.validate import Array
 
 MUS = (0.0, 0.005, 0.02, 0.1)
 """Of Delta_m = -mu s/(0.001 s + 1): none, and three that tau = 0.5 s bears."""
+LARGEST_GROWTH = 1.05
+"""Of a supremum from the first half of a run to the second."""
 METHOD = "robust MRAC of Figure 2 with {}, RK4, h = 1e-4 s, 60 s; {}"
 
 
@@ -47,19 +51,21 @@ def bounded(runs: dict[float, Along]) -> Claim:
     names = ("epsilon", "error", "theta_hat", "rate")
     halves = {name: np.array([_half_suprema(getattr(run, name)) for run in runs.values()]) for name in names}
     growth = {name: float((v[:, 1] / v[:, 0]).max()) for name, v in halves.items()}
+    grown = max(growth.values())
+    bounded = all(bool((np.isfinite(v).all(axis=1) & (v[:, 1] <= LARGEST_GROWTH * v[:, 0])).all()) for v in halves.values())
+    sentence = SENTENCES["lemma-1-bounded"]
     return Claim(
-        "lemma-1-bounded", "Lemma 1 (i)", "epsilon, epsilon m_s, theta_hat and theta_hat' are bounded",
-        verdict(holds=all(bool((np.isfinite(v).all(axis=1) & (v[:, 1] <= 1.05 * v[:, 0])).all()) for v in halves.values())),
-        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| "
+        sentence=sentence,
+        readings=(sentence.reads(bounded, f"in the second half of a run the suprema are at most {grown:.3g} times those of the first"),),
+        shows=f"Along runs with mu up to {max(runs):g} s the suprema of the second half are at most {grown:.3g} times those of the first.",
+        measured=        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| "
         f"{halves['error'].max():.3g}, "
         f"|theta_hat_i| {halves['theta_hat'].max():.3g}, |theta_hat'| {halves['rate'].max():.3g}; in the second half of a run "
         "the suprema are at most "
         f"{growth['theta_hat']:.3g} (theta_hat) and {max(value for name, value in growth.items() if name != 'theta_hat'):.2g} "
         "(the others) times those of the first",
-        METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
+        how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
         listings=(_suprema(tuple(runs), halves),),
-        tested="the suprema of the four signals in either half of the runs: none grows by more than a twentieth",
-        number=f"max |epsilon m_s|, second half over first: {growth['error']:.2g}",
         would_change="a supremum that keeps growing along a run; a finite run can show no more",
     )  # fmt: skip
 
@@ -69,13 +75,16 @@ def without_error(run: Along) -> Claim:
     V, spent = run.V, run.integrals["error"]
     gap = np.abs(V + spent - V[0]).max() / V[0]
     late = {name: 1 - part[3 * len(part) // 4] / part[-1] for name, part in run.integrals.items() if name != "eta"}
+    falls = bool((np.diff(V) <= 1e-12 * V[0]).all() and spent[-1] <= V[0] and max(late.values()) < 0.01)
+    sentence = SENTENCES["lemma-1-no-error"]
     return Claim(
-        "lemma-1-no-error", "Lemma 1 (ii) with eta = 0", "Without modelling error V = theta_tilde'P^-1 theta_tilde falls, and epsilon, epsilon m_s and theta_hat' are in L2",
-        verdict(holds=bool((np.diff(V) <= 1e-12 * V[0]).all() and spent[-1] <= V[0] and max(late.values()) < 0.01)),
-        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises; V + integral of (epsilon m_s)^2 is V(0) within {gap:.0e} of it; the integrals "
+        sentence=sentence,
+        readings=(sentence.reads(falls, f"V from {V[0]:.3g} to {V[-1]:.2g}; the integral of (epsilon m_s)^2 is {spent[-1]:.4g}; the last quarter adds at most {max(late.values()):.0e} of each integral"),),
+        shows=f"V falls from {V[0]:.3g} to {V[-1]:.1g}; the integral of (epsilon m_s)^2 is what V loses, within {gap:.0e}.",
+        measured=        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises; V + integral of (epsilon m_s)^2 is V(0) within {gap:.0e} of it; the integrals "
         f"of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g}, {run.integrals['rate'][-1]:.3g}, "
         f"the last quarter adding at most {max(late.values()):.0e} of each",
-        METHOD.format("Delta_m = 0", "the integrals are integrated with the loop; V at 3000 instants"),
+        how=METHOD.format("Delta_m = 0", "the integrals are integrated with the loop; V at 3000 instants"),
         listings=(
             table(
                 "Integrals over the run, and what its last quarter adds to each",
@@ -86,8 +95,6 @@ def without_error(run: Along) -> Claim:
                 },
             ),
         ),
-        tested="V at 3000 instants of a run, which never rises, and the three integrals, to which its last quarter adds less than a hundredth",
-        number=f"V(0) = {V[0]:.3g} is what is spent, within {gap:.0e} of it",
         would_change="a V that rises without modelling error, or integrals that keep growing",
     )  # fmt: skip
 
@@ -101,19 +108,23 @@ def with_error(runs: dict[float, Along]) -> Claim:
     by_definition = {name: np.array([run.constant_of_largest(name) for run in some]) for name in constants}
     eta = np.array([np.abs(run.eta).max() for run in some])
     risen = np.array([run.V.max() / run.V[0] for run in some])
+    taught, left = scalar_lemma.readings()
     readings = (
-        _along_runs("with the paper's constant mu, the largest eta^2/m_s^2 of the run", by_definition),
-        _along_runs("with the integral of eta^2/m_s^2 over the same interval", constants),
-        *scalar_lemma.readings(),
+        taught,
+        _along_runs("the signals are those of Section V's loop with these sizes of mu", by_definition),
+        _along_runs("along these runs, with the integral of eta^2/m_s^2 over the same interval", constants, "beside"),
+        left,
     )
     return Claim(
-        "lemma-1-small", "Lemma 1 (ii)", "With a modelling error epsilon, epsilon m_s and theta_hat' are small in the mean, S(eta^2/m_s^2)",
-        of_readings(readings),
-        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the integral "
+        sentence=SENTENCES["lemma-1-small"],
+        readings=readings,
+        shows=f"nu for epsilon m_s: {by_definition['error'].max():.2g} along the runs; for any signals {scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.0f} with (15), "
+        f"{scalar_lemma.constants(scalar_lemma.ScalarGradient()).max():.2g} with the gradient law.",
+        measured=        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the integral "
         f"of eta^2/m_s^2 {_at_most(constants)}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
         f"at most max(1, V) = 1, and |P(0)|^2 = {section_v.COVARIANCE0**2:g} for theta_hat'; it holds within {gap:.0e} "
         f"of V(0), so V may rise: up to {risen.max():.3g} V(0). For any signals: see the readings",
-        METHOD.format(
+        how=METHOD.format(
             "Delta_m = -mu s/(0.001 s + 1), alpha_0 = 1",
             "nu: integral over [t, t + T] <= nu (mu T + 1), or nu (that of eta^2/m_s^2 + 1), over every pair of 3000 instants",
         )
@@ -127,19 +138,14 @@ def with_error(runs: dict[float, Along]) -> Claim:
             ),
             *scalar_lemma.listings(),
         ),
-        number=f"nu of epsilon m_s: {by_definition['error'].max():.2g} along runs, "
-        f"{scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.3g} at worst",
-        readings=readings,
-        condition="along the loop's own runs with these sizes of mu; not one nu for any signals of (13), with pure least squares",
         would_change="a law whose gain is kept from zero: with the gradient law both readings hold for any signals",
     )  # fmt: skip
 
 
-def _along_runs(what: str, constants: dict[str, Array]) -> Reading:
+def _along_runs(what: str, constants: dict[str, Array], role: Literal["weaker", "beside"] = "weaker") -> Reading:
     """Whether they are at most those that V' bounds."""
     bounds = {"epsilon": 1.0, "error": 1.0, "rate": section_v.COVARIANCE0**2}
-    holds = all(bool((constants[name] <= bound).all()) for name, bound in bounds.items())
-    return Reading(f"{what}, along these runs", verdict(holds=holds), _at_most(constants))
+    return Reading(what, all(bool((constants[name] <= bound).all()) for name, bound in bounds.items()), _at_most(constants), role)
 
 
 def _suprema(mus: tuple[float, ...], halves: dict[str, Array]) -> Listing:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.papers.claim import Claim, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.claim import Claim, Measurement, span, table
+from barbalat.papers.finding import PROPORTIONAL_SHARE, Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import figures, local_exponents
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 
 EQUAL_NU_FACTOR = 1.05
 """Up to which factor two values of max |e|/tau count as one."""
@@ -18,32 +20,33 @@ def tau_and_error() -> Claim:
     peaks = figures([(section_v.problem(), section_v.robust_mrac("r", float(t))) for t in taus], 60.0, 1e-4).max_abs_e.max(axis=1)
     exponents, nu = local_exponents(peaks, taus), peaks / taus
     below = exponents[1:]
+    sentence = SENTENCES["tau-error"]
+    doubled = peaks[1:-1:2] / peaks[2::2]  # 0.1 over 0.05 s, 0.02 over 0.01 s
     readings = (
-        Reading(
-            f"as (17) has it, |e| <= tau nu with one nu, up to Figure 2's tau = {section_v.TAU:g} s",
-            verdict(holds=bool(nu.max() < nu[-1] * EQUAL_NU_FACTOR)),
+        sentence.reads(
+            bool(nu.max() < nu[-1] * EQUAL_NU_FACTOR),
             f"the least nu is {nu[0]:.3g} at {taus[0]:g} s, {nu[1]:.3g} at {taus[1]:g} s, {nu[-1]:.3g} at {taus[-1]:g} s",
         ),
         Reading(
             f"in proportion, not only at most so, for tau from {taus[1]:g} s down to {taus[-1]:g} s",
-            verdict(holds=bool((np.abs(below - 1) < 0.05).all())),
-            f"local exponents of {span(below)}; {exponents[0]:.3g} from there to Figure 2's",
+            bool((np.abs(doubled / 2 - 1) < PROPORTIONAL_SHARE).all()),
+            f"twice the tau: {span(doubled)} times; local exponents of {span(below)}, {exponents[0]:.3g} from there to Figure 2's",
+            "beside",
         ),
     )
     return Claim(
-        "tau-error", "Theorem 2, eq. (17); Section III.B, after it", "Without modelling error the transient error of the robust MRAC is at most proportional to tau",
-        of_readings(readings),
-        f"max |e| goes from {peaks[0]:.3g} at tau = {taus[0]:g} s to {peaks[-1]:.3g} at {taus[-1]:g} s, with local exponents of "
+        sentence=sentence,
+        readings=readings,
+        shows=f"max |e|/tau is {nu[0]:.3g} 1/s at tau = {taus[0]:g} s, {nu[1]:.3g} at {taus[1]:g} s, {nu[-1]:.3g} at {taus[-1]:g} s.",
+        measured=        f"max |e| goes from {peaks[0]:.3g} at tau = {taus[0]:g} s to {peaks[-1]:.3g} at {taus[-1]:g} s, with local exponents of "
         f"{span(below)} below {taus[1]:g} s, in proportion, and of {exponents[0]:.3g} up to {taus[0]:g} s, by less than that",
-        "Section V, sign of (14) corrected, RK4, h = 1e-4 s, 60 s",
+        how="Section V, sign of (14) corrected, RK4, h = 1e-4 s, 60 s",
         listings=(
             table(
                 "The largest error of the robust MRAC against tau, and the local exponent from the row above",
                 {"tau [s]": taus, "max |e|": peaks, "max |e|/tau": nu, "exponent": np.append(np.nan, exponents)},
             ),
         ),
-        number=f"exponent of tau: {below.min():.2f} to {below.max():.2f} below {taus[1]:g} s",
-        readings=readings,
         would_change=f"a max |e|/tau that goes on growing as tau falls below {taus[1]:g} s, at a step that resolves tau",
     )  # fmt: skip
 

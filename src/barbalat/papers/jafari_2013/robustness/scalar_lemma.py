@@ -11,8 +11,10 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from barbalat.papers.claim import Listing, Reading, span, table, verdict
+from barbalat.papers.claim import Listing, span, table
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.validate import Array
 
 BIASED_TIMES = (10.0, 100.0, 1000.0)
@@ -113,20 +115,17 @@ def readings() -> tuple[Reading, Reading]:
     """For any signals of (13): with the paper's constant mu, and with the integral of eta^2/m_s^2 over the same interval."""
     taught, left = _of_both(constants), _of_both(_left)
     return (
-        Reading(
-            "with the paper's constant mu, the largest eta^2/m_s^2, for any signals of (13) and one nu",
-            verdict(holds=_bounded(taught[0])),
-            f"a bias of {LEARNT_BIAS:g} learnt beside phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, then phi = "
-            "1: pure least squares (15) "
+        SENTENCES["lemma-1-small"].reads(
+            _bounded(taught[0]),
+            f"a bias of {LEARNT_BIAS:g} learnt beside phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, then phi = 1: pure least squares (15) "
             f"needs nu = {taught[0][0]:.3g} to {taught[0][-1]:.3g} for epsilon m_s, the gradient law {span(taught[1])}",
         ),
         Reading(
             "with the integral of eta^2/m_s^2 over the same interval, for any signals of (13)",
-            verdict(holds=_bounded(left[0])),
-            "phi = 1, m_s^2 = 2, eta = 1 on [0, T_1], then 0: the integral of (epsilon m_s)^2 after T_1 goes from "
-            f"{left[0][0]:.3g} at "
-            f"T_1 = {BIASED_TIMES[0]:g} s to {left[0][-1]:.3g} at {BIASED_TIMES[-1]:g} s, with pure least squares (15), and is "
-            f"{span(left[1])} with the gradient law",
+            _bounded(left[0]),
+            f"phi = 1, m_s^2 = 2, eta = 1 on [0, T_1], then 0: the integral of (epsilon m_s)^2 after T_1 goes from {left[0][0]:.3g} at "
+            f"T_1 = {BIASED_TIMES[0]:g} s to {left[0][-1]:.3g} at {BIASED_TIMES[-1]:g} s, with pure least squares (15), and is {span(left[1])} with the gradient law",
+            "beside",
         ),
     )
 

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
 
+from barbalat.adaptation.law import Normalization
 from barbalat.certificates.linear_loops.frozen import BorneSizes, FrozenLoops, borne
-from barbalat.linear.systems import TransferFunction
-from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Map, Measurement, verdict
+from barbalat.certificates.linear_loops.ideal import known_parameters
+from barbalat.linear.largest import largest
+from barbalat.linear.margins import margins
+from barbalat.linear.systems import StateSpace, TransferFunction
+from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Map, Measurement, span, table
+from barbalat.papers.finding import PROPORTIONAL_SHARE, Reading
 from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.robustness.delta_2 import ALPHA_0, DELTA_0
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.tau_limit import Grown, TauLimits, TauStudy
@@ -23,6 +30,8 @@ T_END, BOUNDARY_RUN_FACTOR, STEP = 100.0, 4, 1e-3
 TAU_MULTIPLES = {1.05: "τ 5 % above the boundary", 2.0: "twice the boundary's τ", 4.0: "four times the boundary's τ"}
 """Of the boundary's tau: where the error is measured. On the boundary itself what is left of an oscillation hides it."""
 FROZEN_TAUS = np.concatenate([np.geomspace(TAUS[0], 0.1, 5), np.geomspace(0.13, 0.36, 6), [0.6, 1.0, TAUS[-1]]])
+THEOREM_SIZES = np.array([0.01, 0.05, 0.1])
+"""[s]: the delays, and the mu, at which the boundary is found with (16), alpha_0 > 0."""
 DERIVATIVE_POLE = 2e-3
 """Time constant of the realisation of -mu s [s]."""
 
@@ -34,11 +43,7 @@ def claims() -> list[Claim]:
     delay = TauTradeOff("delay", "delay", "delay at the plant's input [s]", "an input delay", "exact delay", DelayError())
     shown = "Δₘ = " + realised.replace("mu ", "μ")
     mu = TauTradeOff("mu", "mu", "μ [s]", shown, f"Delta_m = {realised}, a proper realisation", derivative)
-    lower = "For a given modelling error tau has a lower limit, which grows with the error: input delay"
-    return [
-        delay.claim("Theorem 2 and the paragraph after it", lower),
-        mu.claim("Theorem 2; Section III.B, example after (11)", "The same for Delta_m = -mu s"),
-    ]
+    return [delay.claim(), mu.claim(), _minus_mu_s(delay, mu)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,26 +85,50 @@ class TauTradeOff:
         """What the linear loops bear, for ``FROZEN_TAUS``."""
         return [borne(frozen_loops(float(tau)), self.error) for tau in FROZEN_TAUS]
 
-    def claim(self, where: str, statement: str) -> Claim:
+    @cached_property
+    def normalised(self) -> TauLimits:
+        """The same at ``THEOREM_SIZES`` with the normalising signal (16) that Theorem 2 asks for."""
+        controller = replace(section_v.robust_mrac("r"), normalization=Normalization(alpha_0=ALPHA_0, delta_0=DELTA_0))
+        near = Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)
+        study = TauStudy(problem=section_v.problem(), controller=controller, error=self.error)
+        return study.limits(THEOREM_SIZES, TAUS, Simulation(t_end=T_END, dt=STEP), near=near)
+
+    @property
+    def literal(self) -> tuple[Reading, str]:
+        """Theorem 2's own setting, and what was found."""
+        bears, loses = self.normalised.bears, self.normalised.loses
+        said = ", ".join(f"{tau:.3g} s for {size:g} s" for tau, size in zip(bears, THEOREM_SIZES, strict=True))
+        holds = bool(np.isfinite(bears).all() and (loses > 0).all() and (np.diff(bears) > 0).all())
+        return SENTENCES[f"tau-limit-{self.key}"].reads(
+            holds, f"smallest tau borne: {said}; alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}"
+        ), said
+
+    def claim(self) -> Claim:
         limits, at = self.limits, self.bounded
         sizes, taus, along = SIZES[at], limits.bears[at], self.along
         linear = np.array([self.error.limit(frozen_loops(float(tau)).at_theta) for tau in taus]) / sizes
         gain = np.array([each.small_gain / each.limit for each in self.frozen])
         doubled = (along[1] / along[0])[np.isfinite(along[:2]).all(axis=0)]
+        literal, said = self.literal
+        beside = Reading(
+            f"with Section V's alpha_0 = 0, over {len(sizes)} sizes: it rises with every size, and by more than a factor of two in all",
+            bool((np.diff(taus) > 0).all()) and bool(taus[-1] > 2 * taus[0]),
+            f"{taus[0]:.3g} to {taus[-1]:.3g} s",
+            "beside",
+        )
         return Claim(
-            f"tau-limit-{self.key}", where, statement,
-            verdict(holds=bool((np.diff(taus) > 0).all()) and taus[-1] > 2 * taus[0]),
-            f"smallest tau borne: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s to {taus[-1]:.3g} s for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to "
+            sentence=SENTENCES[f"tau-limit-{self.key}"],
+            readings=(literal, beside),
+            shows=f"Smallest tau borne, by the {self.word}: {said}.",
+            measured=            f"smallest tau borne: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s to {taus[-1]:.3g} s for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to "
             f"{(taus / sizes).max():.2f} times the {self.word}; no tau bears {self._nothing_borne()}. At these tau the linear loop with the "
             f"estimates frozen at theta loses stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; "
             f"the small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. The tail's error grows along the "
             f"boundary, 5 % above it, from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at twice its tau it is {doubled.min():.2f} to {doubled.max():.2f} times that",
-            f"Section V, robust MRAC, {self.what}, RK4, h = {STEP:g} s, {T_END:g} s, {len(SIZES)} sizes x {len(TAUS)} values of tau, then bisection "
+            how=f"Section V, robust MRAC, {self.what}, RK4, h = {STEP:g} s, {T_END:g} s, {len(SIZES)} sizes x {len(TAUS)} values of tau, then bisection "
             f"to 1 % over {BOUNDARY_RUN_FACTOR * T_END:g} s: {limits.runs} runs. {LOSS_CRITERION}. The frozen loop is taken from the scheme's equations by exact "
             "Jacobians; it is no guarantee for the loop that adapts",
             maps=(self._map(), self._chart()),
-            tested=f"the smallest tau whose run is not lost over {BOUNDARY_RUN_FACTOR * T_END:g} s: it rises with every size that has one, and by more than a factor of two in all",
-            number=f"smallest tau borne goes from {taus[0]:.3g} to {taus[-1]:.3g} s",
             would_change="a tau that bears every size, or a boundary that does not rise with it; the theorem's own Delta* is not computed",
         )  # fmt: skip
 
@@ -153,6 +182,43 @@ class TauTradeOff:
         )
 
 
+def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
+    """The sizes that loops bear, of a delay and of -mu s: with theta known, and the robust MRAC's frozen ones."""
+    sentence, limits = SENTENCES["minus-mu-s"], [np.array([each.limit for each in of.frozen]) for of in (delay, mu)]
+    ratios, plant = limits[1] / limits[0], section_v.problem().plant
+    known = known_parameters(plant, plant.theta)
+    margin, borne_mu = margins(known).delay, _largest_mu(known)
+    ratio = borne_mu / margin
+    return Claim(
+        sentence=sentence,
+        readings=(
+            sentence.reads(abs(ratio - 1) < PROPORTIONAL_SHARE, f"{borne_mu:.4g} s as -mu s, {margin:.4g} s as a delay"),
+            Reading(
+                "so do the robust MRAC's loops with frozen estimates, for every tau",
+                bool((np.abs(ratios - 1) < PROPORTIONAL_SHARE).all()),
+                f"{span(ratios)} times the delay, for delays of {span(limits[0])} s: where |L| = 1 lies at high frequency, mu times that frequency is no small number",
+                "beside",
+            ),
+        ),
+        shows=f"With theta known the loop bears {borne_mu:.3g} s as -mu s and {margin:.3g} s as a delay; robust MRACs bear {ratios.min():.2g} to {ratios.max():.3g} times the delay.",
+        measured=f"the loop with theta known bears mu = {borne_mu:.4g} s, {ratio:.3f} times its delay margin; of {len(FROZEN_TAUS)} values of tau the frozen loop of the robust MRAC bears delays of "
+        f"{span(limits[0])} s, and mu of {span(limits[1])} s",
+        how=f"theta known: characteristic roots of 1 + L (1 - mu s), exact; frozen loops: -mu s realised as -mu s/({DERIVATIVE_POLE} s + 1)",
+        listings=(table("What the frozen loop bears", {"tau [s]": FROZEN_TAUS, "delay [s]": limits[0], "mu [s]": limits[1], "mu/delay": ratios}),),
+        would_change="a loop with theta known that crosses |L| = 1 at a frequency at which the delay margin is no small phase",
+    )  # fmt: skip
+
+
+def _largest_mu(loop: StateSpace) -> float:
+    """The largest mu [s] for which den + num (1 - mu s) is Hurwitz, L = num/den."""
+    L = loop.transfer_function()
+
+    def is_stable(mu: float) -> bool:
+        return bool(np.roots(np.polyadd(L.den, np.polymul(L.num, [-mu, 1.0]))).real.max() < 0)
+
+    return largest(is_stable, 1e-6, 1e3, within=1e-10)
+
+
 AGREEMENT_SHARE = 0.02
 """Of the size: within that the linear limit and the observed boundary agree, which is resolved to 1 % of tau."""
 
@@ -183,6 +249,7 @@ ROWS = (
         {
             "tau-limit-delay": "the lower limit of tau with an input delay",
             "tau-limit-mu": "the lower limit of tau with Delta_m = -mu s",
+            "minus-mu-s": "-mu s in the place of an input delay",
         },
         place=240,
     ),

@@ -21,9 +21,11 @@ from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.largest import largest
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import TransferFunction, input_filter
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, numbers, of_readings, span, table, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, numbers, span, table
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import figures, variant
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.plant import Plant, ReferenceModel
@@ -92,14 +94,16 @@ def beside_rohrs() -> tuple[tuple[Reading, ...], Listing]:
     readings = (
         Reading(
             "they can diverge on Rohrs' plant too (not named by the paper), |theta| <= 20",
-            verdict(holds=bool(np.isfinite(wide[None]).any() and np.isfinite(wide[KAPPAS[0]]).any())),
+            bool(np.isfinite(wide[None]).any() and np.isfinite(wide[KAPPAS[0]]).any()),
             f"{lost(None)}; {lost(KAPPAS[0])}; the frozen loops bear theta_hat up to {largest_gain(None):.3g} and {largest_gain(KAPPAS[0]):.3g}; with |theta| <= {NARROW_BOUND:g} "
             f"{sum(int(np.isfinite(each).sum()) for each in narrow.values())} of {sum(each.size for each in narrow.values())} runs diverge",
+            "beside",
         ),
         Reading(
             "... there L1-AC with any filter",
-            verdict(holds=bool(np.isfinite(wide[kept]).any())),
+            bool(np.isfinite(wide[kept]).any()),
             f"{lost(kept)}: over these runs the slower filter keeps it bounded where MRAC is lost",
+            "beside",
         ),
     )  # fmt: skip
     return readings, _listing(at)
@@ -208,23 +212,20 @@ def claim(*, full: bool = False) -> Claim:
     found = {name: search(name, gains, STEP / 4 if full else STEP) for name in SCHEMES}
     ideal = dict(zip(SCHEMES, (ideal_margins(None), ideal_margins(section_v.KAPPA)), strict=True))
     below = {name: [i for i in range(len(THETAS)) if each.before(i, ideal[name][i])] for name, each in found.items()}
-    unbounded = {name: bool(np.isfinite(each.loses).any()) for name, each in found.items()}
     on_rohrs_plant, at_rohrs_plant = beside_rohrs()
-    readings = (*_readings(found, ideal, below, unbounded), *on_rohrs_plant)
+    readings = (*_readings(found, ideal, below), *on_rohrs_plant)
     firsts = np.array([each.loses[i].max() for name, each in found.items() for i in below[name]] or [np.nan])
     return Claim(
-        "unmodelled-unbounded", "Section III.A, paragraph after Table 1", "Beside unmodelled dynamics the projected MRAC (3)-(4) and L1-AC (5)-(8) cannot be proven to be bounded",
-        of_readings(readings),
-        f"first delay with growth without end, at any gain that was tried: {_of_section_v(found, ideal)}. At every gain, in {len(below['MRAC (3)-(4)'])} and {len(below['L1-AC (5)-(8)'])} of {len(THETAS)} values of theta in the known set the delay "
+        sentence=SENTENCES["unmodelled-unbounded"],
+        readings=readings,
+        shows=f"Runs grow without end beside a delay of {firsts.min():g} s that the loop bears with theta known; with every gain tried.",
+        measured=        f"first delay with growth without end, at any gain that was tried: {_of_section_v(found, ideal)}. At every gain, in {len(below['MRAC (3)-(4)'])} and {len(below['L1-AC (5)-(8)'])} of {len(THETAS)} values of theta in the known set the delay "
         f"that does it, {firsts.min():g} s to {firsts.max():g} s, is one that the same loop bears with theta known; theta = 0: {_of_the_centre(found, ideal)}",
-        f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
+        how=f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
         f"{DELAYS[-1]:g} s, RK4, h = {STEP / 4 if full else STEP:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
         f"quarter beyond {UNBOUNDED_RATIO:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times",
         listings=(*_listings(found, ideal, gains), at_rohrs_plant),
-        number=f"least delay lost, borne with theta known: {firsts.min():g} s",
-        readings=readings,
-        condition="the known set holds estimates that do not stabilise the plant",
-        would_change="confirmed: unbounded runs with every filter; not confirmed: a bound on x beside Delta_m for Section V's known set, with (4) and (7) as they stand",
+        would_change="a bound on x beside Delta_m for Section V's known set, with (4) and (7) as they stand; a gain at which no run grows without end",
         sharpened=f"{len(MORE_GAINS)} gains, Gamma = {span(MORE_GAINS)}, all of it at a quarter of the step",
     )  # fmt: skip
 
@@ -249,36 +250,28 @@ def _of_the_centre(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
     return f"{delays}, where u = k_0 r alone bears {known}. For L1-AC: {_below_the_limit(found['L1-AC (5)-(8)'])}"
 
 
-def _readings(
-    found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, list[int]], unbounded: dict[str, bool]
-) -> tuple[Reading, ...]:
+def _readings(found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, list[int]]) -> tuple[Reading, ...]:
     def shown(i: int) -> str:
         return "; ".join(
             f"{name} {_lost_at(each.loses[i].max())}, theta known: bears {_borne(ideal[name][i])}" for name, each in found.items()
         )
 
     same = all(bool((each.loses == each.loses[:, :1]).all()) for each in found.values())
+    at_every = all(np.isfinite(each.loses[i]).all() for name, each in found.items() for i in below[name])
     sizes = {name: certain_size(kappa) for name, kappa in zip(found, (None, section_v.KAPPA), strict=True)}
+    sentence = SENTENCES["unmodelled-unbounded"]
     return (
-        Reading(
-            "they can become unbounded",
-            verdict(holds=all(unbounded.values())),
-            f"theta = [4, -3]: {shown(0)}",
-        ),
-        Reading(
-            "... beside a Delta_m that the loop bears with theta known: it is the adapting that is not robust",
-            verdict(holds=all(below.values())),
-            f"theta = [5, 5]: {shown(2)}; theta = 0: {shown(1)}",
-        ),
-        Reading(
-            "... and a gain of reasonable size alone, without further modifications, does not prevent it",
-            verdict(holds=same),
+        sentence.reads(all(below.values()), f"theta = [5, 5]: {shown(2)}; theta = [4, -3]: {shown(0)}; theta = 0: {shown(1)}"),
+        sentence.reads(
+            all(below.values()) and at_every,
             f"the delay with which they are lost is {'the same' if same else 'not the same'} for every Gamma that was tried; exactly, Gamma/c^2 with c times the command is the same motion",
+            1,
         ),
         Reading(
             "no proof exists, however small the known set",
-            verdict(holds=not all(size > 0 for size in sizes.values())),
+            not all(size > 0 for size in sizes.values()),
             f"with |theta_i| <= {_down(min(sizes.values()))} the small-gain theorem bounds x for every Gamma and delays up to {PROVEN_DELAY:g} s; Section V's set is {5 / min(sizes.values()):.0f} times as large",
+            "beside",
         ),
     )  # fmt: skip
 

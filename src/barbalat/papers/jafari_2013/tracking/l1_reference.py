@@ -11,9 +11,11 @@ from barbalat.certificates.bounds import theorem_1
 from barbalat.controllers import L1Adaptive
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.systems import TransferFunction, input_filter, transfer_function
-from barbalat.papers.claim import Claim, Listing, Measurement, Reading, of_readings, span, table, verdict
+from barbalat.papers.claim import Claim, Listing, Measurement, span, table
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import local_exponents
+from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.results.result import Result
 from barbalat.solvers.simulation import Simulation
@@ -106,22 +108,19 @@ def claim(*, full: bool = False) -> Claim:
     share, readings = found.state * root / bound.case, _readings(found, bound)
     exponents = local_exponents(found.state, found.gains)
     return Claim(
-        "l1-reference-system", "not in the paper: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 2.1",
-        "L1-AC follows its filtered reference system, the non-adaptive loop with theta known, to within gamma_1/sqrt(Gamma)",
-        of_readings(readings),
-        f"||W_b (1 - C)||_1 theta_max <= {bound.condition.value_upper:.4f} < 1, so gamma_1 = {bound.case:.4g} for the case's initial error ({bound.book:.4g} for the worst of the known set, {bound.exact:.4g} for "
+        sentence=SENTENCES["l1-reference-system"],
+        readings=readings,
+        shows=f"|x - x_ref| is at most {share.max():.2g} of gamma_1/sqrt(Gamma); the reference system itself stays up to {found.model:.3g} from the model.",
+        measured=        f"||W_b (1 - C)||_1 theta_max <= {bound.condition.value_upper:.4f} < 1, so gamma_1 = {bound.case:.4g} for the case's initial error ({bound.book:.4g} for the worst of the known set, {bound.exact:.4g} for "
         f"the case's theta without the small-gain theorem). Measured: |x - x_ref| goes from {found.state[0]:.3g} at Gamma = "
         f"{found.gains[0]:g} to {found.state[-1]:.3g} at {found.gains[-1]:g}, {share.min():.2g} to "
         f"{share.max():.2g} of the bound, with local exponents of {span(exponents)} (the bound's is -1/2). The reference system "
         f"itself stays up to {found.model:.3g} away from the model x_m, whatever Gamma is",
-        f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, {COMPARED_INSTANTS} instants; "
+        how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, {COMPARED_INSTANTS} instants; "
         "certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
         "predictor at rest, no modelling error, no disturbance",
         listings=_listings(found, bound, steps),
-        number=f"max |x - x_ref| over gamma_1/sqrt(Gamma): {share.max():.2g}",
-        readings=readings,
-        condition="the solver's step resolves the ringing",
-        would_change="confirmed: a numerically unstable run that stays within the bound too; not confirmed: a resolved run that leaves it, or an assumption that fails",
+        would_change="a resolved run that leaves a bound, or an assumption that fails on this case",
         sharpened=f"Gamma up to {max(MORE_STEPS):g}, at steps down to {min(MORE_STEPS.values()):g} s",
     )  # fmt: skip
 
@@ -131,22 +130,22 @@ def _readings(found: Distances, bound: ReferenceBounds) -> tuple[Reading, ...]:
     of_u = local_exponents(found.control, found.gains)
     coarse = run_pair(1e4, section_v.COARSE_STEP)
     numerical = float(np.abs(coarse[0].x - coarse[1].x).max())
+    sentence = SENTENCES["l1-reference-system"]
     return (
-        Reading(
-            "the state, at steps that resolve the ringing",
-            verdict(holds=bound.condition.holds and bool((found.state * root <= bound.case).all())),
+        sentence.reads(
+            bound.condition.holds and bool((found.state * root <= bound.case).all()),
             f"at most {float((found.state * root / bound.case).max()):.2g} of the bound, {float((found.state * root / bound.exact).max()):.2g} of the sharper one for the case's theta",
         ),
-        Reading(
-            "the control, within gamma_2/sqrt(Gamma) likewise",
-            verdict(holds=bool((found.control * root <= bound.control).all())),
-            f"|u - u_ref| sqrt(Gamma) is {span(found.control * root)}, gamma_2 = {bound.control:.4g}; local exponents of |u - "
-            f"u_ref| {span(of_u)}",
+        sentence.reads(
+            bool((found.control * root <= bound.control).all()),
+            f"|u - u_ref| sqrt(Gamma) is {span(found.control * root)}, gamma_2 = {bound.control:.4g}; local exponents of |u - u_ref| {span(of_u)}",
+            1,
         ),
         Reading(
-            "the state, in Figure 3's simulation at h = 1e-4 s",
-            verdict(holds=numerical <= bound.case / 100),
+            "the state, in Figure 3's simulation at h = 1e-4 s, which does not resolve the ringing",
+            numerical <= bound.case / 100,
             f"|x - x_ref| reaches {numerical:.3g} there, the bound is {bound.case / 100:.3g}; resolved it is {float(found.state[found.gains == 1e4][0]):.2g}",
+            "beside",
         ),
     )  # fmt: skip
 

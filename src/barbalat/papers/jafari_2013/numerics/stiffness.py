@@ -1,0 +1,62 @@
+"""The claim that a high gain makes the loop stiff: the eigenvalues of its exact Jacobian where the adaptation is fastest, over the gain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import jacobian_function, signals_at_rest
+from barbalat.papers.claim import Claim, Measurement, table
+from barbalat.papers.finding import Reading
+from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.sentences import SENTENCES
+from barbalat.run.engine.simulate import simulate
+from barbalat.solvers.simulation import Simulation
+from barbalat.validate import Array
+
+GAINS = (1e2, 1e3, 1e4, 1e5, 1e6)
+GROWTH = 1.5
+"""A decay that grows by less than that for each decade of the gain does not grow with it; with sqrt(Gamma) it would grow by 3.2."""
+SMOOTH_GAIN = 100.0
+"""Of the run whose crest of |x| is taken: the gain moves x little, and at h = 1e-4 s this one is smooth."""
+
+
+def stiffness() -> Claim:
+    """The eigenvalues of L1-AC's loop, frozen at the crest of |x|, for five gains."""
+    eigenvalues = [_at_crest(gamma) for gamma in GAINS]
+    decay = np.array([-found.real.min() for found in eigenvalues])
+    size = np.array([np.abs(found).max() for found in eigenvalues])
+    exponents = [np.polyfit(np.log(GAINS), np.log(values), 1)[0] for values in (decay, size)]
+    sentence = SENTENCES["stiffness"]
+    readings = (
+        sentence.reads(bool((decay[1:] > GROWTH * decay[:-1]).all()), f"the fastest decay is {decay[0]:.3g} 1/s at Gamma = {GAINS[0]:g} and {decay[-1]:.3g} 1/s at {GAINS[-1]:g}"),
+        Reading(
+            "stiff is meant as by Hairer and Wanner: stability, here by a frequency, limits an explicit step",
+            bool((size[1:] > GROWTH * size[:-1]).all()),
+            f"the largest |lambda| goes from {size[0]:.3g} to {size[-1]:.3g} rad/s, as Gamma^{exponents[1]:.2f}",
+        ),
+    )  # fmt: skip
+    return Claim(
+        sentence=sentence,
+        readings=readings,
+        shows=f"Over four decades of gain the fastest decay goes from {decay[0]:.3g} to {decay[-1]:.3g} 1/s, the frequency from {size[0]:.1e} to {size[-1]:.1e} rad/s.",
+        measured=f"at the crest of |x| the fastest decay of the loop goes as Gamma^{exponents[0]:.2f}, the largest |lambda| as Gamma^{exponents[1]:.2f}: what is fast oscillates",
+        how=f"L1-AC of Section V, kappa = {section_v.KAPPA:g} s, exact Jacobian at the state of a run with Gamma = {SMOOTH_GAIN:g} where |x| is largest, projection at rest",
+        listings=(
+            table("The loop's eigenvalues at the crest of |x|", {"Gamma": GAINS, "fastest decay [1/s]": decay, "largest |lambda| [rad/s]": size}),
+        ),
+        would_change="a loop whose decay rates grow apart as the gain rises",
+    )  # fmt: skip
+
+
+def _at_crest(gamma: float) -> Array:
+    """The eigenvalues of the loop with this gain, where |x| of the smooth run is largest [1/s]."""
+    given = section_v.problem()
+    (run,) = simulate(given, [section_v.l1("L1", SMOOTH_GAIN, projection=False)], Simulation(t_end=20.0, dt=1e-4)).values()
+    crest = int(np.linalg.norm(run.x, axis=1).argmax())
+    loop = ClosedLoop.of(given, section_v.l1("L1", gamma, projection=False))
+    jacobian = jacobian_function(loop)(run.states[crest], signals_at_rest(loop, float(run.r[crest])))
+    return np.linalg.eigvals(np.array(jacobian))
+
+
+ROWS = (Measurement(stiffness, 0.5, {"stiffness": "whether a high gain makes the loop stiff"}, place=115),)
