@@ -18,7 +18,11 @@ def test_the_list_has_every_name_and_no_verdict(capsys):
 def test_one_row_is_measured(capsys):
     assert main(["claims", "kappa-0.05", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["id"] == "kappa-0.05" and found["verdict"] == "confirmed with conditions" and "0.0497" in found["measured"]
+    assert (
+        found["id"] == "kappa-0.05"
+        and (found["finding"], found["verdict"]) == ("holds if", "confirmed with conditions")
+        and "0.0497" in found["measured"]
+    )
     assert main(["claims", "kappa-0.05"]) == 0
     assert "0.0497" in capsys.readouterr().out
 

@@ -9,8 +9,8 @@ from barbalat.explorer.describe import Described
 from barbalat.explorer.lessons import BoundedGoal, FigureGoal, SettingGoal
 from barbalat.explorer.section_v import PAGES, addresses, explorer
 from barbalat.open_numbers.path import FieldPath
-from barbalat.papers.claim import Claim
 from barbalat.papers.jafari_2013.paper import PAPER
+from papers.a_claim import a_claim
 
 LESSONS = [(file, lesson) for file, lessons in PAGES.items() for lesson in lessons]
 
@@ -66,21 +66,11 @@ def test_the_claims_of_lessons_are_rows_of_the_ledger() -> None:
     assert {claim for _, lesson in LESSONS for claim in lesson.claims} <= names
 
 
-def test_a_verdict_is_told_only_where_it_was_measured() -> None:
-    claim = Claim(
-        "tau-error",
-        "here",
-        "<b>a statement</b>",
-        "not confirmed",
-        "measured",
-        "how",
-        number="7",
-        would_change="nothing",
-        tested="it",
-    )
+def test_a_finding_is_told_only_where_it_was_measured() -> None:
+    claim = a_claim("tau-error", False, statement="<b>a statement</b>")
     (lesson,) = [lesson for _, lesson in LESSONS if lesson.key == "figure-2"]
     told = {one["id"]: one for one in lesson.as_data(("Robust MRAC", "L1", "MRAC"), [claim])["claims"]}
     assert told["figures-2-5"] == {"id": "figures-2-5"}
-    assert (told["tau-error"]["verdict"], told["tau-error"]["number"]) == ("not confirmed", "7")
+    assert (told["tau-error"]["finding"], told["tau-error"]["headline"]) == ("fails", "It is 7.")
     assert addresses([claim])["tau-error"] == "explorer.html#lesson=figure-2"
     assert "boundary" not in addresses([claim])

@@ -14,12 +14,20 @@ CLAIM = '''
 
 from barbalat.papers.claim import Claim
 from barbalat.papers.claim import Measurement
+from barbalat.papers.finding import Sentence
+from barbalat.papers.finding import Source
+
+SENTENCE = Sentence(
+    row="two-is-even", source=Source("on_parity", "Somebody", "others"), where="page 1", quote="Two is even.",
+    statement="Two is even",
+    literal=("the remainder of its division by two is zero",),
+)
 
 
 def measured() -> Claim:
     return Claim(
-        "two-is-even", "page 1", "Two is even", "confirmed", "2 mod 2 = 0", "by division",
-        number="remainder 0", would_change="another arithmetic", tested="the remainder of a division by two",
+        sentence=SENTENCE, readings=(SENTENCE.reads(2 % 2 == 0, "2 mod 2 = 0"),), shows="The remainder is 0.",
+        measured="2 mod 2 = 0", how="by division", would_change="another arithmetic",
     )
 
 
@@ -41,7 +49,9 @@ def test_a_claim_is_one_file(tmp_path):
     expected = [name for part in PAPER.ledger for name in part.names]
     expected.insert(3, "two-is-even")
     assert names == expected
-    assert json.loads(barbalat_says("claims", "two-is-even", "--json", path=tmp_path))["verdict"] == "confirmed"
+    found = json.loads(barbalat_says("claims", "two-is-even", "--json", path=tmp_path))
+    assert (found["finding"], found["verdict"], found["source"]) == ("holds", "confirmed", "on_parity")
+    assert found["code"].endswith("tracking/parity.py: measured")
 
 
 def test_a_paper_is_one_folder_and_its_entry_point(tmp_path):

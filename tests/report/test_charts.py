@@ -6,11 +6,12 @@ import pytest
 from barbalat.certificates.certificates import Table1
 from barbalat.certificates.certify import Certified
 from barbalat.folders import Folder
-from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Listing
+from barbalat.papers.claim import Chart, ChartAxis, Curve, Listing
 from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.pictures.render import render
 from barbalat.report import maps, page, write
 from barbalat.validate import InputError
+from papers.a_claim import a_claim
 
 
 def example(**change):
@@ -61,19 +62,7 @@ def test_nonsense_is_refused():
 
 def test_page_and_files(tmp_path):
     listing = Listing("A table", ("controller", "Ms"), (("PI & co", "1.03"),))
-    claim = Claim(
-        "an-id",
-        "somewhere",
-        "statement",
-        "confirmed",
-        "1",
-        "how",
-        (example(),),
-        (listing,),
-        number="1",
-        would_change="2",
-        tested="3",
-    )
+    claim = a_claim("an-id", True, maps=(example(),), listings=(listing,))
     folder = Folder(tmp_path)
     pictures = write.draw_maps(folder, [claim])
     folder.commit()

@@ -9,11 +9,12 @@ from matplotlib.image import imread
 from barbalat.certificates.certificates import Table1
 from barbalat.certificates.certify import Certified
 from barbalat.folders import Folder
-from barbalat.papers.claim import ChartAxis, Claim, Curve, Map
+from barbalat.papers.claim import ChartAxis, Curve, Map
 from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.pictures.render import render
 from barbalat.report import maps, page, write
 from barbalat.validate import InputError
+from papers.a_claim import a_claim
 
 
 def example(**change):
@@ -63,18 +64,7 @@ def test_a_map_with_every_run_lost_and_a_logarithmic_scale_can_be_drawn():
 
 
 def test_files_page_and_link(tmp_path):
-    claim = Claim(
-        "some-claim",
-        "Section V",
-        "a statement",
-        "confirmed",
-        "1 s",
-        "measured",
-        (example(),),
-        number="1",
-        would_change="2",
-        tested="3",
-    )
+    claim = a_claim("some-claim", True, maps=(example(),))
     folder = Folder(tmp_path)
     pictures = write.draw_maps(folder, [claim])
     folder.commit()
@@ -89,8 +79,8 @@ def test_files_page_and_link(tmp_path):
     assert '<img class="desk" src="data:image/svg+xml,' in card and '<img class="phone" src="data:image/svg+xml,' in card
     assert "map-gain-step.svg" not in card  # the page holds its only picture
     contract, beside = (
-        {"id", "where", "statement", "verdict", "measured", "how"},
-        {"number", "condition", "readings", "would_change", "sharpened", "listings"},
+        {"id", "where", "statement", "verdict", "finding", "source", "quote", "headline", "readings", "measured", "how"},
+        {"condition", "would_change", "sharpened", "listings", "code"},
     )
     assert set(claim.as_json()) == contract | beside
 

@@ -18,7 +18,8 @@ from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.summary import five
-from barbalat.papers.claim import Claim, Listing, Reading
+from barbalat.papers.claim import Listing
+from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013.paper import PAPER
 from barbalat.papers.paper import Check, PaperFigure
 from barbalat.pictures.symbols import HELD_BLANK, number_text
@@ -28,6 +29,7 @@ from barbalat.run.engine.simulate import simulate
 from barbalat.run.results.findings import Finding, Told, together
 from barbalat.run.results.outcome import DEMAND
 from barbalat.solvers import SOLVERS
+from papers.a_claim import a_claim
 
 WIDE = 400
 WIDTHS = (60, 80, 120)
@@ -62,22 +64,19 @@ def certified(name):
     return made, table_1(found.problem, found.controllers, made)
 
 
-CLAIM = Claim(
-    id="oscillation-without-filter",
-    where="Section V, eq. (10)",
+CLAIM = a_claim(
+    "oscillation-without-filter", False,
+    quote="The estimates' path grows with 1.5e+03 rad/s and falls within 0.25 s",
     statement="The estimates' path grows with 1.5e+03 rad/s and falls within 0.25 s",
-    verdict="confirmed with conditions",
     measured="largest |e| / bound 0.55, median 0.43, [3.16e+03, 522, 197] for kappa [0.04, 0.02] s " * 3,
     how="RK4, h = 1e-4 s, 20 s, every step",
     listings=(Listing("Codes", ("code", "seconds"), (("LSODA", "1.7 s"), ("BDF", "19.7 s"))),),
-    number="19.7 s",
-    readings=(Reading("with h = 1e-5 s", "confirmed", "0.319 to 0.357 rad/s"), Reading("over 60 s", "not confirmed", "5.7 s")),
+    shows="It takes 19.7 s.",
+    weaker=(Reading("with h = 1e-5 s", True, "0.319 to 0.357 rad/s"), Reading("over 60 s", False, "5.7 s", "beside")),
     would_change="a gain of 1e+06 at h = 1e-06 s",
-)
-NUMBERED = dataclasses.replace(
-    CLAIM, id="own", number="0.55 of the bound at most, over 192 runs of 20 s each, every step of 1e-4 s"
-)
-PLAIN = dataclasses.replace(CLAIM, id="bound-9", verdict="confirmed", number="0.55", readings=CLAIM.readings[:1])
+)  # fmt: skip
+NUMBERED = a_claim("own", False, shows="0.55 of the bound at most, over 192 runs of 20 s each, every step of 1e-4 s.")
+PLAIN = a_claim("bound-9", True, shows="The largest is 0.55 of the bound.")
 FIGURE = PaperFigure(
     key="3", title="Figure 3: L1-AC, adaptive gain 1e4, step 1e-4 s", caption="", results={},
     checks=(Check("it stays", True, "40.4"), Check("it diverges", False, "bounded, max |e| [40.4, 19.4] at h = 1e-05 s")),
@@ -369,14 +368,15 @@ def test_an_enclosure_is_on_one_line():
     assert enclosures and all(re.search(r"\d \.\.\. \d", line) for line in enclosures)
 
 
-def test_reproduce_ends_with_each_rows_number_whole():
+def test_reproduce_ends_with_each_rows_headline_whole():
     """The comparison that we added is none of the paper's figures."""
-    long = dataclasses.replace(PLAIN, number="variation of the estimates with the filter over that without it: 1.1 and 1.2")
+    long = dataclasses.replace(PLAIN, shows="The variation of the estimates with the filter is over that without it 1.1 and 1.2.")
     added = dataclasses.replace(FIGURE, key="added", checks=(Check("it is better", True, "2"),))
     lines = shown(80, lambda screen: ledger.overview(screen, [FIGURE, added], [PLAIN, long, NUMBERED])).splitlines()
-    assert lines[0] == "Confirmed: 2" and lines[1].split() == ["bound-9", "0.55"]
-    assert " ".join(" ".join(lines[2:4]).split()) == f"bound-9 {long.number}"
-    assert lines[5].split()[0] == "own"
+    assert lines[:2] == ["Holds: 2", "  bound-9: The largest is 0.55 of the bound."]
+    assert " ".join(" ".join(lines[2:4]).split()) == f"bound-9: {long.shows}"
+    assert lines[4] == "Fails: 1" and lines[5].split()[0] == "own:"
+    assert lines[-3] == "Others: 2 holds, 1 fails"
     assert lines[-2] == "Figures: 0 of 1 as described, 1 of 2 statements hold; no curve is compared"
 
 
