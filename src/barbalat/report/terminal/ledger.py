@@ -17,12 +17,14 @@ NAME_COLUMNS = 26
 
 
 def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Claim]) -> None:
-    """What asks for a second look last: each row's name and headline; how many of each side's rows; the figures."""
+    """The rows that hold by their names, the others with their headlines; how many of each side's rows; the figures."""
     for finding in get_args(Finding):
         mine = [claim for claim in claims if claim.finding == finding]
         if mine:
             screen.line(f"{capitalized(finding)}: {len(mine)}", STYLES[finding])
-        for claim in mine:
+        if finding == "holds" and mine:
+            screen.line(", ".join(held(claim.id) for claim in mine), "", "  ", "  ")
+        for claim in mine if finding != "holds" else ():
             screen.line(f"{claim.id}: {claim.headline}", "", "    ", "  ")
     for side in dict.fromkeys(claim.sentence.source.side for claim in claims):
         found = [claim.finding for claim in claims if claim.sentence.source.side == side]
