@@ -1,5 +1,8 @@
 """What lies before a plant's input and behind its state, the names of its quantities, and what is known of its parameters.
 
+Behind the state are the sensor, what goes wrong with its samples (``Dropout``, ``Spike``, ...), and the ``Shell`` around a
+sampled controller, which decides what of a sample is taken.
+
 ``Plant``, ``OutputPlant``, the reference models and ``ParameterBox``, the usual known set, are in ``barbalat`` itself.
 """
 

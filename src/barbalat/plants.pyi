@@ -1,6 +1,13 @@
 from .problem.actuation import PlantInput as PlantInput
+from .problem.faults import Bias as Bias
+from .problem.faults import Dropout as Dropout
+from .problem.faults import Jitter as Jitter
+from .problem.faults import Latency as Latency
+from .problem.faults import Spike as Spike
+from .problem.faults import Stuck as Stuck
 from .problem.known_set import ParameterBall as ParameterBall
 from .problem.labels import Labels as Labels
 from .problem.measurement import Noise as Noise
 from .problem.measurement import Sensor as Sensor
+from .problem.shell import Shell as Shell
 from .problem.tracking import Disturbance as Disturbance

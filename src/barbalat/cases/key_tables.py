@@ -24,6 +24,7 @@ from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.settings import PLANT_FEATURES, beyond_of
 from barbalat.controllers.windup import ModifiedError
 from barbalat.linear.systems import TransferFunction
+from barbalat.problem.faults import FAULTS, Fault
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.regressors import REGRESSORS, Regressor
 from barbalat.problem.state_feedback import Problem
@@ -42,6 +43,7 @@ WORDS: dict[Any, str] = {
     Array: "list or matrix",
     TransferFunction: "{ num, den }",
     Signal: "signal",
+    Fault: "fault",
     Regressor: "regressor",
     AdaptiveLaw: "law",
     OutputErrorLaw: "law",
@@ -66,6 +68,7 @@ def tables() -> dict[str, str]:
         "problem": _markdown("key", "type", "default", "meaning", rows=_rows(case_table(Problem).recipe.keys)),
         "regressors": _registry(REGRESSORS, "kind"),
         "signals": _registry(SIGNALS, "kind"),
+        "faults": _registry(FAULTS, "kind"),
         "schemes": _registry(SCHEMES, "scheme"),
         "parts": _markdown("key", "type", "default", "meaning", rows=parts),
         "laws": _registry(LAWS, "kind"),

@@ -21,6 +21,7 @@ from barbalat.cases.scheme_keys import sampling_of
 from barbalat.cases.table_models import Recipe, Table, numbers, one_or_several
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
+from barbalat.problem.faults import FAULTS, Fault
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.regressors import REGRESSORS, Regressor
 from barbalat.problem.state_feedback import Problem
@@ -35,6 +36,7 @@ REGISTRY_OF_TYPE: dict[Any, Mapping[str, type]] = {
     Regressor: REGRESSORS,
     AdaptiveLaw: LAWS,
     OutputErrorLaw: OUTPUT_LAWS,
+    Fault: FAULTS,
 }
 """By the type that a field asks for, the registry of what it may be: a table whose key ``kind`` says which."""
 NAMES_OF_TYPE: dict[Any, Mapping[str, Any]] = {Tableau: SOLVERS}

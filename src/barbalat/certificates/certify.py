@@ -107,6 +107,18 @@ def certify_where_possible(
 
 
 def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
+    """Of loops whose samples all come as they are: with faults there is none, with a shell alone it is told."""
+    if problem.faults:
+        bound(problem, controller)  # refuses what does not fit
+        return Certificate.failed("the case has faults, and what is guaranteed is so of loops whose samples all come as they are")
+    found = _of_nominal(problem.nominal, controller, simulation)
+    return found if problem.shell is None else found.with_entries(found.entries, SHELL_NOTE)
+
+
+SHELL_NOTE = "what is guaranteed is so as long as the shell refuses no sample"
+
+
+def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Overflows, matrices that are singular or not finite, norms beyond the limit of precision are findings of the case."""
     try:
         sampled = is_sampled(bound(problem, controller))  # refuses what does not fit

@@ -59,6 +59,10 @@ class Described:
     def of(cls, source: Source) -> Described:
         """InputError for a case that no page can simulate yet."""
         case = source.at({})
+        if case.problem.shell is not None or case.problem.faults:
+            raise InputError(
+                "a page has neither shell nor faults yet: run and sweep have them; take them out of the case to explore it"
+            )
         return cls(source, case, tuple(i for i in range(len(case.controllers)) if _switches(source, case, i)))
 
     @cached_property

@@ -11,6 +11,7 @@ import numpy as np
 
 from barbalat.export.layout import Layout
 from barbalat.export.parameters import Opened, Parameter, estimate_limits
+from barbalat.loop.around import Around
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.loop.sampling import Acting
@@ -44,6 +45,7 @@ class Contents:
     layout   what is kept of its state
     vectors  samples of the simulation, to be met in every bit
     opened   which numbers of the list are parameters; None where all are compiled in
+    around   the case's shell, which is no part of the list; None without one
     """
 
     problem: TrackingProblem
@@ -54,14 +56,17 @@ class Contents:
     vectors: Recording
     real: Real = DOUBLE
     opened: Opened | None = None
+    around: Around | None = None
 
     @classmethod
     def of(
         cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, real: Real, *, opened: Opened | None = None
     ) -> Contents:
         """InputError for a continuous controller, and for one that diverges before the vectors end."""
+        surrounded, problem = problem, problem.nominal
         loop = ClosedLoop.of(problem, controller)
         require_sampled(controller.name, sampled=loop.sampled)
+        around = Around.of_shell(surrounded, loop.sample_time)
         program = controller_program(loop) if opened is None else controller_program(opened.template.loop, opened.template.column)
         vectors = recorded(problem, controller, simulation, VECTORS)
         if not all(np.isfinite(part).all() for part in (vectors.measured, vectors.commands, vectors.states)):
@@ -69,7 +74,9 @@ class Contents:
                 f"{controller.name} diverges on this case within {len(vectors.states)} samples: an export would have no test "
                 "vectors, and nobody should fly it"
             )
-        made = cls(problem, controller, loop, program, Layout.of(program, loop), vectors, real, opened)
+        if around is not None:
+            around.require_taken(vectors.measured, surrounded.measured_names)
+        made = cls(problem, controller, loop, program, Layout.of(program, loop), vectors, real, opened, around)
         if len(vectors.states) < FEWEST_VECTORS:
             raise InputError(
                 f"the self-test of an export needs {FEWEST_VECTORS} samples, and this simulation has {len(vectors.states)}: let "

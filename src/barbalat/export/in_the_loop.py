@@ -12,6 +12,9 @@ from barbalat.export.compiler import loaded, require_compiler, shared_library
 from barbalat.export.contents import Contents
 from barbalat.export.source import header, source
 from barbalat.export.texts import Printed, filled, indented
+from barbalat.loop.around import Kept
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import flatten
 from barbalat.lowering.c99 import DOUBLE, FLOAT
 from barbalat.lowering.llvm.ir import ExternalFunction
 from barbalat.problem.tracking import TrackingProblem
@@ -20,6 +23,7 @@ from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.simulate import result_of
 from barbalat.run.engine.stability_label import MOST_WINDOWS
 from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.sampled_controller import initial_acting
 from barbalat.run.results.result import Result
 from barbalat.solvers.simulation import Simulation
 
@@ -64,8 +68,8 @@ def simulate_export(
     require_compiler()
     contents = Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE)
     printed = Printed(contents, prefix="exported")  # nobody reads its names
-    library = _compiled(printed)
     members = Members.read([(problem, controller)], simulation, windows=MOST_WINDOWS)
+    library = _compiled(printed, members.loop)
     outside = _outside(printed, members, library)
     members = replace(members, program=replace(members.program, outside=outside))
     batch = Batch.part(members, slice(0, 1), record=True, lanes=1)
@@ -77,21 +81,53 @@ def simulate_export(
 def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> ExternalFunction:
     """The adapter, with the rows of the loop's whole state that it is given and that it keeps."""
     loop = members.loop
-    first = loop.size - len(printed.contents.initial)  # the controller's state stands last in the loop's
+    first = loop.size - len(flatten(initial_acting(loop)))  # the controller's state stands last in the loop's
     held = loop.unpack(np.arange(loop.size)).held
-    given = [*held.measured.reshape(-1).tolist(), *held.r.reshape(-1).tolist()]
+    measured = held.measured if loop.around is None else held.around.offered
+    given = [*measured.reshape(-1).tolist(), *held.r.reshape(-1).tolist()]
+    kept = [first + row for row in printed.contents.layout.rows]
+    if loop.around is not None:
+        given += [*held.around.lost.tolist(), *held.around.timer[2:].tolist()]
+        kept += [row for _, rows in _of_the_shell(held.around) for row in rows]
     address = ctypes.cast(library.barbalat_sample, ctypes.c_void_p).value
     assert address is not None
-    return ExternalFunction(address, tuple(map(int, given)), tuple(first + row for row in printed.contents.layout.rows))
+    return ExternalFunction(address, tuple(map(int, given)), tuple(map(int, kept)))
 
 
-def _compiled(printed: Printed) -> ctypes.CDLL:
-    texts = {"controller.h": header(printed), "controller.c": source(printed), "adapter.c": _adapter(printed)}
+def _of_the_shell(kept: Kept) -> list[tuple[str, list[int]]]:
+    """What the C keeps for its shell, by its names there, and the places of it in the simulation."""
+    found = (("outage", kept.outage), ("fade_left", kept.fade_left), ("bump", kept.bump))
+    return [(name, rows.tolist()) for name, rows in found if rows.size]
+
+
+def _compiled(printed: Printed, loop: ClosedLoop) -> ctypes.CDLL:
+    texts = {"controller.h": header(printed), "controller.c": source(printed), "adapter.c": _adapter(printed, loop)}
     return loaded(shared_library(require_compiler(), texts))
 
 
-def _adapter(printed: Printed) -> str:
+def _adapter(printed: Printed, loop: ClosedLoop) -> str:
     entries = [text.replace("c->", "c.") for text in printed.contents.layout.entries().values()]
+    load = [f"{text} = ({printed.real})kept[{i}];" for i, text in enumerate(entries)]
+    store = [f"kept[{i}] = (double){text};" for i, text in enumerate(entries)]
+    spoil, sample_time, idle, told = [], f"{printed.macro}_SAMPLE_TIME", "0", 0
+    if loop.around is not None:
+        held = loop.unpack(np.arange(loop.size)).held
+        at = "numbers[{0}_MEASURED + {0}_COMMANDS + {1}]".format
+        told = 4 if loop.around.jitters else 2
+        if loop.around.jitters:
+            idle, sample_time = f"{at(printed.macro, 2)} != 1", f"({printed.real}){at(printed.macro, 3)}"
+        spoil += [f"if ({at(printed.macro, 0)} > 0) {{ in.{printed.measured}[0] = ({printed.real})NAN; }}"]
+        spoil += [f"if ({at(printed.macro, 1)} > 0) {{ in.r[0] = ({printed.real})NAN; }}"]
+        place = len(entries)
+        for name, rows in _of_the_shell(held.around):
+            whole = name != "bump"
+            for i in range(len(rows)):
+                member = f"c.{name}" if whole else f"c.{name}[{i}]"
+                load.append(f"{member} = ({'long' if whole else printed.real})kept[{place}];")
+                store.append(f"kept[{place}] = (double){member};")
+                place += 1
+        if loop.around.longest is not None:
+            load.append(f"c.fade = c.fade_left > 0 ? {printed.macro}_FADE : 0;")
     return filled(
         "adapter.c",
         name=printed.name,
@@ -99,8 +135,12 @@ def _adapter(printed: Printed) -> str:
         real=printed.real,
         measured=printed.measured,
         u=printed.contents.layout.u.name,
-        load=indented(f"{text} = ({printed.real})kept[{i}];" for i, text in enumerate(entries)),
-        store=indented(f"kept[{i}] = (double){text};" for i, text in enumerate(entries)),
+        told=told,
+        idle=idle,
+        sample_time=sample_time,
+        load=indented(load),
+        spoil=indented(spoil),
+        store=indented(store),
     )
 
 

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from barbalat.export.contents import FEWEST_VECTORS, Contents
+from barbalat.export.shell import members
+from barbalat.export.shell_selftest import shell_tests
 from barbalat.export.texts import Printed, filled, indented
+from barbalat.loop.around import Around, Taken
+from barbalat.loop.packing import flatten, map_arrays, unflatten
 from barbalat.lowering import c99
+from barbalat.run.kernel.sampled_controller import initial_acting
 from barbalat.validate import Array
 
 MEASUREMENT_LOST, COMMAND_LOST, FROZEN = 1, 2, 4
@@ -23,6 +30,7 @@ def selftest(printed: Printed) -> str:
     vectors, state = contents.vectors, contents.measures_state
     estimates = vectors.states[:, list(layout.theta_hat.rows)]
     lossy, standstill = with_losses(contents), _standstill(printed)
+    longest = None if contents.around is None else contents.around.longest
     table = f"static const {printed.real} estimates[SAMPLES][{macro}_ESTIMATES] = {{\n{_rows(printed, estimates)}}};\n"
     differ = f"\n            || !same(out.theta_hat, estimates[k], {macro}_ESTIMATES)"
     return filled(
@@ -47,9 +55,18 @@ def selftest(printed: Printed) -> str:
         lossy_tests=indented(_state_is(printed, lossy[-1])),
         frozen_tests=indented(_resting(printed, "frozen, and"), 8),
         limit_tests=indented(_limits(printed)),
-        standstill=standstill,
+        standstill=standstill + shell_tests(printed),
+        timer_tests=_timer_tests(printed),
+        mirror_outage=indented(["other.outage = k - last + 3L;"] if members(contents.around) else [], 12),
+        refused_tests=indented(_refused_tests(printed)),
+        fade_test=indented(
+            ["test_fade();" if longest is None or longest > 0 else "(void)test_fade; /* there is no outage that is borne */"]
+        ),
+        told="" if longest is None else f" & ~{macro}_FALLBACK",
+        shell_test=indented(["test_shell();"] if contents.around is not None else []),
         stands_still=indented(["test_standstill();"]) if standstill else "",
-        elsewhere=indented(f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = 2; }}" for part in layout.parts),
+        elsewhere=indented([f"c.{name} = 1L;" for name in members(contents.around)])
+        + indented(f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = 2; }}" for part in layout.parts),
         refused_starts=indented(_refused_starts(printed)),
         start_tests=indented(_started_at(printed)),
         kept_tests=indented(_resting(printed, "estimates are to be kept, and")),
@@ -66,21 +83,61 @@ def selftest(printed: Printed) -> str:
     )
 
 
+def _timer_tests(printed: Printed) -> str:
+    """Without a band another sample time is told, and nothing else; what a band makes of it is the shell's."""
+    if printed.contents.around is not None and printed.contents.around.band is not None:
+        return ""
+    lines = []
+    for time in (f"2 * {printed.macro}_SAMPLE_TIME", f"{printed.macro}_SAMPLE_TIME / 2"):
+        lines.append(f"in.sample_time = {time};")
+        told = f"{printed.name}_step(&c, &in, &out) == {printed.macro}_WRONG_SAMPLE_TIME"
+        lines.append(f'require({told}, "another sample time is not flagged");')
+    return indented(lines)
+
+
+def _refused_tests(printed: Printed) -> list[str]:
+    """Bad numbers, one after another; two in a row are lost, which an outage that ends sooner does not take."""
+    around, macro = printed.contents.around, printed.macro
+    few = around is not None and around.longest is not None and around.longest < REFUSED_IN_A_ROW
+    bad = [] if few else ["nothing / nothing, 0", "1 / nothing, 0", f"-2 * {macro}_RANGE, 0"]
+    return [f"test_refused({given});" for given in (*bad, "nothing / nothing, 1", f"2 * {macro}_RANGE, 1")]
+
+
+REFUSED_IN_A_ROW = 2
+"""By ``test_refused``."""
+
+
 def with_losses(contents: Contents) -> Array:
     """(K, S) the flat state after each sample of ``LOSSES``, from the list, by what ``controller.h`` says of a lost one."""
     u, started = (list(part.rows) for part in (contents.layout.u, contents.layout.started))
     last_y, last_r = (list(part.rows) for part in (contents.layout.measured, contents.layout.r))
     state, states = contents.initial, []
+    kept: Any = None if contents.around is None else contents.around.initial(np.zeros(contents.sizes[0]), contents.sizes[2])
     for y, r, loss in zip(contents.vectors.measured, contents.vectors.commands, LOSSES, strict=False):
         lost = bool(loss & MEASUREMENT_LOST)
         if state[started] > 0 or not loss & (MEASUREMENT_LOST | COMMAND_LOST):
             command = state[last_r] if loss & COMMAND_LOST else r
             after = contents.evaluated(state, state[last_y] if lost else y, command, freeze=lost or bool(loss & FROZEN))
-            if lost:
+            if contents.around is not None:
+                after, kept = _surrounded(contents, contents.around, state, after, kept, lost=lost)
+            elif lost:
                 after[u] = state[u]
             state = after
         states.append(state)
     return np.array(states)
+
+
+def _surrounded(contents: Contents, around: Around, state: Array, after: Array, kept: Any, *, lost: bool) -> tuple[Array, Any]:
+    """What the shell makes of a sample that leads from one flat state to another, and what it keeps, in the target's numbers."""
+    numbers, template = contents.real.numbers, initial_acting(contents.loop)
+    before, now = (unflatten(template, flat.astype(numbers), 0)[0] for flat in (state, after))
+    before = before._replace(held=before.held._replace(around=map_arrays(lambda part: part.astype(numbers), kept)))
+    zero, one = np.zeros((), numbers), np.ones((), numbers)
+    rest = {"offered": kept.offered, "lost": kept.lost, "late": kept.late, "timer": kept.timer}
+    taken = Taken(y=None, r=None, freeze=one if lost else zero, begun=one, due=one, wrong_time=zero, **rest)
+    with np.errstate(divide="ignore"):  # of what is not chosen
+        acted = around.put_out(taken, before, now)
+    return np.asarray(flatten(acted._replace(held=acted.held._replace(around=()))), dtype=float), acted.held.around
 
 
 def _rows(printed: Printed, values: Array) -> str:
@@ -100,7 +157,7 @@ def _limit_rows(printed: Printed) -> str:
 def _same_state(printed: Printed) -> str:
     tests = [f"same(a->{part.name}, b->{part.name}, {part.size})" for part in printed.contents.layout.parts]
     tests += [f"same(a->{name}, b->{name}, {printed.macro}_INPUTS)" for name in ("last_u", "bump")]
-    tests += [f"a->{name} == b->{name}" for name in ("fade", "fade_left", "matching")]
+    tests += [f"a->{name} == b->{name}" for name in ("fade", "fade_left", "matching", *members(printed.contents.around))]
     return "\n        && ".join(tests)
 
 
@@ -116,7 +173,8 @@ def _state_is(printed: Printed, state: Array) -> list[str]:
 
 def _started_at(printed: Printed) -> list[str]:
     """Started at the second vector's measurement with nothing kept, every number is what the case has there, but for rounding."""
-    contents, lines = printed.contents, []
+    contents = printed.contents
+    lines = [f'require(c.{name} == 0L, "not started anew: {name}");' for name in members(contents.around)]
     rest, of_x = contents.at_start
     there = rest + of_x @ contents.vectors.measured[1]
     for part in contents.layout.parts:

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from barbalat.export.shell import shell
+from barbalat.export.shell import usable as shell_usable
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.lowering import c99
 from barbalat.lowering.operations import sources
 from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
 from barbalat.validate import Array
 
-CLOCK_TOLERANCE = 1e-3
-"""By how much, relatively, a measured sample time may differ from the one that the export was made for.
-
-A crystal is off by 100 ppm at most, and a clock that counts microseconds reads 1 ms to within 0.1 %. To the law a time that is
-off by 0.1 % is a plant whose A and b are: well within what it is robust to. A wrong rate is off by far more.
-"""
 ESTIMATE_TOLERANCE = 1e-6
 """By how much, relatively, an estimate may lie outside the known set: above the rounding of a number of 32 bits."""
 
@@ -40,7 +36,7 @@ def source(printed: Printed) -> str:
         macro=printed.macro,
         real=printed.real,
         zero=f"0.0{contents.real.suffix}",
-        clock=c99.constant(CLOCK_TOLERANCE * contents.sample_time, contents.real),
+        **shell(printed),
         measured=printed.measured,
         u=layout.u.name,
         started=layout.started.name,
@@ -92,6 +88,7 @@ def _usable(printed: Printed) -> str:
     tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts]
     tests += [f"in_range(c->last_u, {printed.macro}_INPUTS)", f"in_range(c->bump, {printed.macro}_INPUTS)"]
     tests.append("c->fade_left >= 0L && c->fade_left <= c->fade")
+    tests += shell_usable(printed)
     if contents.checked_limits is not None:
         for i, (low, high) in enumerate(zip(*contents.checked_limits, strict=True)):
             text = contents.layout.theta_hat.entry(contents.layout.theta_hat.start + i)
@@ -166,6 +163,7 @@ def header(printed: Printed) -> str:
         members=indented(members),
         estimates=indented(estimates),
         start_argument=f"const {printed.real} x[{macro}_MEASURED], " if state else "",
+        **shell(printed),
         start_comment="Start, or start again after a pause, in flight: model and filters start at the measured state x."
         if state
         else "Start, or start again after a pause, in flight: model and filters start at rest.",

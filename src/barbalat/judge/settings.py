@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.labels import Labels
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError
@@ -106,8 +105,7 @@ def _unit(bracketed: str) -> str:
 
 def component_names(problem: TrackingProblem) -> tuple[str, ...]:
     """What the components of the error are called: by the labels, else x_1, x_2, ..., or y."""
-    labels = problem.labels or Labels()
-    return labels.of_states(int(np.size(problem.model.x0))) if problem.feedback == "state" else labels.names or ("y",)
+    return problem.measured_names
 
 
 def scale_of(model: Array, initial: Array, noise: Array | None, reached: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.loop import input_paths
+from barbalat.loop.around import Around
 from barbalat.loop.binding import Bind, bound, is_sampled
 from barbalat.loop.packing import LoopState, Outputs, Signals, SignalSizes, as_array, flatten, map_arrays, unflatten
 from barbalat.loop.sampling import Acting, SampledController, held_model
@@ -18,7 +19,7 @@ from barbalat.problem.measurement import Sensor
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, DiscretizedEquations, Dynamics, Equations, SampledEquations, Value
 from barbalat.roles import StatePart, main_estimates, state_parts, taken_from
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,7 @@ class ClosedLoop:
     clocked: bool = False
     delayed: bool = False
     discrete_model: HeldSystem | None = None  # of a sampled controller
+    around: Around | None = None  # its shell, and the faults that reach it
     begins: Any = (
         None  # the equations' state at t = 0, in numbers, where the equations themselves have symbols among their numbers
     )
@@ -49,6 +51,11 @@ class ClosedLoop:
         equations = bind(problem, controller)
         sensor, noise = problem.sensor, problem.noise
         commands = len(problem.commands) if isinstance(problem.reference, tuple) else None
+        if problem.faults and not is_sampled(equations):
+            raise InputError(
+                f"faults reach a controller at its samples, and {controller.name} is continuous: give it a sample_time",
+                controller=controller.name,
+            )
         return cls(
             problem.dynamics,
             problem.model,
@@ -63,6 +70,7 @@ class ClosedLoop:
             clocked=problem.depends_on_time,
             delayed=problem.delay > 0,
             discrete_model=held_model(problem.model, equations.sample_time, commands) if is_sampled(equations) else None,
+            around=Around.of(problem, equations.sample_time) if is_sampled(equations) else None,
         )
 
     def initial(self) -> Array:
@@ -88,7 +96,7 @@ class ClosedLoop:
         """A sampled controller with its own reference model."""
         if not is_sampled(self.equations) or self.discrete_model is None:
             return None
-        return SampledController(self.equations, self.model, self.discrete_model, self.inputs, self.commands)
+        return SampledController(self.equations, self.model, self.discrete_model, self.inputs, self.commands, self.around)
 
     @cached_property
     def sampled(self) -> bool:
@@ -121,6 +129,7 @@ class ClosedLoop:
             clock=int(self.clocked),
             noise=0 if self.noise_std is None else len(self.noise_std),
             delayed=self.inputs if self.delayed else 0,
+            faults=0 if self.around is None else len(self.around.faults),
         )
 
     @cached_property
@@ -225,9 +234,13 @@ class ClosedLoop:
     def sample(self, flat: Value, signals: Value) -> Value:
         """The flat state after a sampled controller has acted: it advances from the last sample to this one and sets u."""
         assert self.computer is not None
-        state = self.unpack(flat)
-        acted = self.computer.act(Acting(state.controller, state.held), *self.sampled_at(flat, signals))
-        return flatten(state._replace(**acted._asdict()))
+        state, (y, r) = self.unpack(flat), self.sampled_at(flat, signals)
+        before = Acting(state.controller, state.held)
+        if self.around is None:
+            return flatten(state._replace(**self.computer.act(before, y, r)._asdict()))
+        taken = self.around.take(state.held, y, r, self.signals.named(signals).faults)
+        acted = self.computer.act(before, taken.y, taken.r, taken.freeze)
+        return flatten(state._replace(**self.around.put_out(taken, before, acted)._asdict()))
 
     def undelayed_input(self, flat: Value, signals: Value) -> Value:
         """What enters the delay."""

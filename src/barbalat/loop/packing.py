@@ -24,6 +24,7 @@ class Held(NamedTuple):
     r: Value  # the command that was sampled
     started: Value  # 0 before the first sample, then 1
     theta_hat: Value  # the estimates as they were before this step's sample, if it has one
+    around: Any = ()  # what the shell keeps, an ``around.Kept``, where there is one
 
 
 class LoopState(NamedTuple):
@@ -56,6 +57,7 @@ class Signals(NamedTuple):
     unmatched: Value  # (k,) other disturbances
     at_output: Value  # (0,) or (1,): added to the output
     clock: Value  # (0,) or (1,): t, for a plant that depends on it
+    faults: Value  # (f,): what goes wrong with the samples
     noise: Value  # (n,) or (0,): standard Gaussian numbers of the measurement
     delayed: Value  # (0,) or (m,): what leaves the delay at the plant's input
 
@@ -74,11 +76,12 @@ class SignalSizes:
     clock: int
     noise: int
     delayed: int
+    faults: int = 0
 
     @property
     def timed(self) -> int:
-        """Entries that are functions of time: r, the disturbances, t itself."""
-        return (self.commands or 1) + self.matched + self.unmatched + self.at_output + self.clock
+        """Entries that are functions of time: r, the disturbances, t itself, faults."""
+        return (self.commands or 1) + self.matched + self.unmatched + self.at_output + self.clock + self.faults
 
     @property
     def total(self) -> int:
@@ -86,7 +89,8 @@ class SignalSizes:
 
     def named(self, flat: Value) -> Signals:
         """The parts of a flat vector."""
-        sizes = (self.commands or 1, self.matched, self.unmatched, self.at_output, self.clock, self.noise, self.delayed)
+        timed = self.commands or 1, self.matched, self.unmatched, self.at_output, self.clock, self.faults
+        sizes = (*timed, self.noise, self.delayed)
         r, *others = (flat[start:end] for start, end in pairwise(accumulate(sizes, initial=0)))
         return Signals(flat[0] if self.commands is None else r, *others)
 

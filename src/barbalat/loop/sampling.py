@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.linear.zero_order_hold import HeldSystem
+from barbalat.loop.around import Around
 from barbalat.loop.packing import Held, as_array, flatten, unflatten
 from barbalat.protocols import Dynamics, Freezable, Sample, SampledEquations, Value
 from barbalat.roles import main_estimates, resting, roles_of, state_parts, taken_from
@@ -39,6 +40,7 @@ class SampledController:
     discrete  the same from sample to sample
     inputs    entries of u
     commands  ``None`` for one command, a scalar
+    around    the shell and the faults; None where every sample is taken as it comes
     """
 
     equations: SampledEquations
@@ -46,6 +48,7 @@ class SampledController:
     discrete: HeldSystem
     inputs: int
     commands: int | None
+    around: Around | None = None
 
     def initial(self, y: Array, controller: Any = None) -> Acting:
         """At t = 0, before the first sample; ``y`` has the shape of what is measured.
@@ -60,6 +63,7 @@ class SampledController:
             r=np.zeros(() if self.commands is None else self.commands),
             started=np.zeros(()),
             theta_hat=self._theta_hat(controller),
+            around=() if self.around is None else self.around.initial(y, self.inputs),
         )
         return Acting(controller, held)
 
@@ -76,7 +80,7 @@ class SampledController:
         chosen = np.where(started, flatten(advanced), flatten(controller))
         following, _ = unflatten(controller, chosen, 0)
         u = as_array(self.equations.control(following, *now))
-        return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, self._theta_hat(controller)))
+        return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, self._theta_hat(controller), held.around))
 
     def _advance(self, controller: Any, before: Sample, u: Value, now: Sample, freeze: Value) -> Any:
         if freeze is None:

@@ -34,6 +34,11 @@ def optimize(program: Program, *, fused: bool = True) -> Program:
     return drop_dead(_Associator(prepared, fused=fused).run())
 
 
+def as_written(program: Program) -> Program:
+    """The list in the order in which it was written, rounded operation by operation: as the same lines in C."""
+    return drop_dead(_order_extrema(_recover_selections(program)))
+
+
 def drop_dead(program: Program) -> Program:
     """The list without what no output needs."""
     alive = {i for row in program.outputs for i in row}

@@ -10,9 +10,11 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction, strictly_proper
 from barbalat.problem.actuation import PlantInput
+from barbalat.problem.faults import Fault
 from barbalat.problem.formulas import BEND_OF_ABS, Formula, FormulaNames, formula
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
+from barbalat.problem.shell import Shell
 from barbalat.problem.tracking import TrackingProblem, require_signal
 from barbalat.protocols import Signal, Value
 from barbalat.settings import Settings, one_line
@@ -173,6 +175,8 @@ class OutputProblem(TrackingProblem, Settings):
     output_disturbance      added to the output; none by default
     sensor                  how y is measured; exactly by default
     labels                  name and unit of the output, unit of the input, for pictures; none by default
+    shell                   what surrounds sampled controllers: the samples that they take, and what acts without any
+    faults                  what goes wrong between the plant and sampled controllers; nothing by default
 
     What ``output_disturbance`` adds to G's output belongs to y: it is in e = y - y_m and in what is measured, not in f(t, y).
     """
@@ -185,6 +189,8 @@ class OutputProblem(TrackingProblem, Settings):
     output_disturbance: Signal | None = None
     sensor: Sensor | None = None
     labels: Labels | None = None
+    shell: Shell | None = None
+    faults: tuple[Fault, ...] = ()
     name: str = "problem"
 
     feedback: ClassVar[str] = "output"
@@ -206,6 +212,7 @@ class OutputProblem(TrackingProblem, Settings):
             validate.instance("sensor", self.sensor, Sensor)
             if self.sensor.noise is not None:
                 validate.vector("sensor.noise.std", self.sensor.noise.std, 1)
+        self.require_surroundings()
 
     @property
     def in_brief(self) -> str:

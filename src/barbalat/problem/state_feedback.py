@@ -10,11 +10,13 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.problem.actuation import InputPath
+from barbalat.problem.faults import Fault
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, with_gains
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.plant import Model, Plant, ReferenceModel
 from barbalat.problem.regressors import Linear, MatchedTerm
+from barbalat.problem.shell import Shell
 from barbalat.problem.tracking import Disturbance, TrackingProblem, require_signal
 from barbalat.protocols import Signal
 from barbalat.settings import Settings
@@ -91,6 +93,8 @@ class Problem(TrackingProblem, Settings):
                                        pairs for several inputs that differ. Goes with a box, a ball or no known set
     sensor                             how the plant's state is measured; exactly by default
     labels                             names and units of states and inputs, for pictures; none by default
+    shell                              what surrounds sampled controllers: the samples that they take, and what acts without any
+    faults                             what goes wrong between the plant and sampled controllers; nothing by default
     """
 
     plant: Plant
@@ -103,6 +107,8 @@ class Problem(TrackingProblem, Settings):
     unmatched: tuple[Disturbance, ...] = ()
     sensor: Sensor | None = None
     labels: Labels | None = None
+    shell: Shell | None = None
+    faults: tuple[Fault, ...] = ()
     name: str = "problem"
 
     feedback: ClassVar[str] = "state"
@@ -137,6 +143,7 @@ class Problem(TrackingProblem, Settings):
             validate.instance("unmatched", disturbance, Disturbance)
             validate.vector("unmatched.direction", disturbance.direction, self.plant.n)
         freeze(self, unmatched=tuple(self.unmatched))
+        self.require_surroundings()
 
     def _check_input_gain(self) -> None:
         name, m = "uncertainty.input_gain", self.plant.inputs

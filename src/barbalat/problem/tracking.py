@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from html import escape
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, Self
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.actuation import InputPath, PlantInput
+from barbalat.problem.faults import Fault, FaultSignal
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.shell import Shell
 from barbalat.protocols import Dynamics, Signal
 from barbalat.settings import Settings, given_of
 from barbalat.signals.smooth import Clock
@@ -73,6 +75,8 @@ class TrackingProblem:
     sensor: Sensor | None
     labels: Labels | None
     name: str
+    shell: Shell | None = None
+    faults: tuple[Fault, ...] = ()
     feedback: ClassVar[str]
     """What is measured: "state" or "output"."""
 
@@ -167,12 +171,42 @@ class TrackingProblem:
         return None if self.sensor is None else self.sensor.noise
 
     @property
+    def measured_names(self) -> tuple[str, ...]:
+        """What the measured quantities are called: by the labels, else x_1, x_2, ..., or y."""
+        labels = self.labels or Labels()
+        return labels.of_states(int(np.size(self.model.x0))) if self.feedback == "state" else labels.names or ("y",)
+
+    @property
+    def nominal(self) -> Self:
+        """The same problem with nothing going wrong, and nothing that would be refused."""
+        if self.shell is None and not self.faults:
+            return self
+        return replace(self, shell=None, faults=())  # type: ignore[type-var]
+
+    def require_surroundings(self) -> None:
+        """InputError where the shell or a fault names a channel that is not measured."""
+        if self.shell is not None:
+            validate.instance("shell", self.shell, Shell)
+            self.shell.require(self.measured_names)
+        if not isinstance(self.faults, (list, tuple)):
+            raise InputError(f"faults must be a list of faults, got {validate.show(self.faults)}")
+        for i, fault in enumerate(self.faults, start=1):
+            validate.instance(f"faults {i}", fault, Fault)
+            try:
+                fault.require(self.measured_names)
+            except InputError as error:
+                raise InputError(f"faults {i} ({fault.kind}): {error}", field="faults") from None
+        freeze(self, faults=tuple(self.faults))
+
+    @property
     def signals(self) -> tuple[Signal, ...]:
         """The time functions that drive the loop, in the order in which ``ClosedLoop`` takes them."""
         matched = () if self.disturbance is None else (self.disturbance,)
         at_output = () if self.output_disturbance is None else (self.output_disturbance,)
         clock = (Clock(),) if self.depends_on_time else ()
-        return (*self.commands, *matched, *(disturbance.signal for disturbance in self.unmatched), *at_output, *clock)
+        unmatched = (disturbance.signal for disturbance in self.unmatched)
+        faults = (FaultSignal(fault, place) for place, fault in enumerate(self.faults))
+        return (*self.commands, *matched, *unmatched, *at_output, *clock, *faults)
 
 
 def require_signal(field: str, signal: Any) -> None:

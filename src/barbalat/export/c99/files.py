@@ -8,6 +8,7 @@ from barbalat.export.parameters import Opened
 from barbalat.export.plant import PlantContents
 from barbalat.export.plant_source import PrintedPlant, plant_header, plant_source
 from barbalat.export.selftest import selftest
+from barbalat.export.shell import shell_readme
 from barbalat.export.source import header, shape, source
 from barbalat.export.target import require_case
 from barbalat.export.texts import Printed, comment, filled, indented
@@ -34,6 +35,7 @@ def files(
         "README.md": readme(printed, closed_loop=closed_loop),
     }
     if closed_loop:
+        problem = problem.nominal
         opened = Opened.of(problem, controller, simulation, tunable=False)
         made = PrintedPlant(PlantContents.of(problem, opened), printed)
         found |= {"plant.h": plant_header(made), "plant.c": plant_source(made), "loop.c": loop_program(made)}
@@ -68,6 +70,11 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
         set=", or an estimate outside the known set" if contents.limits is not None else "",
         freeze=EULER_SWAPPING if euler else "",
         gap=GAP if any(part.path == "controller.span" for part in layout.parts) else "",
+        shell=shell_readme(printed),
+        other_time=""
+        if contents.around is not None and contents.around.band is not None
+        else OTHER_TIME.format(contents.sample_time),
+        decide=DECIDE if contents.around is None or contents.around.longest is None else "Here it ends with the longest outage.",
         members=members,
         loop=filled("README_loop.md", library=" -lm").rstrip() + "\n" if closed_loop else "",
         patent=_patent(printed),
@@ -81,6 +88,15 @@ def _patent(printed: Printed) -> str:
 
 
 EULER_SWAPPING = " The swapping term of (14) moves as if the law did: Euler's steps know it from the law's rate alone."
+
+OTHER_TIME = """\
+- *Another sample time* than {!r} s, by more than 0.1 %, is flagged, and the step made as if it were right: a wrong rate
+  is better than no control. A crystal's inaccuracy, below 0.01 %, and a clock of 1 us at a sample of 1 ms pass; a jitter of more
+  than 0.1 % in what you measure is flagged sample by sample, and harmless.
+"""
+
+DECIDE = """How long an outage may last before
+  something else must take over is yours to decide: without a longest outage in the case's [shell] nobody counts it."""
 
 GAP = """ What the
   prediction error gathered over m samples counts by one sample's share: the law would answer all of it as if it came of one."""

@@ -1,5 +1,6 @@
 /* Not of the export: hands samples of a simulation to it, whose state stands with the simulation's. */
 #include "controller.h"
+#include <math.h>
 #include <stdint.h>
 
 uint64_t barbalat_refused = 0;
@@ -11,14 +12,17 @@ void barbalat_sample(double *numbers, int64_t step)
     ${name}_controller c;
     ${name}_input in;
     ${name}_output out;
-    double *kept = numbers + ${macro}_MEASURED + ${macro}_COMMANDS;
+    double *kept = numbers + ${macro}_MEASURED + ${macro}_COMMANDS + ${told};
     int i;
+    if (${idle}) {
+        return; /* the timer does not call at this step */
+    }
     ${name}_init(&c);
 ${load}    for (i = 0; i < ${macro}_INPUTS; ++i) {
         c.last_u[i] = c.${u}[i];
     }
     (void)step;
-    in.sample_time = ${macro}_SAMPLE_TIME;
+    in.sample_time = ${sample_time};
     in.freeze = 0;
     for (i = 0; i < ${macro}_MEASURED; ++i) {
         in.${measured}[i] = (${real})numbers[i];
@@ -26,7 +30,7 @@ ${load}    for (i = 0; i < ${macro}_INPUTS; ++i) {
     for (i = 0; i < ${macro}_COMMANDS; ++i) {
         in.r[i] = (${real})numbers[${macro}_MEASURED + i];
     }
-    if (${name}_step(&c, &in, &out) != ${macro}_OK) {
+${spoil}    if (${name}_step(&c, &in, &out) != ${macro}_OK) {
         ++barbalat_refused;
     }
 ${store}}

@@ -57,18 +57,18 @@ static void hold(${name}_controller *c)
     }
 }
 
-/* Advances to this sample, measured or lost, and returns 1; returns 0, with nothing changed, where that leads out of range. */
+${fall_back}/* Advances to this sample, measured or lost, and returns 1; returns 0, with nothing changed, where that leads out of range. */
 static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
 {
     int i;
     ${name}_controller next;
     next = *c;
     advance(&next, in);
-    if (measured != 0) {
-        fade(&next);
+    if (measured ${good}) {
+${returns}        fade(&next);
     } else {
-        hold(&next);
-    }
+${counted}        hold(&next);
+${falls_back}    }
     if (!state_is_usable(&next)) {
         return 0;
     }
@@ -79,7 +79,7 @@ static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
     return 1;
 }
 
-/* Replaces a lost command by the last good one, and a lost measurement by the last good one with the estimates frozen. */
+${shell_functions}${shell_timer}/* Replaces a lost command by the last good one, and a lost measurement by the last good one with the estimates frozen. */
 static void take(const ${name}_controller *c, ${name}_input *in, int *measured, unsigned *status)
 {
     int i;
@@ -89,10 +89,8 @@ static void take(const ${name}_controller *c, ${name}_input *in, int *measured, 
             in->r[i] = c->${last_r}[i];
         }
     }
-    if (!in_range(in->${measured}, ${macro}_MEASURED)) {
-        *status |= ${macro}_MEASUREMENT_LOST;
-        *measured = 0;
-        in->freeze = 1;
+    if (${late}!in_range(in->${measured}, ${macro}_MEASURED)${implausible}) {
+${lost}        in->freeze = 1;
         for (i = 0; i < ${macro}_MEASURED; ++i) {
             in->${measured}[i] = c->${last_measured}[i];
         }
@@ -116,7 +114,7 @@ ${reset}    c->sample_time = ${macro}_SAMPLE_TIME;
     c->fade = 0L;
     c->fade_left = 0L;
     c->matching = 0;
-}
+${no_outage}}
 
 void ${name}_init(${name}_controller *c)
 {
@@ -142,7 +140,7 @@ ${start}    c->sample_time = ${macro}_SAMPLE_TIME;
     c->fade = samples > 0L ? samples : 0L;
     c->fade_left = c->fade;
     c->matching = 1;
-    return ${macro}_OK;
+${no_outage}    return ${macro}_OK;
 }
 
 unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out)
@@ -150,22 +148,19 @@ unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_ou
     unsigned status = ${macro}_OK;
     int measured = 1;
     ${name}_input taken;
-    if (!(in->sample_time <= c->sample_time + ${clock} && in->sample_time >= c->sample_time - ${clock})) {
-        status |= ${macro}_WRONG_SAMPLE_TIME;
-    }
-    if (!state_is_usable(c)) {
+${clock_test}    if (!state_is_usable(c)) {
         give(c, out, status | ${macro}_STATE_REFUSED);
         return out->status;
     }
-    taken = *in;
+${missed_calls}    taken = *in;
     take(c, &taken, &measured, &status);
-    if ((status & (${macro}_MEASUREMENT_LOST | ${macro}_COMMAND_LOST)) != 0u && !(c->${started}[0] > 0)) {
+    if ((status & (${macro}_MEASUREMENT_LOST | ${macro}_COMMAND_LOST${unbegun})) != 0u && !(c->${started}[0] > 0)) {
         give(c, out, status); /* nothing has begun, and there is nothing that could stand in */
         return out->status;
     }
     if (go_on(c, &taken, measured) == 0) {
         status |= ${macro}_RESULT_REFUSED;
     }
-    give(c, out, status);
+${fallback_status}    give(c, out, status);
     return out->status;
 }

@@ -10,7 +10,7 @@
 #define ${macro}_EXPORT ${mark}
 #define ${macro}_SAMPLE_TIME ${sample_time} /* [s] for which it was made */
 #define ${macro}_RANGE ${range} /* what a measurement, a command or a state may be in size: beyond it is refused */
-${sizes}${limits}
+${sizes}${limits}${shell_macros}
 /* Status of a step, of which several may hold, and of a start. */
 #define ${macro}_OK 0u
 #define ${macro}_WRONG_SAMPLE_TIME 1u /* called after another time, by more than 0.1 %; the step was made as if after the right one */
@@ -32,7 +32,7 @@ ${members}    ${real} sample_time; /* [s] for which this state was made */
     long fade; /* samples over which it does */
     long fade_left; /* of them still to come */
     int matching; /* 1 until the first sample after a start */
-} ${name}_controller;
+${shell_members}} ${name}_controller;
 
 typedef struct {
     ${real} sample_time; /* [s] since the last call, as a timer has it or ${macro}_SAMPLE_TIME: within 0.1 % of that */
@@ -68,11 +68,11 @@ unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_n
  * A lost measurement: u stays, and all else goes on under the last good measurement and this u, with the estimates frozen.
  * A lost command: the last good one stands in for it, and the controller goes on as ever.
  * Nothing begins, and u stays, until a first sample after init, reset or start has both.
- */
+${shell_comment} */
 /*@ requires \valid(c) && \valid_read(in) && \valid(out);
     requires \separated(c, in, out);
     ensures \forall integer i; 0 <= i < ${macro}_INPUTS ==> -${macro}_RANGE <= out->u[i] <= ${macro}_RANGE;
-    ensures \result == out->status && \result <= 31;
+    ensures \result == out->status && \result <= ${shell_statuses};
 */
 unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out);
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -18,10 +18,10 @@ from barbalat.loop.packing import column, flatten, symbols, unflatten
 from barbalat.loop.sampling import Acting
 from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import Operation, Program, following, read
-from barbalat.lowering.optimize import optimize
+from barbalat.lowering.optimize import as_written, optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
+from barbalat.protocols import Controller, Value
 from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def initial_acting(loop: ClosedLoop) -> Acting:
     return Acting(loop._initial.controller, loop._initial.held)
 
 
-def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None = None) -> Program:
+def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None = None, dt: Value = None) -> Program:
     """What happens before a step at a sample, with the arguments of ``step``, see ``step_function``, -> the loop's state."""
     import casadi as ca
 
@@ -66,17 +66,80 @@ def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None
     first = np.concatenate([table_row[: loop.signals.timed], noise, np.zeros(loop.signals.delayed)])
     y, r = loop.sampled_at(state, first)
     inputs = [state_column, ca.SX(0, 1), parameters_column(parameters), signal_column, ca.SX(0, 1), noise_column]
-    outputs = [state_column, column(y), column(r)]
-    handed = optimize(read(ca.Function("handed", inputs, outputs)), fused=False)
-    now, measured, command = handed.outputs
+    faults = [] if loop.around is None else [column(loop.signals.named(first).faults)]
+    handed = optimize(read(ca.Function("handed", inputs, [state_column, column(y), column(r), *faults])), fused=False)
+    now, measured, command, *values = handed.outputs
     own = len(flatten(initial_acting(loop)))  # the controller's state stands last in the loop's
     operations = (*handed.operations, Operation("constant"))
-    places = {(STATE, i): position for i, position in enumerate(now[-own:])}
+    before, freeze = now[-own:], len(operations) - 1
+    taken: tuple[int, ...] = ()
+    if loop.around is not None:
+        shell = Shelled.of(loop, parameters, dt)
+        operations, taken = shell.take(operations, (*before, *measured, *command, *values[0]))
+        measured, command, freeze = taken[: len(measured)], taken[len(measured) :][: len(command)], taken[shell.freeze]
+    places = {(STATE, i): position for i, position in enumerate(before)}
     places |= {(MEASURED, i): position for i, position in enumerate(measured)}
     places |= {(COMMAND, i): position for i, position in enumerate(command)}
-    places |= {(FREEZE, 0): len(operations) - 1}
+    places |= {(FREEZE, 0): freeze}
     (acted,) = (joined := following(operations, controller_program(loop, parameters), places)).outputs
-    return Program(joined.operations, ((*now[:-own], *acted),))
+    operations = joined.operations
+    if loop.around is not None:
+        operations, acted = shell.put_out(operations, (*before, *acted, *taken))
+    return Program(operations, ((*now[:-own], *acted),))
+
+
+@dataclass(frozen=True, eq=False)
+class Shelled:
+    """The shell before and behind a controller's list, as lists in which nothing is reordered: C has the same lines.
+
+    taking, putting  of what stands in their one column of arguments
+    freeze           where the freeze switch stands in what is taken
+    """
+
+    taking: Program
+    putting: Program
+    freeze: int
+
+    @classmethod
+    def of(cls, loop: ClosedLoop, parameters: ca.SX | None, dt: Value) -> Shelled:
+        """``dt`` [s] is the solver's step, which may be one of the ``parameters``."""
+        around, template = loop.around, initial_acting(loop)
+        assert around is not None
+        own, y = len(flatten(template)), loop.plant.output(loop.plant.x0)
+        count, commands = y.size + (loop.commands or 1), loop.commands or 1
+        given_column, given = symbols("given", own + count + len(around.faults))
+        before, _ = unflatten(template, given, 0)
+        r = given[own + y.size] if loop.commands is None else given[own + y.size : own + count]
+        taken = around.take(before.held, given[own : own + y.size].reshape(y.shape), r, given[own + count :], dt)
+        whole_column, whole = symbols("whole", 2 * own + len(flatten(taken)))
+        (before, after, like), _ = unflatten((template, template, taken), whole, 0)
+        acted = around.put_out(like, before, after)
+        return cls(
+            taking=_as_written(given_column, taken, parameters),
+            putting=_as_written(whole_column, acted, parameters),
+            freeze=y.size + commands,
+        )
+
+    def take(self, operations: tuple[Operation, ...], given: tuple[int, ...]) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
+        """Operations that end with a sample's being taken, and where what was taken stands among them."""
+        return _behind(operations, self.taking, given)
+
+    def put_out(self, operations: tuple[Operation, ...], given: tuple[int, ...]) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
+        """Operations that end with a control's being put out, and where the controller's whole state stands among them."""
+        return _behind(operations, self.putting, given)
+
+
+def _as_written(given: ca.SX, result: Any, parameters: ca.SX | None) -> Program:
+    import casadi as ca
+
+    return as_written(read(ca.Function("shell", [given, ca.SX(0, 1), parameters_column(parameters)], [column(flatten(result))])))
+
+
+def _behind(
+    operations: tuple[Operation, ...], program: Program, given: tuple[int, ...]
+) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
+    joined = following(operations, program, {(0, i): position for i, position in enumerate(given)})
+    return joined.operations, joined.outputs[0]
 
 
 def parameters_column(parameters: ca.SX | None) -> ca.SX:

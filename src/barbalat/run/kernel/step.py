@@ -189,8 +189,12 @@ class Rhythm:
     def of(cls, loop: ClosedLoop, noise: Noise | None, simulation: Simulation) -> Rhythm:
         """InputError where a time is not a whole number of steps, or is longer than the run."""
         sample_time = loop.sample_time
+        every = 0 if sample_time is None else whole_steps("sample_time", sample_time, simulation)
+        if loop.around is not None and loop.around.jitters:
+            loop.around.require_steps(simulation.dt)
+            every = 1  # at each of them it is looked whether the timer calls
         return cls(
-            0 if sample_time is None else whole_steps("sample_time", sample_time, simulation),
+            every,
             1 if noise is None else whole_steps("sensor.noise.sample_time", noise.sample_time, simulation),
         )
 
@@ -312,7 +316,7 @@ def step_program(
     def lowered(traced: ca.Function) -> Program:
         return optimize(read(traced), fused=fused)
 
-    sample = sample_program(loop, function, parameters) if loop.sampled else None
+    sample = sample_program(loop, function, parameters, dt) if loop.sampled else None
     watched = lowered(coupling_function(loop, function, dt, parameters)) if watch else None
     return StepProgram(lowered(function), shape, accumulators, sample, watched)
 

@@ -1,0 +1,284 @@
+"""The C of a case's shell: what of a sample is taken, how misses are counted, and what acts after too many of them."""
+
+from __future__ import annotations
+
+from textwrap import fill
+
+import numpy as np
+
+from barbalat.export.texts import Printed, comment, indented
+from barbalat.loop.around import MOST_COUNTED, Around
+from barbalat.lowering import c99
+
+CLOCK_TOLERANCE = 1e-3
+"""By how much, relatively, a measured sample time may differ from the one that the export was made for.
+
+A crystal is off by 100 ppm at most, and a clock that counts microseconds reads 1 ms to within 0.1 %. To the law a time that is
+off by 0.1 % is a plant whose A and b are: well within what it is robust to. A wrong rate is off by far more.
+"""
+
+
+def shell(printed: Printed) -> dict[str, str]:
+    """What stands in the places of ``controller.h`` and ``controller.c`` that are a shell's; empty texts without one."""
+    around = printed.contents.around
+    counts, ends, timed = around is not None and around.counts, _ends(around), around is not None and around.band is not None
+    macro, x = printed.macro, printed.measured
+    late = ["*measured < 0 || "] if timed else []
+    lost = [f"*status |= {macro}_MEASUREMENT_LOST;", "*measured = 0;"]
+    return {
+        "shell_macros": _macros(printed),
+        "shell_members": indented(["long outage; /* samples in a row without a good measurement */"] if counts else []),
+        "shell_functions": _plausible(printed),
+        "fall_back": _FALL_BACK[around.fallback].format(**_names(printed)) if _falls(around) and around else "",
+        "shell_timer": _TIMER.format(**_names(printed)) if timed else "",
+        "late": "".join(late),
+        "implausible": " || is_plausible(c, in) == 0" if _checked(around) else "",
+        "lost": indented(["if (*measured > 0) {", *(f"    {line}" for line in lost), "}"] if timed else lost, 8),
+        "returns": indented(
+            [*(_RETURNS.format(**_names(printed)).splitlines() if ends else []), *(["next.outage = 0L;"] if counts else [])], 8
+        ),
+        "counted": indented(_counted(macro, ends=ends, timed=timed) if counts else [], 8),
+        "falls_back": indented(["fall_back(&next);"] if _falls(around) else [], 8),
+        "no_outage": indented(["c->outage = 0L;"] if counts else []),
+        "clock_test": (_BAND if timed else _CLOCK).format(**_names(printed)),
+        "missed_calls": indented(_MISSED.format(**_names(printed)).splitlines()) if timed else "",
+        "good": "> 0" if timed else "!= 0",
+        "unbegun": f" | {macro}_WRONG_SAMPLE_TIME" if timed else "",
+        "fallback_status": indented(_FALLS_BACK.format(macro=macro).splitlines()) if ends else "",
+        "shell_statuses": str(31 | (64 | 128 if timed else 0) | (256 if ends else 0)),
+        "shell_comment": _comment(around, x),
+    }
+
+
+def usable(printed: Printed) -> list[str]:
+    """Tests of the state."""
+    around = printed.contents.around
+    return [] if around is None or not around.counts else [f"c->outage >= 0L && c->outage <= {MOST_COUNTED}L"]
+
+
+def members(around: Around | None) -> list[str]:
+    """Names of whole numbers that a shell adds to the state."""
+    return [] if around is None or not around.counts else ["outage"]
+
+
+def _ends(around: Around | None) -> bool:
+    return around is not None and around.longest is not None
+
+
+def _falls(around: Around | None) -> bool:
+    return around is not None and around.longest is not None and around.fallback in _FALL_BACK
+
+
+def _checked(around: Around | None) -> bool:
+    return around is not None and bool(np.isfinite([around.low, around.rate]).any())
+
+
+def _names(printed: Printed) -> dict[str, str]:
+    layout = printed.contents.layout
+    return {
+        "name": printed.name, "macro": printed.macro, "real": printed.real, "x": printed.measured, "u": layout.u.name,
+        "zero": f"0.0{printed.contents.real.suffix}", "last_r": layout.r.name, "last": layout.measured.name,
+        "clock": c99.constant(CLOCK_TOLERANCE * printed.contents.sample_time, printed.contents.real),
+        "half": f"0.5{printed.contents.real.suffix}", "started": layout.started.name,
+    }  # fmt: skip
+
+
+def _macros(printed: Printed) -> str:
+    around, macro = printed.contents.around, printed.macro
+    lines = []
+    if around is not None and around.longest is not None:
+        lines += [
+            f"#define {macro}_LONGEST_OUTAGE {around.longest}L /* misses in a row; after them acts: {around.fallback} */",
+            f"#define {macro}_FADE {around.fade}L /* samples over which the bump of a return then fades out */",
+            f"#define {macro}_FALLBACK 256u /* status: the outage is longer than that, u is the fallback's */",
+        ]
+    if around is not None and around.band is not None:
+        lines += [
+            f"#define {macro}_BAND {printed.number(around.band)} /* [s] by which the time between two calls may be off */",
+            f"#define {macro}_JITTER 64u /* status: it is off by more than 0.1 %, within the band; the nominal time was taken */",
+            f"#define {macro}_MISSED_CALLS 128u /* status: a whole number of sample times: each missed call counts as a miss */",
+        ]
+    return "".join(f"{line}\n" for line in lines)
+
+
+def _plausible(printed: Printed) -> str:
+    around = printed.contents.around
+    if around is None or not _checked(around):
+        return ""
+    names, x, tests, slow = printed.contents.problem.measured_names, printed.measured, [], []
+    for i in np.flatnonzero(np.isfinite(around.low)).tolist():
+        low, high = (printed.number(side[i]) for side in (around.low, around.high))
+        tests += [f"in->{x}[{i}] >= {low}", f"in->{x}[{i}] <= {high}"]
+    last = printed.contents.layout.measured.name
+    for i in np.flatnonzero(np.isfinite(around.rate)).tolist():
+        most = f"{printed.number(around.rate[i])} * samples"
+        moved = f"in->{x}[{i}] - c->{last}[{i}]"
+        slow += [f"{moved} <= {most}", f"-({moved}) <= {most}"]
+    if slow:
+        tests.append(f"(!(c->{printed.contents.layout.started.name}[0] > 0) || ({(chr(10) + 12 * ' ' + '&& ').join(slow)}))")
+    join = "\n        && "
+    counted = [f"const {printed.real} samples = ({printed.real})(c->outage + 1L);"] if slow else ["(void)c;"]
+    body = indented([*counted, f"return {join.join(tests)};"])
+    about = ", ".join(name for i, name in enumerate(names) if np.isfinite([around.low[i], around.rate[i]]).any())
+    return (
+        f"/* Whether the sensor can have measured this: {comment(about)}, in range and no faster than it may be. */\n"
+        f"static int is_plausible(const {printed.name}_controller *c, const {printed.name}_input *in)\n{{\n{body}}}\n\n"
+    )
+
+
+def shell_readme(printed: Printed) -> str:
+    """What README.md says of a shell, behind what it says of outages; empty without one."""
+    around, macro, T = printed.contents.around, printed.macro, printed.contents.sample_time
+    if around is None:
+        return ""
+    told = []
+    if _checked(around):
+        names = printed.contents.problem.measured_names
+        limits = [
+            f"{comment(names[i])} from {around.low[i]:g} to {around.high[i]:g}" for i in np.flatnonzero(np.isfinite(around.low))
+        ]
+        rates = [f"{comment(names[i])} by {around.rate[i] / T:g} in a second" for i in np.flatnonzero(np.isfinite(around.rate))]
+        told.append(f"*What is taken of a measurement*: {', '.join([*limits, *rates])}; anything else is a lost one.")
+    if around.longest is not None:
+        acts = {"hold": "u stays", "zero": "u is zero", "fade": f"u fades to zero over {around.fade} samples"}[around.fallback]
+        told.append(
+            f"*The longest outage*: after {around.longest} misses in a row {acts}, and the status has {macro}_FALLBACK. "
+            "The next good sample begins with the u that is put out then; "
+            f"the difference to the controller's own fades out over {around.fade} samples."
+        )
+    if around.band is not None:
+        told.append(
+            f"*The time between two calls* counts here: within {around.band:g} s of the nominal one this is taken "
+            f"({macro}_JITTER); where it is a whole number of sample times, the missed calls are made up for as misses "
+            f"({macro}_MISSED_CALLS); "
+            "any other time, and one beyond the longest outage, is a miss after which the fallback acts at once "
+            f"({macro}_WRONG_SAMPLE_TIME)."
+        )
+    return "".join(f"\n{fill(one, 128, initial_indent='- ', subsequent_indent='  ')}" for one in told)
+
+
+def _counted(macro: str, *, ends: bool, timed: bool) -> list[str]:
+    """Of a miss: one more in a row, and at a wrong time as many as the fallback waits for."""
+    lines = [f"if (next.outage < {MOST_COUNTED}L) {{", "    ++next.outage;", "}"]
+    if ends and timed:
+        longest = f"{macro}_LONGEST_OUTAGE"
+        lines = [f"if (measured < 0 && next.outage < {longest}) {{", f"    next.outage = {longest};", "}", *lines]
+    return lines
+
+
+def _comment(around: Around | None, x: str) -> str:
+    if around is None:
+        return ""
+    told = []
+    if _checked(around):
+        told.append(f"An entry of {x} outside its range, or off its last good value by more than its rate allows, is a lost one.")
+    if around.longest is not None:
+        told.append(
+            "After LONGEST_OUTAGE misses in a row the fallback acts; u returns from it without a bump, over FADE samples."
+        )
+    if around.band is not None:
+        told.append(
+            "The time since the last call counts: see JITTER, MISSED_CALLS and WRONG_SAMPLE_TIME, at which the fallback acts."
+        )
+    return "".join(f" * {one}\n" for one in told)
+
+
+_CLOCK = """\
+    if (!(in->sample_time <= c->sample_time + {clock} && in->sample_time >= c->sample_time - {clock})) {{
+        status |= {macro}_WRONG_SAMPLE_TIME;
+    }}
+"""
+_BAND = """\
+    long missed = missed_calls(in);
+    if (missed < 0L) {{
+        status |= {macro}_WRONG_SAMPLE_TIME;
+    }} else if (missed > 0L) {{
+        status |= {macro}_MISSED_CALLS;
+    }} else if (!(in->sample_time <= c->sample_time + {clock} && in->sample_time >= c->sample_time - {clock})) {{
+        status |= {macro}_JITTER;
+    }} else {{
+        /* on time */
+    }}
+"""
+_TIMER = """\
+/* Whole sample times since the last call, without the one that is due; -1 where the time is no such multiple, or too long. */
+static long missed_calls(const {name}_input *in)
+{{
+    const {real} time = in->sample_time;
+    {real} off;
+    long whole;
+    if (!(time >= {half} * {macro}_SAMPLE_TIME
+            && time <= (({real})({macro}_LONGEST_OUTAGE + 1L) + {half}) * {macro}_SAMPLE_TIME)) {{
+        return -1L;
+    }}
+    whole = (long)(time / {macro}_SAMPLE_TIME + {half});
+    off = time - ({real})whole * {macro}_SAMPLE_TIME;
+    return (off <= {macro}_BAND && -off <= {macro}_BAND) ? whole - 1L : -1L;
+}}
+
+/* A call that did not come, made up for: nothing was measured and nothing commanded. */
+static void miss({name}_controller *c)
+{{
+    int i;
+    {name}_input in;
+    in.sample_time = c->sample_time;
+    in.freeze = 1;
+    for (i = 0; i < {macro}_MEASURED; ++i) {{
+        in.{x}[i] = c->{last}[i];
+    }}
+    for (i = 0; i < {macro}_COMMANDS; ++i) {{
+        in.r[i] = c->{last_r}[i];
+    }}
+    (void)go_on(c, &in, 0);
+}}
+
+"""
+_MISSED = """\
+if (missed < 0L) {{
+    measured = -1;
+}}
+for (; missed > 0L && c->{started}[0] > 0; --missed) {{
+    miss(c);
+}}
+"""
+_RETURNS = """\
+if (next.outage > {macro}_LONGEST_OUTAGE) {{
+    for (i = 0; i < {macro}_INPUTS; ++i) {{
+        next.bump[i] = next.last_u[i];
+    }}
+    next.fade = {macro}_FADE;
+    next.fade_left = {macro}_FADE;
+    next.matching = 1;
+}}
+"""
+_FALLS_BACK = """\
+if (c->outage > {macro}_LONGEST_OUTAGE) {{
+    status |= {macro}_FALLBACK;
+}}
+"""
+_FALL_BACK = {
+    "zero": """\
+/* After the longest outage: no control. */
+static void fall_back({name}_controller *c)
+{{
+    int i;
+    for (i = 0; i < {macro}_INPUTS && c->outage > {macro}_LONGEST_OUTAGE; ++i) {{
+        c->{u}[i] = {zero};
+    }}
+}}
+
+""",
+    "fade": """\
+/* After the longest outage: the last control fades out. */
+static void fall_back({name}_controller *c)
+{{
+    const long left = c->outage > {macro}_LONGEST_OUTAGE ? {macro}_FADE + {macro}_LONGEST_OUTAGE + 1L - c->outage : 0L;
+    int i;
+    for (i = 0; i < {macro}_INPUTS && c->outage > {macro}_LONGEST_OUTAGE; ++i) {{
+        c->{u}[i] = left > 0L ? c->last_u[i] * (({real})(left - 1L) / ({real})left) : {zero};
+    }}
+}}
+
+""",
+}
+"""Of a control that is held there is nothing to do."""

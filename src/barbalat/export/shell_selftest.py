@@ -1,0 +1,130 @@
+"""What the self-test looks at where a case has a shell: what is taken of a sample, the outage's end, the return, the timer."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.export.shell import CLOCK_TOLERANCE
+from barbalat.export.texts import Printed, indented
+from barbalat.lowering import c99
+from barbalat.validate import Array
+
+BEYOND_RATE = 1.5
+"""Times what a channel may change in a sample: refused at once, taken after one miss."""
+
+
+def shell_tests(printed: Printed) -> str:
+    """The text of ``test_shell``; empty without a shell."""
+    around = printed.contents.around
+    if around is None:
+        return ""
+    tests = [*_ranges(printed), *_rates(printed), *(_OUTAGE if around.longest is not None else [])]
+    tests += _TIMER if around.band is not None else []
+    if around.longest is not None and around.longest > 0:
+        tests += _SHORTER
+    return _WHOLE.format(
+        name=printed.name, macro=printed.macro, real=printed.real, x=printed.measured, tests=indented(_filled(printed, tests))
+    )
+
+
+def _filled(printed: Printed, lines: list[str]) -> list[str]:
+    around = printed.contents.around
+    assert around is not None
+    fallen = {"hold": "last[i]", "zero": f"0.0{printed.contents.real.suffix}"}
+    left = f"({printed.real})({printed.macro}_FADE - 1L) / ({printed.real}){printed.macro}_FADE"
+    fallen["fade"] = f"last[i] * ({left})" if around.fade else fallen["zero"]
+    band = 0.0 if around.band is None else around.band
+    off = 0.9 * band if 0.9 * band > 1.05 * CLOCK_TOLERANCE * around.T else band / 2
+    several = (around.longest or 0) >= 2
+    calls = "{M}_MISSED_CALLS" if several else "({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK)"
+    names = {
+        "n": printed.name, "M": printed.macro, "x": printed.measured, "fallen": fallen[around.fallback],
+        "jitter": printed.number(around.T + off),
+        "jittered": f"{printed.macro}_JITTER" if off > CLOCK_TOLERANCE * around.T else f"{printed.macro}_OK",
+        "half": printed.number(1.5 * around.T), "three": printed.number(3 * around.T),
+        "several": int(several), "close": int(around.fade > 0),
+    }  # fmt: skip
+    return [line.replace("{calls}", calls).format(**names) for line in lines]
+
+
+def _ranges(printed: Printed) -> list[str]:
+    """The ends of each range are taken, the next numbers beyond them are not."""
+    around, x, lines = printed.contents.around, printed.measured, []
+    assert around is not None
+    number = printed.contents.real.numbers
+    for i in np.flatnonzero(np.isfinite(around.low)).tolist():
+        for end, far in ((around.low[i], -np.inf), (around.high[i], np.inf)):
+            beyond = c99.constant(float(np.nextafter(number(end), number(far))), printed.contents.real)
+            for value, status in ((printed.number(end), "OK"), (beyond, "MEASUREMENT_LOST")):
+                lines.append(f"{{n}}_init(&c); in = sample(0); in.{x}[{i}] = {value};")
+                lines.append(f'require({{n}}_step(&c, &in, &out) == {{M}}_{status}, "a range is another one: {x}[{i}]");')
+    return lines
+
+
+def _rates(printed: Printed) -> list[str]:
+    """A change beyond the rate is refused, and taken a sample later, when there was time for it."""
+    around, x, lines = printed.contents.around, printed.measured, []
+    assert around is not None
+    measured: Array = printed.contents.vectors.measured
+    for i in np.flatnonzero(np.isfinite(around.rate)).tolist():
+        for value in (measured[1, i] + sign * BEYOND_RATE * around.rate[i] for sign in (-1, 1)):
+            if around.low[i] <= value <= around.high[i] and abs(value) < printed.contents.range:
+                lines += ["{n}_init(&c); (void)replay(&c, 2); in = sample(1);", f"in.{x}[{i}] = {printed.number(value)};"]
+                lines += [
+                    f'require(({{n}}_step(&c, &in, &out) & {{M}}_MEASUREMENT_LOST) != 0u, "a rate is not looked at: {x}[{i}]");'
+                ]
+                lines += [f'require({{n}}_step(&c, &in, &out) == {{M}}_OK, "a rate does not grow with the gap: {x}[{i}]");']
+    return lines
+
+
+_WHOLE = """
+/* The shell of the case: what of a sample is taken, when the fallback acts, what the timer tells. */
+static void test_shell(void)
+{{
+    {name}_controller c, other;
+    {name}_input in, none;
+    {name}_output out, expected;
+    {real} last[{macro}_INPUTS];
+    const {real} nothing = 0;
+    int i;
+    none = sample(0);
+    none.sample_time = {macro}_SAMPLE_TIME;
+    for (i = 0; i < {macro}_MEASURED; ++i) {{ none.{x}[i] = nothing / nothing; }}
+    for (i = 0; i < {macro}_COMMANDS; ++i) {{ none.r[i] = nothing / nothing; }}
+    (void)none; (void)other; (void)expected; (void)last; (void)in; (void)c; (void)out;
+{tests}}}
+"""
+_SHORTER = [
+    "{n}_init(&c); (void)replay(&c, 4); in = sample(4);",
+    "memcpy(last, c.last_u, sizeof last);",
+    "c.outage = {M}_LONGEST_OUTAGE - 1L;",
+    "in.{x}[0] = nothing / nothing;",
+    'require({n}_step(&c, &in, &out) == {M}_MEASUREMENT_LOST && same(out.u, last, {M}_INPUTS), "an outage ends too early");',
+]
+_OUTAGE = [
+    "{n}_init(&c); (void)replay(&c, 4); in = sample(4);",
+    "memcpy(last, c.last_u, sizeof last);",
+    "c.outage = {M}_LONGEST_OUTAGE;",
+    "in.{x}[0] = nothing / nothing;",
+    'require({n}_step(&c, &in, &out) == ({M}_MEASUREMENT_LOST | {M}_FALLBACK), "the fallback does not act, or is not told");',
+    "for (i = 0; i < {M}_INPUTS; ++i) {{ last[i] = {fallen}; }}",
+    'require(same(out.u, last, {M}_INPUTS) && is_limited(&out), "the fallback is another one");',
+    "in = sample(4);",
+    'require({n}_step(&c, &in, &out) == {M}_OK && c.outage == 0L, "there is no way back from an outage");',
+    "require({close} == 0 || (close_to(out.u, last, {M}_INPUTS) && c.fade_left == {M}_FADE - 1L),",
+    '    "a return is not without a bump");',
+]
+_TIMER = [
+    "{n}_init(&c); (void)replay(&c, 4); other = c; in = sample(4); in.sample_time = {jitter};",
+    'require({n}_step(&c, &in, &out) == {jittered}, "a timer within its band is not told");',
+    "in.sample_time = {M}_SAMPLE_TIME;",
+    "(void){n}_step(&other, &in, &expected);",
+    'require(same_state(&c, &other), "a timer within its band is not taken for the nominal one");',
+    "in.sample_time = {half};",
+    'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "the fallback does not act at a wrong time");',
+    "{n}_init(&c); (void)replay(&c, 4); other = c; in = sample(4); in.sample_time = {three};",
+    'require({n}_step(&c, &in, &out) == {calls}, "missed calls are not told");',
+    "in.sample_time = {M}_SAMPLE_TIME;",
+    "(void){n}_step(&other, &none, &expected); (void){n}_step(&other, &none, &expected); (void){n}_step(&other, &in, &expected);",
+    'require({several} == 0 || same_state(&c, &other), "missed calls are no misses");',
+]

@@ -1,0 +1,107 @@
+"""What surrounds a sampled controller on a flight computer: which samples it takes, and what acts when none come."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+from barbalat import validate
+from barbalat.settings import Settings, one_line
+from barbalat.validate import InputError, freeze
+
+Fallback = Literal["hold", "zero", "baseline", "fade"]
+LEAST_BAND = 1e-3
+"""Of the sample time: what a clock that counts microseconds is off at 1 ms."""
+WIDEST_BAND = 0.5
+"""Of the sample time: half-way between two whole multiples nobody could say which of them is meant."""
+MOST_SAMPLES = 10**8
+"""Of an outage or of a fade: three years at a sample a second, and far within what a C compiler's long counts."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shell(Settings):
+    """The measurements and the sample times that a controller takes, and what acts after an outage; nothing needs to be given.
+
+    range    by measured channels, [lowest, highest] value that is taken, in the channel's unit. A value outside is a miss
+    rate     by measured channels, the fastest change that is taken, in the channel's unit per second, since the last good sample
+    jitter   how far the time between two calls may be off, as a part of the sample time: within it the nominal time is taken, a
+             whole number of sample times counts as so many misses, and any other time makes the fallback act. Goes with
+             longest_outage. Without it another time is told and nothing else
+    longest_outage  how long misses in a row may last until the fallback acts [s]; no end by default
+    fallback  what acts then: "hold" the last control, "zero", or "fade", from the last control to zero. "baseline" is for cases
+             with a baseline controller
+    fade     the time of that fade, and that over which the bump of a return after a fallback fades out [s]; by default the
+             longest outage
+
+    On a miss the estimates are frozen, the last good measurement and the last control are held, and model, predictor and filters
+    go on. Raises InputError.
+    """
+
+    range: Mapping[str, list[float]] = field(default_factory=dict)
+    rate: Mapping[str, float] = field(default_factory=dict)
+    jitter: float | None = None
+    longest_outage: float | None = None
+    fallback: Fallback = "hold"
+    fade: float | None = None
+
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        for name in ("range", "rate"):
+            if not isinstance(getattr(self, name), Mapping):
+                raise InputError.of(f"shell.{name}", f"must give numbers by channels, got {validate.show(getattr(self, name))}")
+        ranges = {str(key): _pair(f"shell.range.{key}", value) for key, value in self.range.items()}
+        rates = {str(key): validate.positive(f"shell.rate.{key}", value) for key, value in self.rate.items()}
+        freeze(self, range=ranges, rate=rates)
+        if self.fallback not in get_args(Fallback):
+            raise InputError.of("shell.fallback", f"must be hold, zero, baseline or fade, got {validate.show(self.fallback)}")
+        if self.longest_outage is not None:
+            freeze(self, longest_outage=validate.not_negative("shell.longest_outage", self.longest_outage))
+        if self.fade is not None:
+            freeze(self, fade=validate.not_negative("shell.fade", self.fade))
+        if self.jitter is not None:
+            freeze(self, jitter=validate.positive("shell.jitter", self.jitter))
+        self._require_together()
+
+    def _require_together(self) -> None:
+        """InputError for keys that mean nothing without another one."""
+        if self.jitter is not None and not LEAST_BAND <= self.jitter < WIDEST_BAND:
+            limits = f"from {LEAST_BAND:g} to below {WIDEST_BAND:g}"
+            raise InputError.of("shell.jitter", f"must be a part of the sample time {limits}, got {self.jitter:g}")
+        if self.longest_outage is None:
+            given = {"jitter": self.jitter is not None, "fallback": self.fallback != "hold", "fade": self.fade is not None}
+            for name, there in given.items():
+                if there:
+                    raise InputError.of(f"shell.{name}", "goes with shell.longest_outage, which is missing")
+        if self.fallback == "baseline":
+            raise InputError.of(
+                "shell.fallback",
+                "= 'baseline' needs a case with a baseline controller, and this one has none: hold, zero or fade",
+            )
+
+    def require(self, names: tuple[str, ...]) -> None:
+        """InputError for a channel that is not measured; ``names`` are those that are."""
+        for field_name in ("range", "rate"):
+            for key in getattr(self, field_name):
+                if key not in names:
+                    raise InputError.of(f"shell.{field_name}.{key}", f"names no measured channel; there are {', '.join(names)}")
+
+    def samples(self, T: float) -> tuple[int, int]:
+        """The longest outage and the fade in samples of length T [s]; InputError where they are too many to be counted."""
+        assert self.longest_outage is not None
+        fade = self.longest_outage if self.fade is None else self.fade
+        return _samples("longest_outage", self.longest_outage, T), _samples("fade", fade, T)
+
+
+def _samples(name: str, time: float, T: float) -> int:
+    if time / T > MOST_SAMPLES:
+        raise InputError.of(f"shell.{name}", f"must be at most {MOST_SAMPLES:g} samples of {T:g} s, got {time:g} s")
+    return int(time / T * (1 + 1e-9) + 1e-9)
+
+
+def _pair(name: str, value: object) -> list[float]:
+    low, high = validate.vector(name, value, 2).tolist()
+    if not low < high:
+        raise InputError.of(name, f"must be [lowest, highest], got {validate.show(value)}")
+    return [low, high]
