@@ -100,13 +100,15 @@ class Sentence:
 class Unmeasured:
     """A sentence of a paper that has no row, or whose row is that of another sentence.
 
-    row  the row that measures it too; None where there is none
-    why  what it is instead of a row: a definition, proved here in three lines, not testable because ...
+    row   the row that measures it too; None where there is none
+    part  which of that row's literal readings it is; None for all of them
+    why   what it is instead of a row: a definition, proved here in three lines, not testable because ...
     """
 
     where: str
     quote: str
     row: str | None = None
+    part: int | None = None
     why: str
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from barbalat.certificates.certify import Certified
 from barbalat.papers.claim import Claim
+from barbalat.papers.finding import Unmeasured
 from barbalat.papers.paper import Paper, PaperFigure
 from barbalat.run.results.result import Result
 
@@ -26,6 +27,19 @@ def _finite(part: Any) -> Any:
     return None if isinstance(part, float) and not math.isfinite(part) else part
 
 
+def coverage(paper: Paper, claims: Sequence[Claim]) -> list[dict[str, Any]]:
+    """The paper sentence by sentence, with what was found of its row, or of the part of it that the sentence is."""
+    measured, found = {claim.id: claim for claim in claims}, []
+    for one in paper.coverage:
+        claim, finding = measured.get(one.row or ""), None
+        if claim is not None:
+            literal = [reading.finding for reading in claim.readings if reading.literal]
+            part = one.part if isinstance(one, Unmeasured) else None
+            finding = claim.finding if part is None else literal[part]
+        found.append({"sentence": one.quote, "where": one.where, "row": one.row, "finding": finding, "why": one.why})
+    return found
+
+
 def reproduction_document(
     paper: Paper, figures: Sequence[PaperFigure], claims: Sequence[Claim], certified: Certified, seconds: dict[str, float]
 ) -> dict[str, Any]:
@@ -33,7 +47,7 @@ def reproduction_document(
     return {
         "figures": {figure.key: figure.as_json() for figure in figures},
         "claims": [claim.as_json() for claim in claims],
-        "coverage": [{"sentence": one.quote, "where": one.where, "row": one.row, "why": one.why} for one in paper.coverage],
+        "coverage": coverage(paper, claims),
         "seconds": seconds,
         **certified.as_json(),
     }

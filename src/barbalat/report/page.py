@@ -31,6 +31,7 @@ from barbalat.pictures.symbols import number_text
 from barbalat.report import contest as contest_rows
 from barbalat.report import dispersed, flights, tradeoff
 from barbalat.report import tuning as tuning_rows
+from barbalat.report.documents import coverage
 from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
 from barbalat.report.notation import mathematics
@@ -98,7 +99,7 @@ def reproduction(
     values: dict[str, object] = {"tally": dict(tally.most_common()), "tried": tried}
     values |= {"reproduced": sum(figure.reproduced for figure in described), "described": len(described)}
     values |= {"paper": paper, "findings": get_args(Finding), "by_source": by_source(claims)}
-    values["found_of"] = {claim.id: claim.finding for claim in claims}
+    values["coverage"] = coverage(paper, claims)
     values["siblings"] = REPRODUCTION | ({EXPLORER: "Explorer"} if tried else {})
     values |= {
         "figures": figures,

@@ -23,8 +23,8 @@ def _row(row: str, where: str, quote: str, statement: str, *literal: str) -> Sen
     return Sentence(row=row, source=CRITIQUE, where=where, quote=quote, statement=statement, literal=literal)
 
 
-def _same(where: str, quote: str, row: str, why: str = "says the same") -> Unmeasured:
-    return Unmeasured(where=where, quote=quote, row=row, why=why)
+def _same(where: str, quote: str, row: str, why: str = "says the same", part: int | None = None) -> Unmeasured:
+    return Unmeasured(where=where, quote=quote, row=row, part=part, why=why)
 
 
 def _none(where: str, quote: str, why: str) -> Unmeasured:
@@ -68,6 +68,7 @@ ABSTRACT = (
         "Abstract",
         "leads to numerical problems that cause high oscillations in the estimated parameters",
         "numerical-oscillation",
+        part=0,
     ),
     _none("Abstract", "The L1-AC approach mistook these numerical oscillations as properties of the adaptive scheme", MOTIVES),
     _row(
@@ -86,8 +87,14 @@ ABSTRACT = (
         "Abstract",
         "without converging to the true parameters even in the presence of sufficiently rich signals",
         "loss-of-learning",
+        part=0,
     ),
-    _same("Abstract", "Second, due to the filter the tracking error is no longer guaranteed to converge to zero", "bias-kappa"),
+    _same(
+        "Abstract",
+        "Second, due to the filter the tracking error is no longer guaranteed to converge to zero",
+        "bias-kappa",
+        part=0,
+    ),
     _same(
         "Abstract", "the transient bounds for the tracking error also depend on the filter", "bound-10", "kappa stands in (10)"
     ),
@@ -227,6 +234,7 @@ SECTION_III_A = (
         "Theorem 1, proof (ii)",
         "Using the same Lyapunov function with e is replaced by x~ and the small gain theorem the proof follows.",
         "same-lyapunov",
+        part=0,
     ),
     _row(
         "part-iii",
@@ -246,6 +254,7 @@ SECTION_III_A = (
         "Section III.A, after Theorem 1",
         "not only made small by choosing a large adaptive gain but also it goes to zero with time",
         "any-command",
+        part=0,
     ),
     _row(
         "bias-kappa",
@@ -274,6 +283,7 @@ SECTION_III_A = (
         "which often produces high frequency oscillations in the time response of the estimated parameters",
         "numerical-oscillation",
         "and boundary, which says from which gain on",
+        part=0,
     ),
     _none("Section III.A", "without recognizing the true origin of the oscillations", MOTIVES),
     _same("Section III.A", "The filter causes certain signal bounds to become different from those of MRAC", "bound-10"),
@@ -421,6 +431,7 @@ SECTION_III_B = (
         "Section III.B, last paragraph",
         "the convergence of the tracking error to zero for any reference signal r(t) is guaranteed",
         "any-command",
+        part=1,
     ),
     _row(
         "exponential-convergence",
@@ -475,6 +486,7 @@ SECTION_IV = (
         "Section IV, Figure 1",
         "the nonadaptive controller C(s) is augmented with an integral action that involves an anti-wind up modification in the form of projection",
         "l1-output-is-lti",
+        part=2,
     ),
     _none(
         "Section IV",
@@ -534,11 +546,13 @@ SECTIONS_V_AND_VI = (
         "the parameter estimates oscillate with high frequency oscillations due to the use of a high adaptive gain that turned the adaptive law into a stiff differential equation",
         "numerical-oscillation",
         "and stiffness",
+        part=0,
     ),
     _same(
         "Section V",
         "If we then keep increasing the adaptive gain it will again lead to a numerical instability",
         "numerical-oscillation",
+        part=1,
     ),
     _row(
         "no-projection",
@@ -569,7 +583,7 @@ SECTIONS_V_AND_VI = (
         "The filter does not remove the oscillations of the estimates",
         "at Figure 3's gain and step both estimates vary by more than 1000 per s with the filter, as they do without it",
     ),
-    _same("Section V", "but by reducing the adaptive gain to reasonable values", "smaller-gain"),
+    _same("Section V", "but by reducing the adaptive gain to reasonable values", "smaller-gain", part=0),
     _row(
         "loss-of-learning",
         "Figure 3, caption",
@@ -595,6 +609,7 @@ SECTIONS_V_AND_VI = (
         "Section VI",
         "Reducing the adaptive gain eliminates these oscillations and there is no need for a filter.",
         "smaller-gain",
+        part=0,
     ),
     _same(
         "Section VI",

@@ -98,7 +98,7 @@ def delays() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet under {borne:g} samples of delay without the filter, {borne_by_l1:g} with it.",
+        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet under a delay of {borne:g} T without the filter, {borne_by_l1:g} T with it.",
         measured=f"at Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {borne:g} T with MRAC by the midpoint "
         f"form, {borne_by_l1:g} T with L1-AC; beyond it those of MRAC run between their bounds, and |e| is at most {ratio:.2f} times that "
         "of the Euler form, at any gain and delay",
