@@ -1,4 +1,4 @@
-"""The Lyapunov-preserving sampled controllers: implicit steps in closed form, O(n^2) for each sample.
+"""Sampled controllers whose steps dissipate in x_tilde and theta_hat: implicit ones in closed form, O(n^2) for each sample.
 
 docs/sampled.md states and proves what holds. What is measured is taken in the sample's middle, x_mid = (x + x_next)/2, what is
 estimated at its end.
