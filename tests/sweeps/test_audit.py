@@ -9,6 +9,7 @@ from barbalat import InputError
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import VariedCase
+from barbalat.report.sweep import meanings
 from barbalat.studies import sweep
 from barbalat.sweeps.audit import FEWEST_AUDITED, audit
 from barbalat.sweeps.chunks import Chunk, UnstoredChunks
@@ -199,6 +200,59 @@ def test_an_actuator_that_the_step_does_not_bear_is_settled_by_one_that_does():
     assert (settled["MRAC/settled"] == 1).all() and (exact["MRAC/settled"] == 1).all()
     np.testing.assert_array_equal(settled["MRAC/verdict"], exact["MRAC/verdict"])
     np.testing.assert_allclose(settled["MRAC/max_abs_e[0]"], exact["MRAC/max_abs_e[0]"], rtol=1e-3)
+
+
+RATE_LIMITED = """
+name = "A motor with a delay and a rate limit"
+[plant]
+A = [[0.0, 1.0], [0.0, -4.0]]
+b = [0.0, 40.0]
+[plant.input]
+saturation = [-6.0, 6.0]
+delay = 0.01
+rate_limit = 300.0
+[reference_model]
+poles = [[-6.0, 4.0]]
+k_0 = 1.3
+[reference]
+kind = "square"
+amplitude = 0.5
+frequency = 4.0
+[uncertainty]
+lower = [-3.0, -0.6]
+upper = [3.0, 0.6]
+[simulation]
+t_end = 2.0
+dt = 1e-3
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 300.0
+"""
+
+
+def test_a_rate_limiters_own_lag_leaves_nothing_unsettled():
+    """It is one step long at every step: counted as an oscillation it would keep all members of every sweep unsettled."""
+    found = study(RATE_LIMITED, {"plant.theta": "known-set"}, 16)
+    columns = Settling(found).run(np.arange(16))
+    assert (columns["MRAC/settled"] == 1).all() and (columns["MRAC/verdict"] == 1).any()
+    fine = study(RATE_LIMITED.replace("dt = 1e-3", "dt = 5e-4"), {"plant.theta": "known-set"}, 16).run(0, 16)
+    assert (fine["MRAC/settled"] == 1).all() and (columns["MRAC/verdict"] != fine["MRAC/verdict"]).sum() <= 1
+
+
+def test_why_members_are_not_settled_is_said():
+    """With a count for each reason; a share of which nothing is settled has no value."""
+    quick = STIFF.replace("t_end = 10.0", "t_end = 0.5")
+    found = run_study(study(quick, {"plant.theta": "known-set"}, 64), bounds=False, audit=0)
+    assert found.unsettled == {}
+    for part in found.rows.parts:
+        part["L1/settled"][:], part["L1/finer_by"][:] = 0.0, np.repeat([4.0, 16.0, np.inf, np.nan], 16)
+    assert found.unsettled == {
+        "L1": "32 need a step 4 to 16 times smaller, which was not afforded, or settled nothing either, 16 have an oscillation "
+        "that no step that is tried resolves, 16 have too many states for their oscillations to be watched"
+    }
+    assert found.as_json()["unsettled"] == found.unsettled
+    assert f"Not settled of L1: {found.unsettled['L1']}" in meanings(found)
 
 
 def test_an_audit_is_two_per_cent_of_the_members():

@@ -50,7 +50,8 @@ def shares(found: SweepResult) -> list[list[str]]:
             _judged(name),
             controller,
             f"{share.count} of {share.judged}{_unsettled(share)}",
-            *map(percent, (share.share, *share.interval)),
+            "-" if isinstance(share, SplitShare) and share.unsettled == share.judged else percent(share.share),
+            *map(percent, share.interval),
         ]
         for name, by in sorted(own, key=lambda one: one[0] not in VERDICTS)
         for controller, share in by.items()
@@ -79,6 +80,7 @@ def meanings(found: SweepResult) -> list[str]:
         "Lost: diverged, or a component left its limit, 100 times its scale unless [judge] says otherwise; limit cycle: the "
         "control swings for ever; off: the tail's error is outside its band, 5 % of the scale unless [judge] says otherwise",
         "Not settled: no step that was afforded tells the plant from the solver; the intervals leave open what these members do",
+        *(f"Not settled of {name}: {why}" for name, why in found.unsettled.items()),
         *lacking,
     ]
 

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from barbalat import validate
 from barbalat.judge.judged import CLASSES
 from barbalat.judge.verdict import Class
@@ -13,7 +15,7 @@ from barbalat.sweeps.audit import Audit
 from barbalat.sweeps.chunks import Rows
 from barbalat.sweeps.evidence import DIVERGED, DIVERGES, EXAMINED, NOT_SETTLED, Evidence
 from barbalat.sweeps.plan import Plan
-from barbalat.sweeps.study import OSCILLATED, VERDICT
+from barbalat.sweeps.study import FINER_BY, OSCILLATED, SETTLED, VERDICT
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
@@ -73,6 +75,23 @@ class SweepResult:
             found[name] = f"of {validate.counted(len(self), 'member')} {', '.join(said)}"
         return found
 
+    @property
+    def unsettled(self) -> dict[str, str]:
+        """Why members are not settled, by the controllers of which some are not."""
+        found = {}
+        for name in self.controllers if self.judged else ():
+            needed = self.column(f"{name}/{FINER_BY}")[self.column(f"{name}/{SETTLED}") != 1]
+            finite = needed[np.isfinite(needed)]
+            factors = " to ".join(f"{factor:g}" for factor in np.unique([finite.min(), finite.max()])) if len(finite) else ""
+            why = {
+                f"need a step {factors} times smaller, which was not afforded, or settled nothing either": len(finite),
+                "have an oscillation that no step that is tried resolves": int(np.isinf(needed).sum()),
+                "have too many states for their oscillations to be watched": int(np.isnan(needed).sum()),
+            }
+            if len(needed):
+                found[name] = ", ".join(f"{count} {one}" for one, count in why.items() if count)
+        return found
+
     def kind_of(self, controller: str, member: int) -> Class:
         """The judge's class of one member."""
         return CLASSES[int(self.column(f"{controller}/{VERDICT}")[member])]
@@ -121,6 +140,7 @@ class SweepResult:
             "shares": {name: {c: one.as_json() for c, one in by.items()} for name, by in found.shares.items()},
             "examined": {DIVERGED: {"what": DIVERGES}, OSCILLATED: {"what": EXAMINED, "not_examined": found.unexamined}},
             "sentences": self.sentences,
+            "unsettled": self.unsettled,
             "redesigned": {path: list(designs) for path, designs in self.redesigned.items()},
             "audit": self.audit.as_json(),
             "sensitivity": [one.as_json() for one in found.sensitivities],

@@ -77,9 +77,9 @@ def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, par
     """|sum of J_ij J_ji over i != j| + sum of J_ii^2, less what is constant of it; J is the Jacobian of the right-hand side.
 
     Without the bars that is the sum of the squares of the eigenvalues, tr J^2; for the frozen oscillator of adaptation it is
-    2 omega_a^2. The arguments are those of ``step``, see ``step_function``; ``dt`` [s] is its length, ``parameters`` the
-    symbols in the loop. Minus infinity where the
-    run has diverged.
+    2 omega_a^2. A rate limiter's J_ii is left out: it follows its demand within one step, so that h J_ii is -1 at every step
+    and would pass for a mode that no step resolves. The arguments are those of ``step``, see ``step_function``; ``dt`` [s] is
+    its length, ``parameters`` the symbols in the loop. Minus infinity where the run has diverged.
     """
     import casadi as ca
 
@@ -91,21 +91,27 @@ def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, par
     signals = np.concatenate([table_row[: loop.signals.timed], noise, np.zeros(loop.signals.delayed)])
     twin = continuous_twin(loop).following_within(dt)
     slope: Value = column(twin.derivative(state[: twin.size], signals))
-    own, crossed = _cycles(ca.jacobian(slope, given[0][: twin.size]))
+    own, crossed = _cycles(ca.jacobian(slope, given[0][: twin.size]), _rate_limiters(twin))
     quantity = ca.array(own + ca.fabs(crossed)).reshape(-1)
     measure = divergence_measure(twin, twin.outputs(state[: twin.size], signals), state[: twin.size])
     watched = np.where(measure <= DIVERGENCE_LIMIT, quantity, -np.inf)
     return ca.Function("coupling", given, [column(watched)], {"cse": True})
 
 
-def _cycles(jacobian: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """sum of J_ii^2 and sum of J_ij J_ji, i != j, without the terms that are constant."""
+def _rate_limiters(loop: ClosedLoop) -> set[int]:
+    """Where the outputs of rate limiters stand in the loop's flat state."""
+    paths = loop.unpack(np.arange(loop.size)).input
+    return {int(row) for path in paths if path for row in path.limited}
+
+
+def _cycles(jacobian: ca.SX, without: set[int]) -> tuple[ca.SX, ca.SX]:
+    """sum of J_ii^2 and sum of J_ij J_ji, i != j, without the terms that are constant, and J_ii^2 of the rows ``without``."""
     import casadi as ca
 
     own, crossed = ca.SX(0), ca.SX(0)
     places = set(zip(*jacobian.sparsity().get_triplet(), strict=True))
     for i, j in sorted(places):
-        if i > j or (j, i) not in places:
+        if i > j or (j, i) not in places or (i == j and i in without):
             continue
         product = jacobian[i, j] * jacobian[j, i]
         if product.is_constant():
