@@ -82,11 +82,12 @@ def drive(printed, folder: Path, measured, commands, freeze=None, compiler=("gcc
     stored = [f"kept[k * {len(entries)} + {i}] = {text.replace('c->', 'c.')};" for i, text in enumerate(entries)]
     take = "\n        ".join([take if p else "(void)estimates;", *stored])
     driver = _DRIVER.format(name=printed.name, macro=macro, real=printed.real, measured=printed.measured, take=take)
-    (folder / "driver.c").write_text(driver)
-    made = folder / f"driver-{abs(hash(compiler))}.so"
-    promoted = ["-Wdouble-promotion"] if printed.real == "float" else []
-    command = [*compiler, *STRICT, *promoted, "-shared", "-fPIC", "controller.c", "driver.c", "-o", str(made), "-lm"]
-    subprocess.run(command, cwd=folder, check=True, timeout=60)
+    made = folder / f"driver-{abs(hash((compiler, driver, (folder / 'controller.c').read_text())))}.so"
+    if not made.exists():
+        (folder / "driver.c").write_text(driver)
+        promoted = ["-Wdouble-promotion"] if printed.real == "float" else []
+        command = [*compiler, *STRICT, *promoted, "-shared", "-fPIC", "controller.c", "driver.c", "-o", str(made), "-lm"]
+        subprocess.run(command, cwd=folder, check=True, timeout=60)
     numbers = printed.contents.real.numbers
     count = len(measured)
     given = [np.ascontiguousarray(part, dtype=numbers) for part in (measured, commands)]

@@ -37,7 +37,7 @@ SAMPLES = 400
 
 def exported(folder, problem, controller) -> Printed:
     printed = Printed(Contents.of(problem, controller, SIMULATION, DOUBLE))
-    write(folder, {"controller.h": header(printed), "controller.c": source(printed), "selftest.c": selftest(printed)})
+    write(folder, {"controller.h": header(printed), "controller.c": source(printed)})
     return printed
 
 
@@ -113,9 +113,9 @@ class Numbers:
 
 
 @pytest.mark.parametrize("name", [pytest.param(x, marks=() if x in REPLAYED else pytest.mark.bulk) for x in EXAMPLES])
-@pytest.mark.short(kept=lambda name: name in SHORT)
-def test_through_random_losses_the_c_is_the_list_in_every_bit(name, tmp_path) -> None:
-    """u and all that is kept, sample by sample, and each loss is told."""
+@pytest.mark.short(kept=lambda name: name in SHORT or name == "DirectMrac-state-euler-53")
+def test_through_random_losses_the_c_is_the_list_in_every_bit_and_an_outage_brings_it_to_rest(name, tmp_path) -> None:
+    """u and all that is kept, sample by sample, and each loss is told; then the same library in an outage without end."""
     printed = exported(tmp_path, *EXAMPLES[name])
     run, losses = recorded(*EXAMPLES[name], SIMULATION, SAMPLES), Losses(name, SAMPLES)
     found = drive(printed, tmp_path, *losses.spoilt(run), losses.freeze)
@@ -123,6 +123,31 @@ def test_through_random_losses_the_c_is_the_list_in_every_bit(name, tmp_path) ->
     assert (found.status == losses.status).all()
     assert same_bits(found.u, np.array([u for u, _ in expected]))
     assert same_bits(found.kept, np.array([state for _, state in expected])[:, printed.contents.layout.rows])
+    if name not in LINEAR:
+        assert_rest(printed, outage(printed, tmp_path, run))
+
+
+LINEAR = {name for name in EXAMPLES if name.startswith("Linear")}
+"""A user's own controllers, whose poles may be anywhere: they need not come to rest."""
+
+
+def outage(printed: Printed, folder, run):
+    """200 good samples of the run, and 20,000 of which both signals are lost."""
+    given = (np.vstack([part[:200], np.full((20_000, part.shape[1]), np.nan)]) for part in (run.measured, run.commands))
+    return drive(printed, folder, *given)
+
+
+def assert_rest(printed: Printed, found) -> None:
+    """After 200 good samples nothing comes any more, for 200 s: u stays, all that was learnt stays, and nothing runs away.
+
+    1e-3 of the largest number that is kept, over the last 10 s: the slowest filter has forgotten by then.
+    """
+    learnt = [i for i, row in enumerate(printed.contents.layout.rows) if row in printed.contents.learnt]
+    assert (found.status[200:] == BOTH_LOST).all()
+    assert (found.u[200:] == found.u[199]).all() and (found.kept[200:, learnt] == found.kept[199, learnt]).all()
+    size = 1 + np.abs(found.kept[:200]).max()
+    assert np.abs(found.kept).max() < 100 * size
+    assert np.abs(found.kept[-1] - found.kept[-1000]).max() < 1e-3 * size
 
 
 @pytest.mark.parametrize("name", FEW)
@@ -300,39 +325,11 @@ def test_the_piecewise_law_answers_what_one_sample_left_of_a_gap(kappa, factor, 
     assert loop.largest_error(GAPS[pattern], by_caller=False) < factor * loop.largest_error(lambda k, _: False, by_caller=False)
 
 
-RESTING = [name for name in EXAMPLES if not name.startswith("Linear")]
-"""Without the linear controllers of a user's own, whose poles may be anywhere."""
-
-
-@pytest.mark.parametrize("name", [pytest.param(x, marks=() if x in REPLAYED else pytest.mark.bulk) for x in RESTING])
-@pytest.mark.short(kept=lambda name: name in SHORT or name == "DirectMrac-state-euler-53")
-def test_in_an_outage_without_end_the_state_comes_to_rest(name, tmp_path) -> None:
-    """After 200 good samples nothing comes any more, for 200 s: u stays, all that was learnt stays, and nothing runs away.
-
-    1e-3 of the largest number that is kept, over the last 10 s: the slowest filter has forgotten by then.
-    """
-    printed = exported(tmp_path, *EXAMPLES[name])
-    found = outage(printed, name, tmp_path)
-    learnt = [i for i, row in enumerate(printed.contents.layout.rows) if row in printed.contents.learnt]
-    assert (found.status[200:] == BOTH_LOST).all()
-    assert (found.u[200:] == found.u[199]).all() and (found.kept[200:, learnt] == found.kept[199, learnt]).all()
-    size = 1 + np.abs(found.kept[:200]).max()
-    assert np.abs(found.kept).max() < 100 * size
-    assert np.abs(found.kept[-1] - found.kept[-1000]).max() < 1e-3 * size
-
-
-def outage(printed: Printed, name: str, folder):
-    """200 good samples, and 20,000 of which both signals are lost."""
-    run = recorded(*EXAMPLES[name], SIMULATION, 200)
-    measured, commands = (np.vstack([part, np.full((20_000, part.shape[1]), np.nan)]) for part in (run.measured, run.commands))
-    return drive(printed, folder, measured, commands)
-
-
-@pytest.mark.parametrize("name", [name for name in EXAMPLES if name.startswith("Linear") and "midpoint" in name])
+@pytest.mark.parametrize("name", [name for name in EXAMPLES if name in LINEAR and "midpoint" in name])
 @pytest.mark.short(kept=lambda name: name.startswith("LinearOutput"))
 def test_an_integrator_adds_up_the_last_error_and_u_stays(name, tmp_path) -> None:
     """Evenly, sample by sample, and no faster: so README.md says, and to start again after a long outage."""
-    found = outage(exported(tmp_path, *EXAMPLES[name]), name, tmp_path)
+    found = outage(exported(tmp_path, *EXAMPLES[name]), tmp_path, recorded(*EXAMPLES[name], SIMULATION, 200))
     assert (found.u[200:] == found.u[199]).all()
     first, middle, last = found.kept[[-2001, -1001, -1]]
     size = np.abs(last - first).max() + 1
@@ -377,5 +374,6 @@ def test_one_of_two_actuators_has_limits(tmp_path) -> None:
     assert (found.u[:, 0] > 0.25).any() and (found.u[:, 0] < -0.5).any() and np.ptp(found.u[:, 1]) > 0
     assert same_bits(found.limited, np.column_stack([np.clip(found.u[:, 0], -0.5, 0.25), found.u[:, 1]]))
     assert "_U_LOWER { -0x1.0000000000000p-1 /* -0.5 */, -0x1.e848000000000p+19" in (tmp_path / "controller.h").read_text()
+    write(tmp_path, {"selftest.c": selftest(printed)})
     done = run_selftest(tmp_path, "gcc", *ISO, "-O1", "-Wall", "-Werror")
     assert done.returncode == 0, done.stdout
