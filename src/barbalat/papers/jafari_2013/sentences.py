@@ -48,7 +48,7 @@ ABSTRACT = (
         "Abstract; Theorem 1, proof",
         "the same Lyapunov function is used to establish stability",
         "The Lyapunov function of the MRAC, with the prediction error in the place of the tracking error, shows L1-AC to be stable",
-        "V = x~'P x~ + theta~'theta~/Gamma never rises along L1-AC's run with the filter of Section V",
+        "V = x_tilde'P x_tilde + theta_tilde'theta_tilde/Gamma never rises along L1-AC's run with the filter of Section V",
         "where that V never rises the plant's state is bounded, as it is with the MRAC: with a filter beyond the limit too",
     ),
     _same(
@@ -170,7 +170,7 @@ SECTIONS_I_AND_II = (
     _none(
         "Section II",
         "if the eigenvalues of A_m are not in desired locations, they can be arbitrarily assigned by a simple state feedback gain",
-        "proved in three lines: (A_m, b) is controllable, so x'' = (A_m - b k')x + b(u + ...) has any poles for some k (pole placement), and k'x joins u",
+        "proved in three lines: (A_m, b) is controllable, so x' = (A_m - b k')x + b(u + ...) has any poles for some k (pole placement), and k'x joins u",
     ),
     _none(
         "Section II, (2)",
@@ -192,8 +192,8 @@ SECTION_III_A = (
     ),
     _none(
         "Section III.A",
-        "if filter C(s) is removed i.e., C(s) = 1 in (5), then xhat(t) = x_m(t)",
-        "proved in three lines: with u = -theta_hat'x + k_0 r, (8) is xhat' = A_m xhat + b k_0 r, which is (2), from the same initial state; a test holds it to rounding",
+        "if filter C(s) is removed i.e., C(s) = 1 in (5), then x_hat(t) = x_m(t)",
+        "proved in three lines: with u = -theta_hat'x + k_0 r, (8) is x_hat' = A_m x_hat + b k_0 r, which is (2), from the same initial state; a test holds it to rounding",
     ),
     _same("Section III.A", "the only difference between (3)-(4) and (5)-(8) is the insertion of C(s)", "filtered-mrac"),
     _row(
@@ -201,7 +201,7 @@ SECTION_III_A = (
         "Theorem 1 (i); Section III.B, last paragraph",
         "for any reference signal r(t) the tracking error e(t) = x(t) - x_m(t) converges to zero as t -> infinity",
         "Without modelling error the error of the standard MRAC and of the robust MRAC goes to zero for any command",
-        "the standard MRAC: with every command drawn the integral of |e|^2 stays below V(0) = |theta~(0)|^2/Gamma, from which e -> 0 follows (Barbalat)",
+        "the standard MRAC: with every command drawn the integral of |e|^2 stays below V(0) = |theta_tilde(0)|^2/Gamma, from which e -> 0 follows (Barbalat)",
         "the robust MRAC: with every command drawn the largest error of the last quarter is below that of the second quarter",
     ),
     _row(
@@ -227,12 +227,12 @@ SECTION_III_A = (
     ),
     _none(
         "Theorem 1, proof (i)",
-        "The proof follows by choosing the Lyapunov function V = e'Pe + theta~'Gamma^-1 theta~",
-        "proved in three lines: V' = -|e|^2 + 2 theta~'(theta_hat'/Gamma - e'Pb x) = -|e|^2, <= with projection; so e, theta_hat, x, e' are bounded, the integral of |e|^2 is at most V(0), and e -> 0 (Barbalat)",
+        "The proof follows by choosing the Lyapunov function V = e'Pe + theta_tilde'Gamma^-1 theta_tilde",
+        "proved in three lines: V' = -|e|^2 + 2 theta_tilde'(theta_hat'/Gamma - e'Pb x) = -|e|^2, <= with projection; so e, theta_hat, x, e' are bounded, the integral of |e|^2 is at most V(0), and e -> 0 (Barbalat)",
     ),
     _same(
         "Theorem 1, proof (ii)",
-        "Using the same Lyapunov function with e is replaced by x~ and the small gain theorem the proof follows.",
+        "Using the same Lyapunov function with e is replaced by x_tilde and the small gain theorem the proof follows.",
         "same-lyapunov",
         part=0,
     ),
@@ -384,7 +384,7 @@ SECTION_III_B = (
         "lemma-1-no-error",
         "Lemma 1 (ii), with eta = 0",
         "epsilon(t), epsilon(t) m_s(t), and theta_hat'(t) in S(eta^2/m_s^2)",
-        "Without modelling error V = theta~'P^-1 theta~ falls, and epsilon, epsilon m_s and theta_hat' are in L2",
+        "Without modelling error V = theta_tilde'P^-1 theta_tilde falls, and epsilon, epsilon m_s and theta_hat' are in L2",
         "along Section V's run V never rises, the integral of (epsilon m_s)^2 is at most V(0), and the last quarter adds less than a hundredth to any of the three integrals",
     ),
     _row(

@@ -165,8 +165,8 @@ def part_iii() -> Claim:
         sentence=sentence,
         readings=(sentence.reads(bound == 0, f"(10) leaves {bound:.3g} for r = 50, however high the gain"),),
         shows=f"For r = 50 and any gain (10) still allows an error of {short(bound)}; the run's is {left:.0e}. It takes Barbalat's lemma and C(0) = 1.",
-        measured=f"the bound (10) for r = 50 as Gamma goes to infinity is {bound:.4g}, the error of a run in the tail {left:.1g}. What is missing: the integral of |x~|^2 is at most V(0), so x~ -> 0 "
-        "(Barbalat); x^ - x_m is then driven through W_b (1 - C) by a signal that tends to a constant, and (1 - C)(0) = 0",
+        measured=f"the bound (10) for r = 50 as Gamma goes to infinity is {bound:.4g}, the error of a run in the tail {left:.1g}. What is missing: the integral of |x_tilde|^2 is at most V(0), so x_tilde -> 0 "
+        "(Barbalat); x_hat - x_m is then driven through W_b (1 - C) by a signal that tends to a constant, and (1 - C)(0) = 0",
         how=f"certified norm and model bounds, kappa = {section_v.KAPPA:g} s; run: Gamma = 1, RK4, h = 1e-3 s, 120 s",
         listings=(table("For r = 50: what part (ii) allows, and what a run leaves", {"": ("bound (10), Gamma -> infinity", "|e|, tail of a run"), "|e|": (bound, left)}),),
         would_change="a bound in part (ii) that goes to zero with time; that part (iii) is true is constant-command",
@@ -184,7 +184,7 @@ LYAPUNOV_STEP = 2e-5
 
 
 def same_lyapunov() -> Claim:
-    """V of x~ and theta~ along L1-AC: with Section V's filter, and with one with which the plant is unstable."""
+    """V of x_tilde and theta_tilde along L1-AC: with Section V's filter, and with one with which the plant is unstable."""
     given, gamma, sentence = section_v.problem(), 0.1, SENTENCES["same-lyapunov"]
     rises, reached, grown = [], [], []
     for kappa in (section_v.KAPPA, UNSTABLE_KAPPA):
@@ -210,7 +210,7 @@ def same_lyapunov() -> Claim:
                 1,
             ),
         ),
-        shows=f"V falls with any filter, but bounds x~ alone: with kappa = {UNSTABLE_KAPPA:g} s |x| reaches {reached[1]:.0e} in 20 s. The small-gain condition does the rest.",
+        shows=f"V falls with any filter, but bounds x_tilde alone: with kappa = {UNSTABLE_KAPPA:g} s |x| reaches {reached[1]:.0e} in 20 s. The small-gain condition does the rest.",
         measured=f"with kappa = {section_v.KAPPA:g} s V rises by at most {rises[0]:.1g} of V(0) and |x| reaches {reached[0]:.3g}; with {UNSTABLE_KAPPA:g} s {rises[1]:.1g} and {reached[1]:.2g}. The proof of part (ii) names the small-gain theorem beside V",
         how=f"Section V, Gamma = {gamma:g}, RK4, h = {LYAPUNOV_STEP:g} s, 20 s, V at {len(run.t)} instants",
         listings=(
