@@ -13,7 +13,11 @@ from barbalat.commands.progress import say
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from barbalat.cases.build import Case
     from barbalat.commands import Commands
+    from barbalat.export.campaign import Campaign, Degradation
+    from barbalat.protocols import Controller
+    from barbalat.report.terminal.layout import Screen
 
 
 def add(commands: Commands) -> None:
@@ -27,6 +31,9 @@ def add(commands: Commands) -> None:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--controller-only", action="store_true", help="nothing but the controller, which is the default")
     which.add_argument("--closed-loop", action="store_true", help="the plant and the whole loop as well")
+    parser.add_argument(
+        "--campaign", action="store_true", help="fly the compiled C through faults first; needs a C compiler here"
+    )
     parser.add_argument("--sources-only", action="store_true", help="units without a binary, which needs a C compiler here")
     add_controllers(parser)
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
@@ -46,6 +53,15 @@ class Targets:
         return name in iter(self)
 
 
+def _flown(case: Case, controller: Controller) -> Campaign:
+    """The controller's C through the case's faults and others, with a bar."""
+    from barbalat.commands.progress import work
+    from barbalat.export.campaign import EXPECTED_SECONDS, export_campaign
+
+    with work({"campaign": EXPECTED_SECONDS}) as running, running.part("campaign") as progress:
+        return export_campaign(case.problem, controller, case.simulation, progress=progress)
+
+
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
@@ -60,6 +76,7 @@ def execute(options: argparse.Namespace) -> int:
     if options.controller not in found:
         raise InputError(f"--controller must be one of {', '.join(map(show, found))}, got {show(options.controller)}")
     controller = found[options.controller]
+    flown = _flown(case, controller) if options.campaign else None
     folder = export_controller(
         case.problem,
         controller,
@@ -77,7 +94,52 @@ def execute(options: argparse.Namespace) -> int:
 
         files = sorted(file.relative_to(folder).as_posix() for file in folder.rglob("*") if file.is_file())
         about = {"case": case.name, "controller": controller.name, "target": options.target, "folder": str(folder)}
-        print_json(as_json({**about, "files": files, "check": check}))
+        flights = {} if flown is None else {"campaign": flown.as_json()}
+        print_json(as_json({**about, "files": files, "check": check, **flights}))
     else:
+        if flown is not None:
+            from barbalat.report.terminal.layout import Screen
+
+            _show(Screen(), flown)
         say(f"written: {folder}; check it with: {check}")
     return 0
+
+
+def _show(screen: Screen, found: Campaign) -> None:
+    """What faults did, beside the run without any, and the longest outage that was tolerated."""
+    from barbalat.export.campaign import TOLERATED
+
+    screen.title(f"{found.controller}: the compiled C through faults")
+    headings = [
+        "faults",
+        "samples\nnot taken",
+        "time\nbeyond",
+        *(f"max |e|\n{one}" for one in _components(found)),
+        "factor",
+        "diverged",
+    ]
+    nominal = ["none", "0 %", "0 %", *(f"{value:.4g}" for value in found.nominal), "1", ""]
+    screen.table(headings, [nominal, *(_row(found, row) for row in found.rows)])
+    outage = f"{found.longest} samples, {found.longest * found.sample_time:.4g} s"
+    many = ", the longest that was tried" if found.longest == found.most else ", an estimate by bisection"
+    screen.line(
+        f"Longest outage tolerated from each of {len(found.starts)} instants: {outage}{many}. Tolerated: no component's largest "
+        f"|e| exceeds {TOLERATED:g} times that without faults."
+    )
+    draws = max(row.draws for row in found.rows)
+    screen.line(
+        f"Each row is the worst of {draws} draws; samples not taken are their mean. Time beyond: the share of the time in which "
+        "some |e| exceeds its largest value without faults. Factor: of the worst component."
+    )
+
+
+def _components(found: Campaign) -> list[str]:
+    units = found.units or ("",) * len(found.names)
+    return [f"{name} [{unit}]" if unit else name for name, unit in zip(found.names, units, strict=True)]
+
+
+def _row(found: Campaign, row: Degradation) -> list[str]:
+    worst = ["-"] * len(found.nominal) if row.worst is None else [f"{value:.4g}" for value in row.worst]
+    factor = "-" if row.worst is None else f"{found.factor(row):.3g}"
+    shares = [f"{100 * share:.2g} %" for share in (row.missed, row.beyond)]
+    return [row.faults, *shares, *worst, factor, f"{row.lost} of {row.draws}" if row.lost else ""]

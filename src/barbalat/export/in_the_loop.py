@@ -65,17 +65,47 @@ def simulate_export(
     In float64 all figures are those of ``simulate`` in every bit. InputError as of ``export_controller``, and where there is no
     compiler.
     """
-    require_compiler()
-    contents = Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE)
-    printed = Printed(contents, prefix="exported")  # nobody reads its names
-    members = Members.read([(problem, controller)], simulation, windows=MOST_WINDOWS)
-    library = _compiled(printed, members.loop)
-    outside = _outside(printed, members, library)
-    members = replace(members, program=replace(members.program, outside=outside))
-    batch = Batch.part(members, slice(0, 1), record=True, lanes=1)
-    run([batch], problem.signals, simulation, progress=progress)
-    refused = ctypes.c_uint64.in_dll(library, "barbalat_refused").value
-    return InTheLoop(result_of(problem, controller, simulation, batch), refused)
+    flown, refused = Exported.of(problem, controller, simulation, float32=float32).fly(problem, progress=progress)
+    return InTheLoop(result_of(problem, controller, simulation, flown), refused)
+
+
+@dataclass(eq=False)
+class Exported:
+    """An export that is compiled once for flights of one kind: runs with the same shell and the same kinds of faults."""
+
+    printed: Printed
+    controller: Controller
+    simulation: Simulation
+    windows: int = MOST_WINDOWS
+    library: ctypes.CDLL | None = None
+
+    @classmethod
+    def of(
+        cls,
+        problem: TrackingProblem,
+        controller: Controller,
+        simulation: Simulation,
+        *,
+        float32: bool = False,
+        windows: int = MOST_WINDOWS,
+    ) -> Exported:
+        """InputError as of ``simulate_export``."""
+        require_compiler()
+        contents = Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE)
+        return cls(Printed(contents, prefix="exported"), controller, simulation, windows)  # nobody reads its names
+
+    def fly(self, problem: TrackingProblem, *, progress: Progress | None = None) -> tuple[Batch, int]:
+        """The batch of a recorded run, and how many samples were answered with another status than OK."""
+        members = Members.read([(problem, self.controller)], self.simulation, windows=self.windows)
+        if self.library is None:
+            self.library = _compiled(self.printed, members.loop)
+        outside = _outside(self.printed, members, self.library)
+        members = replace(members, program=replace(members.program, outside=outside))
+        batch = Batch.part(members, slice(0, 1), record=True, lanes=1)
+        refused = ctypes.c_uint64.in_dll(self.library, "barbalat_refused")
+        refused.value = 0
+        run([batch], problem.signals, self.simulation, progress=progress)
+        return batch, int(refused.value)
 
 
 def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> ExternalFunction:

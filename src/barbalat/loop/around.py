@@ -54,11 +54,17 @@ class Taken(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OnLoop:
-    """A fault with the places of its channels among those that are measured, (y,), and its samples, where it comes late."""
+    """What a fault does, whenever it is there: signals say when.
 
-    fault: Fault
+    where    (y,) the channels that it is on
+    command  whether it is on the command instead
+    time     [s] of a jitter; ``samples`` of a latency
+    """
+
+    kind: str
     where: Array
     command: bool = False
+    time: float = 0.0
     samples: int = 0
 
     @classmethod
@@ -74,7 +80,8 @@ class OnLoop:
                 raise InputError(f"a latency's time must be at most {MOST_LATE} sample times of {T:g} s, got {fault.time:g} s")
         if isinstance(fault, Jitter) and fault.time > T / 4 * (1 + 1e-9):
             raise InputError(f"a jitter's time must be at most a quarter of the sample time of {T:g} s, got {fault.time:g} s")
-        return cls(fault, on, fault.channels == COMMAND and COMMAND not in names, samples)
+        time = fault.time if isinstance(fault, Jitter) else 0.0
+        return cls(fault.kind, on, fault.channels == COMMAND and COMMAND not in names, time, samples)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,13 +149,13 @@ class Around:
     @property
     def jitters(self) -> bool:
         """Whether calls come at other instants than whole multiples of the sample time."""
-        return any(isinstance(one.fault, Jitter) for one in self.faults)
+        return any(one.kind == Jitter.kind for one in self.faults)
 
     def require_steps(self, dt: float) -> None:
         """InputError for a jitter below the solver's step dt [s], of which nothing would be seen."""
         for one in self.faults:
-            if isinstance(one.fault, Jitter) and one.fault.time < dt * (1 - 1e-9):
-                raise InputError(f"a jitter's time must be at least simulation.dt = {dt:g} s, got {one.fault.time:g} s")
+            if one.kind == Jitter.kind and one.time < dt * (1 - 1e-9):
+                raise InputError(f"a jitter's time must be at least simulation.dt = {dt:g} s, got {one.time:g} s")
 
     @property
     def counts(self) -> bool:
@@ -180,13 +187,13 @@ class Around:
         offered, next_late = flat, 0 * held.started
         for i, one in enumerate(self.faults):
             value = faults[i]
-            if isinstance(one.fault, Dropout):
+            if one.kind == Dropout.kind:
                 if one.command:
                     lost_r = np.where(value > 0, 1.0, lost_r)
                 else:
                     lost_y = np.where(value > 0, 1.0, lost_y)
-            elif isinstance(one.fault, Jitter):
-                next_late = next_late + value * one.fault.time
+            elif one.kind == Jitter.kind:
+                next_late = next_late + value * one.time
             else:
                 offered = self._spoilt(one, value, offered, kept)
         due, wrong, timer = self._timer(kept.timer, next_late, dt)
@@ -207,10 +214,10 @@ class Around:
 
     def _spoilt(self, one: OnLoop, value: Value, offered: Value, kept: Kept) -> Value:
         """What the sensor hands over with one more fault."""
-        if isinstance(one.fault, Latency):
+        if one.kind == Latency.kind:
             size = offered.size
             wrong = np.where(value > 0, kept.late[(one.samples - 1) * size : one.samples * size], offered)
-        elif isinstance(one.fault, Stuck):
+        elif one.kind == Stuck.kind:
             wrong = np.where(value > 0, kept.offered, offered)
         else:
             wrong = offered + value

@@ -1,0 +1,40 @@
+"""How sampled controllers bear lost measurements: their compiled C through faults, a row for each scheme.
+
+``python -m benchmarks.campaign`` writes docs/guides/campaign.txt, on the cases whose cost the guide to flight computers counts.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from barbalat.export.campaign import Campaign, export_campaign
+from barbalat.solvers.simulation import Simulation
+from benchmarks.flight_cases import CASES, T
+
+PAGE = Path(__file__).parents[1] / "docs" / "guides" / "campaign.txt"
+SIMULATION = Simulation(t_end=30.0, dt=T / 10)
+HEADINGS = ("controller", "largest error", "1 % lost", "10 % lost", "50 % lost", "bursts of 10", "longest outage")
+
+
+def row(name: str, found: Campaign) -> str:
+    """One of the page's table: factors of the worst component, and the longest outage that was tolerated."""
+    factors = ["diverges" if one.worst is None else f"{found.factor(one):.2f}" for one in found.rows]
+    outage = f"{found.longest * found.sample_time:.2g} s"
+    cells = [name, f"{max(found.nominal):.2g}", *factors, f"{outage} or more" if found.longest == found.most else outage]
+    return f"| {' | '.join(cells)} |"
+
+
+def main() -> int:
+    """Write the page."""
+    lines = [f"| {' | '.join(HEADINGS)} |", f"|{' --- |' * len(HEADINGS)}"]
+    for name, problem, controller in CASES:
+        lines.append(row(name, export_campaign(replace(problem, shell=None, faults=()), controller, SIMULATION)))
+        print(lines[-1], flush=True)
+    PAGE.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

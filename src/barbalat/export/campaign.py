@@ -1,0 +1,212 @@
+"""The compiled C flown through drawn faults: how much worse a run gets, and how long an outage is tolerated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from barbalat.budget import Progress
+from barbalat.export.in_the_loop import Exported
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.faults import Dropout, Fault, uniform
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.run.engine.engine import Batch
+from barbalat.solvers.simulation import Simulation
+from barbalat.targets import require_sampled
+from barbalat.validate import Array, InputError
+
+DRAWS = 8
+"""Of each kind of faults."""
+STARTS = 4
+"""Instants, drawn in the second quarter of the run, at each of which an outage is tried."""
+TOLERATED = 2.0
+"""An outage is tolerated where no component's largest error exceeds so many times that of the run without faults."""
+LOST_SHARES = (0.01, 0.1, 0.5)
+BURST_SHARE, BURST_SAMPLES = 0.1, 10
+
+
+@dataclass(frozen=True, kw_only=True)
+class Degradation:
+    """What faults of one kind did, over all their draws.
+
+    faults   in words
+    draws    runs, each with other draws
+    missed   the mean share of samples that the C did not take as they were
+    beyond   the largest share of the time in which some |e| exceeded its largest value without faults
+    worst    the largest |e| of each component over all runs; None where one diverged
+    lost     runs that diverged
+    """
+
+    faults: str
+    draws: int
+    missed: float
+    beyond: float
+    worst: tuple[float, ...] | None
+    lost: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Campaign:
+    """A controller's C through faults; errors are of x - x_m, or y - y_m, by components.
+
+    nominal  the largest |e| of each component without faults
+    longest  the longest outage, in samples, that was tolerated from all ``starts``; found by bisection, so that a longer one may
+             be tolerated as well, and an estimate
+    most     samples beyond which no outage was tried
+    """
+
+    controller: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    sample_time: float
+    nominal: tuple[float, ...]
+    rows: tuple[Degradation, ...]
+    starts: tuple[float, ...]
+    longest: int
+    most: int
+
+    def as_json(self) -> dict[str, Any]:
+        """For the command's document."""
+        return {**asdict(self), "longest_outage": self.longest * self.sample_time, "tolerated_factor": TOLERATED}
+
+    def factor(self, row: Degradation) -> float:
+        """How many times the nominal error the worst component reached; infinite where a run diverged."""
+        if row.worst is None:
+            return float("inf")
+        return max(worst / nominal if nominal else float("inf") for worst, nominal in zip(row.worst, self.nominal, strict=True))
+
+
+def export_campaign(
+    problem: TrackingProblem,
+    controller: Controller,
+    simulation: Simulation,
+    *,
+    draws: int = DRAWS,
+    progress: Progress | None = None,
+) -> Campaign:
+    """Fly the export of a sampled controller through faults: the case's own, drawn anew each time, and lost measurements.
+
+    Every flight has the compiled C in the loop, with the case's shell. InputError as of ``simulate_export``, and where the run
+    without faults diverges.
+    """
+    quiet = replace(problem, faults=())  # type: ignore[type-var]
+    loop = ClosedLoop.of(quiet, controller)
+    require_sampled(controller.name, sampled=loop.sampled)
+    T = loop.sample_time
+    assert T is not None
+    flights = _Flights(quiet, controller, simulation, T)
+    kinds = _kinds(problem.faults, T)
+    done = 0
+
+    def told(flown: int, of: int = 0) -> None:
+        nonlocal done
+        done += flown
+        if progress is not None:
+            progress(min(1.0, done / (draws * len(kinds) + of)))
+
+    rows = []
+    for words, faults in kinds.items():
+        rows.append(flights.through(words, faults, draws))
+        told(draws, EXPECTED_FLIGHTS)
+    starts = tuple((simulation.t_end / 4 * (1 + uniform(0, 0, np.arange(STARTS)))).tolist())
+    most = int(simulation.t_end / 4 / T)
+    longest = flights.longest(starts, most, lambda flown: told(flown, EXPECTED_FLIGHTS))
+    labels = problem.labels
+    return Campaign(
+        controller=controller.name,
+        names=problem.measured_names,
+        units=() if labels is None else labels.units,
+        sample_time=T,
+        nominal=tuple(flights.nominal.tolist()),
+        rows=tuple(rows),
+        starts=starts,
+        longest=longest,
+        most=most,
+    )
+
+
+EXPECTED_SECONDS = 5.0
+"""Of a campaign, on one core, of a run of some 10,000 steps."""
+EXPECTED_FLIGHTS = 40
+"""Of the search for the longest outage: a dozen lengths, fewer starts for those that fail at once."""
+
+
+def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
+    """Faults by what they are called: the case's own, and lost measurements, which every controller meets some day."""
+    found: dict[str, tuple[Fault, ...]] = {"the case's own": tuple(own)} if own else {}
+    found |= {f"{100 * share:g} % of the measurements lost": (Dropout(share=share),) for share in LOST_SHARES}
+    words = f"{100 * BURST_SHARE:g} % of the time lost, in bursts of {BURST_SAMPLES} samples"
+    return found | {words: (Dropout(share=BURST_SHARE, burst=BURST_SAMPLES * T),)}
+
+
+class _Flights:
+    """Flights of one export; those with faults of the same kinds share a kernel and a library."""
+
+    def __init__(self, problem: TrackingProblem, controller: Controller, simulation: Simulation, T: float) -> None:
+        self.problem, self.simulation, self.T = problem, simulation, T
+        self.exported = Exported.of(problem, controller, simulation, windows=0)
+        self.compiled: dict[tuple[tuple[str, str], ...], Exported] = {}
+        batch, _ = self._fly(())
+        found = self._errors(batch)
+        if found is None:
+            raise InputError(f"{controller.name} diverges on this case without any fault: a campaign would say nothing")
+        self.nominal: Array = found
+
+    def _fly(self, faults: tuple[Fault, ...]) -> tuple[Batch, int]:
+        kind = tuple((fault.kind, fault.channels) for fault in faults)
+        if kind not in self.compiled:
+            self.compiled[kind] = replace(self.exported, library=None)
+        return self.compiled[kind].fly(replace(self.problem, faults=faults))  # type: ignore[type-var]
+
+    def _errors(self, batch: Batch) -> Array | None:
+        """(n,) the largest |e|; None of a run that diverged."""
+        found = batch.metrics(self.simulation).max_abs_e[0]
+        return None if np.isnan(found).any() else found
+
+    def through(self, words: str, faults: tuple[Fault, ...], draws: int) -> Degradation:
+        """What faults did, drawn so many times."""
+        worst, lost, missed, beyond = np.zeros(len(self.nominal)), 0, 0.0, 0.0
+        samples = np.ceil(self.simulation.t_end / self.T)
+        for k in range(draws):
+            batch, refused = self._fly(tuple(replace(fault, seed=fault.seed + k) for fault in faults))
+            missed += float(refused / samples / draws)
+            beyond = max(beyond, self._beyond(batch))
+            errors = self._errors(batch)
+            lost += errors is None
+            worst = worst if errors is None else np.maximum(worst, errors)
+        ends = None if lost else tuple(worst.tolist())
+        return Degradation(faults=words, draws=draws, missed=missed, beyond=beyond, worst=ends, lost=lost)
+
+    def _beyond(self, batch: Batch) -> float:
+        """The share of the time in whose recorded pieces some |e| was larger than without faults, or missing."""
+        blocks = batch.blocks(self.simulation)
+        low, high = (blocks.figure("e", side)[:, :, 0] for side in ("min", "max"))
+        within = (np.maximum(-low, high) <= self.nominal).all(axis=1)
+        return 1.0 - float(blocks.lengths[: len(within)][within].sum()) / self.simulation.steps
+
+    def longest(self, starts: tuple[float, ...], most: int, told: Any) -> int:
+        """The longest outage in samples that is tolerated from all starts, by doubling and bisection."""
+        low, high = 0, 1
+        while high <= most and self._tolerates(high, starts, told):
+            low, high = high, 2 * high
+        if high > most:
+            if low < most and self._tolerates(most, starts, told):
+                return most
+            high = min(high, most)
+        while high - low > 1:
+            middle = (low + high) // 2
+            low, high = (middle, high) if self._tolerates(middle, starts, told) else (low, middle)
+        return low
+
+    def _tolerates(self, samples: int, starts: tuple[float, ...], told: Any) -> bool:
+        for start in starts:
+            batch, _ = self._fly((Dropout(times=((start, start + samples * self.T),)),))
+            told(1)
+            errors = self._errors(batch)
+            if errors is None or (errors > TOLERATED * self.nominal).any():
+                return False
+        return True

@@ -1,0 +1,56 @@
+"""A campaign's figures against runs of the simulation, which has the same faults without any C."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat.export.campaign import LOST_SHARES, TOLERATED, export_campaign
+from barbalat.plants import Dropout, Shell, Spike
+from barbalat.run.engine.engine import Batch, run
+from barbalat.solvers.simulation import Simulation
+from export.examples import T
+from export.targets import needs_gcc
+from export.test_shell import one, surrounded
+
+RUN = Simulation(t_end=8.0, dt=T / 2)
+DRAWS = 2
+
+
+def largest(problem, controller) -> np.ndarray:
+    batch = Batch.of([(problem, controller)], RUN)
+    run([batch], problem.signals, RUN)
+    return batch.metrics(RUN).max_abs_e[0]
+
+
+@needs_gcc
+@pytest.mark.parametrize("scheme", ["Mrac-state-midpoint", "MracOutput-output-midpoint"])
+@pytest.mark.short(kept=lambda scheme: scheme.startswith("Mrac-"))
+def test_its_figures_are_those_of_the_simulation(scheme) -> None:
+    faults = (Spike(size=0.5, share=0.05), Dropout(share=0.2, seed=5))
+    problem, controller = surrounded(scheme, Shell(longest_outage=0.04, fallback="fade", fade=0.1), faults)
+    found = export_campaign(problem, controller, RUN, draws=DRAWS)
+    assert found.nominal == tuple(largest(replace(problem, faults=()), controller))
+    own, one_percent = found.rows[:2]
+    drawn = [tuple(replace(fault, seed=fault.seed + k) for fault in faults) for k in range(DRAWS)]
+    assert own.worst == tuple(np.max([largest(replace(problem, faults=each), controller) for each in drawn], axis=0))
+    lost = [(Dropout(share=LOST_SHARES[0], seed=k),) for k in range(DRAWS)]
+    assert one_percent.worst == tuple(np.max([largest(replace(problem, faults=each), controller) for each in lost], axis=0))
+    t = np.arange(round(RUN.t_end / T)) * T
+    assert one_percent.missed == pytest.approx(np.mean([fault.there(t, 0).mean() for (fault,) in lost]))
+
+
+@needs_gcc
+def test_the_longest_outage_is_tolerated_and_the_next_one_is_not() -> None:
+    problem, controller = one("Mrac-state-midpoint")
+    found = export_campaign(problem, controller, RUN, draws=1)
+    assert 0 < found.longest < found.most
+
+    def tolerated(samples: int) -> bool:
+        outages = [Dropout(times=((start, start + samples * T),)) for start in found.starts]
+        errors = [largest(replace(problem, faults=(each,)), controller) for each in outages]
+        return bool((np.array(errors) <= TOLERATED * np.array(found.nominal)).all())
+
+    assert tolerated(found.longest) and not tolerated(found.longest + 1)
