@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.flight_cases import CASES
 
 from barbalat.export.campaign import LOST_SHARES, TOLERATED, export_campaign
 from barbalat.plants import Dropout, Shell, Spike
@@ -15,6 +17,7 @@ from export.examples import T
 from export.targets import needs_gcc
 from export.test_shell import one, surrounded
 
+PAGE = Path(__file__).parents[2] / "docs" / "guides" / "campaign.txt"
 RUN = Simulation(t_end=8.0, dt=T / 2)
 DRAWS = 2
 
@@ -54,3 +57,8 @@ def test_the_longest_outage_is_tolerated_and_the_next_one_is_not() -> None:
         return bool((np.array(errors) <= TOLERATED * np.array(found.nominal)).all())
 
     assert tolerated(found.longest) and not tolerated(found.longest + 1)
+
+
+def test_every_controller_whose_cost_is_counted_has_a_row() -> None:
+    rows = [line.split("|")[1].strip() for line in PAGE.read_text(encoding="utf-8").splitlines()[2:]]
+    assert rows == [name for name, _, _ in CASES]
