@@ -80,16 +80,17 @@ COMPILING_SECONDS = 0.2
 def _expected(case: Case, *, plots: bool) -> dict[str, float]:
     """Seconds for each part of the work."""
     count = len(case.controllers)
-    simulating = {"simulating": count * (COMPILING_SECONDS + case.simulation.steps / STEPS_EACH_SECOND)}
+    seconds = count * (COMPILING_SECONDS + case.simulation.steps / STEPS_EACH_SECOND)
+    simulating = {"simulating": seconds, "halving the step": seconds}
     return simulating | ({"certifying": CERTIFYING_SECONDS * count, "drawing": 0.5 + DRAWING_SECONDS * count} if plots else {})
 
 
 def _simulated(case: Case, running: Work) -> list[Result]:
-    """All controllers, looked at closely where the tail is short; those that left their solver's region of stability, and what
-    their step damps, also at a finer step."""
+    """All controllers, looked at closely where the tail is short, and once more at half the step; those that left their solver's
+    region of stability, and what their step damps, also at a finer one."""
     from barbalat.run.engine.check_numerics import check_numerics
     from barbalat.run.engine.judging import tail_is_short
-    from barbalat.run.engine.settle import settle
+    from barbalat.run.engine.settle import halved, settle
     from barbalat.run.engine.simulate import simulate
 
     with running.part("simulating") as progress:
@@ -100,7 +101,8 @@ def _simulated(case: Case, running: Work) -> list[Result]:
         say(f"outside the region of stability, repeated at a finer step: {', '.join(outside)}")
         with running.part("checking the numerics") as progress:
             found = check_numerics(found, progress=progress)
-    return list(settle(found).values())
+    with running.part("halving the step") as progress:
+        return list(halved(settle(found), progress=progress).values())
 
 
 def write_runs(folder: Folder, case: str, results: Sequence[Result], document: str, *, whole: bool = False) -> None:

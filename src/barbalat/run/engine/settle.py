@@ -1,4 +1,4 @@
-"""Runs whose step may damp or excite what it does not resolve, once more with a step that does: is it of the same class?"""
+"""Runs with a finer step: is what the step may damp or excite of the same class, and how much of the error is its own?"""
 
 from __future__ import annotations
 
@@ -8,11 +8,15 @@ from dataclasses import replace
 import numpy as np
 
 from barbalat.budget import Progress, part_of
+from barbalat.judge.settings import component_names
+from barbalat.judge.verdict import Class
 from barbalat.run.engine.check_numerics import AFFORDED_STEPS
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import Terms, judged, watched_in_sweeps
 from barbalat.run.kernel.costs import steps_within
+from barbalat.run.results.half_step import HalfStep
 from barbalat.run.results.result import Result, Results
+from barbalat.solvers.simulation import Simulation
 
 
 def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
@@ -27,18 +31,61 @@ def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEP
     return Results(settled)
 
 
+def halved(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
+    """The same results; each one that was judged and did not diverge has what half the step says of its error, ``half_step``.
+
+    A sampled controller keeps its sample time. What left its region of stability is the matter of ``check_numerics``; a run also
+    stays as it is where half its step takes more steps than ``afforded_steps``, or than the budget allows.
+    """
+    found = dict(results)
+    pending = [name for name, one in results.items() if _halvable(one) and _affordable(one, 2.0, afforded_steps)]
+    for i, name in enumerate(pending):
+        found[name] = _halved(results[name], part_of(progress, i / len(pending), 1 / len(pending)))
+    return Results(found)
+
+
 def _open(result: Result, afforded: int) -> bool:
-    verdict, steps = result.verdict, result.simulation.steps * result.finer_by
+    verdict = result.verdict
     examined = verdict is None or verdict.settled is not None or result.stiffness.unstable_from is not None
-    if examined or not np.isfinite(steps) or steps > afforded:
+    return not examined and _affordable(result, result.finer_by, afforded)
+
+
+def _halvable(result: Result) -> bool:
+    verdict = result.verdict
+    return verdict is not None and verdict.kind is not Class.LOST and result.stiffness.unstable_from is None
+
+
+def _affordable(result: Result, factor: float, afforded: int) -> bool:
+    steps = result.simulation.steps * factor
+    if not np.isfinite(steps) or steps > afforded:
         return False
     return steps_within(result.problem, [result.loop], result.simulation, int(steps)) >= steps
 
 
 def _settled(result: Result, progress: Progress | None) -> Result:
+    batch, finer = _finer(result, result.finer_by, progress)
     assert result.judge is not None
-    finer = replace(result.simulation, dt=result.simulation.dt / result.finer_by)
-    batch = Batch.of([(result.problem, result.controller)], finer, watched=watched_in_sweeps(result.judge))
-    run([batch], result.problem.signals, finer, progress=progress)
     kind = judged(batch, finer, Terms.of(result.problem, finer, result.judge)).verdict(0).kind
     return replace(result, finer_kind=kind)
+
+
+def _halved(result: Result, progress: Progress | None) -> Result:
+    batch, finer = _finer(result, 2.0, progress)
+    assert result.judged is not None and result.judge is not None
+    terms, nobody = Terms.of(result.problem, finer, result.judge), np.zeros(1, dtype=bool)
+    component, band = result.judged.component, result.judged.band
+    i = component_names(result.problem).index(component)
+    coarse, fine = (float(one.tail_max_abs_e[0, i]) for one in (result.metrics, batch.metrics(finer)))
+    order = result.simulation.solver.order if result.lost is None else min(result.lost.order, result.simulation.solver.order)
+    kind = judged(batch, finer, terms, among=nobody).verdict(0).kind
+    own = kind if result.judged.kind is Class.CYCLE else result.judged.kind
+    return replace(result, half_step=HalfStep(component, coarse, fine, order, band, (own, kind)))
+
+
+def _finer(result: Result, factor: float, progress: Progress | None) -> tuple[Batch, Simulation]:
+    """The run once more with a step smaller by ``factor``, without a record; and how it was simulated."""
+    assert result.judge is not None
+    finer = replace(result.simulation, dt=result.simulation.dt / factor)
+    batch = Batch.of([(result.problem, result.controller)], finer, watched=watched_in_sweeps(result.judge))
+    run([batch], result.problem.signals, finer, progress=progress)
+    return batch, finer

@@ -12,10 +12,12 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import InterpolatedSignal
 
 KINDS = (
-    "solver", "record of a signal", "known set", "command", "damping", "still", "on bounds", "between bounds", "excitation",
-    "true values", "order", "coarse record",
+    "solver", "half step", "record of a signal", "known set", "command", "damping", "still", "on bounds", "between bounds",
+    "excitation", "true values", "order", "coarse record",
 )  # fmt: skip
 """In the order in which they matter."""
+OF_EACH_RUN = ("half step",)
+"""Kinds whose sentences have numbers of one run, and are told of each."""
 
 
 @dataclass(frozen=True)
@@ -61,13 +63,16 @@ class Told:
 
 
 def together(found: Mapping[str, Iterable[Finding]]) -> list[Told]:
-    """The findings of runs, by the runs' names, one for each kind, in the order of KINDS."""
+    """The findings of runs, by the runs' names, one for each kind, in the order of KINDS; those OF_EACH_RUN for each run."""
     kinds: dict[str, dict[str, list[str]]] = {}
     for name, findings in found.items():
         for finding in findings:
             kinds.setdefault(finding.kind, {}).setdefault(name, []).append(finding.sentence)
     told = []
-    for _, owners in sorted(kinds.items(), key=lambda item: KINDS.index(item[0])):
+    for kind, owners in sorted(kinds.items(), key=lambda item: KINDS.index(item[0])):
+        if kind in OF_EACH_RUN:
+            told += [Told((name,) if len(found) > 1 else (), sentence) for name, said in owners.items() for sentence in said]
+            continue
         sentences = [sentence for said in owners.values() for sentence in said]
         others = len(dict.fromkeys(sentences)) - 1
         more = f" ({others} more of this kind)" if others else ""

@@ -22,6 +22,7 @@ from barbalat.run.kernel.breaks import LostOrder
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.results.adapting import Adapting, adapting, regressor_along
 from barbalat.run.results.findings import Finding, of_problem
+from barbalat.run.results.half_step import HalfStep
 from barbalat.run.results.outcome import html_of, outcome, outcome_in_brief
 from barbalat.run.results.spectrum import SolverDamping, Stiffness
 from barbalat.run.results.step_comparison import FinerStep, label
@@ -73,6 +74,7 @@ class Result:
     judge             what it was judged by
     finer_by          how much smaller a step resolves all oscillations of the run; 1 where its own does, NaN where nobody knows
     finer_kind        the judge's class at such a step, from ``settle``
+    half_step         what half the step says of the error, from ``halved``
     """
 
     problem: TrackingProblem
@@ -96,6 +98,7 @@ class Result:
     judge: Judge | None = None
     finer_by: float = np.nan
     finer_kind: Class | None = None
+    half_step: HalfStep | None = None
 
     @property
     def name(self) -> str:
@@ -143,7 +146,8 @@ class Result:
         """What the run did by its signals: lost, limit cycle, off or follows; None for a run that nobody judged.
 
         It is settled where the run stayed inside its solver's region of stability and the solver's damping hides nothing, or
-        where a finer step that does so comes to the same class: see ``check_numerics`` and ``settle``.
+        where a finer step that does so comes to the same class: see ``check_numerics`` and ``settle``. It is not where half the
+        step comes to another one: see ``halved``.
         """
         if self.judged is None:
             return None
@@ -152,6 +156,8 @@ class Result:
             settled = None if self.check is None else self.check.kind is self.judged.kind
         elif not self.finer_by <= 1:
             settled = None if self.finer_kind is None else self.finer_kind is self.judged.kind
+        if self.half_step is not None and self.half_step.decides:
+            settled = False
         return replace(self.judged, settled=settled)
 
     @property
@@ -194,7 +200,8 @@ class Result:
         numeric = {
             "solver": outside or self._unexamined,
             "damping": None if self.damping is None or settled else self.damping.sentence,
-            "order": None if self.lost is None else self.lost.sentence,
+            "order": None if self.lost is None or self.half_step is not None else self.lost.sentence,
+            "half step": None if self.half_step is None else self.half_step.sentence,
         }
         found = [Finding(kind, sentence) for kind, sentence in numeric.items() if sentence is not None]
         return (*found, *self._others)
