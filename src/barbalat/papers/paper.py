@@ -84,14 +84,14 @@ class Paper:
 
 @cache
 def papers() -> dict[str, Paper]:
-    """All papers by their names; InputError where two have one name, or what an entry point names can't be imported."""
+    """All papers by their names, the default first; InputError where two have one name, or an entry point's can't be imported."""
     found: dict[str, Paper] = {}
     for module in slices(__package__, GROUP, "paper"):
         paper: Paper = module.PAPER
         if paper.name in found:
             raise InputError(f"two papers are called {paper.name!r}: {found[paper.name].package} and {paper.package}")
         found[paper.name] = paper
-    return found
+    return dict(sorted(found.items(), key=lambda one: one[0] != DEFAULT))  # the others keep their order
 
 
 def paper_of(name: str) -> Paper:

@@ -38,6 +38,8 @@ def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
     paper = [figure for figure in shown if figure.key != ADDED_FIGURE]
     checks = [check for figure in paper for check in figure.checks]
     said = f"{sum(check.holds for check in checks)} of {len(checks)} statements hold; no curve is compared"
+    if not paper:
+        return
     missed = [check for figure in shown for check in figure.checks if not check.holds]
     reproduced = sum(figure.reproduced for figure in paper)
     screen.line(f"Figures: {reproduced} of {len(paper)} as described, {said}", "red" if missed else "green")

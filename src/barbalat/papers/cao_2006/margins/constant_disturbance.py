@@ -1,0 +1,185 @@
+"""x' = -a x + b (u + sigma), sigma constant and unknown: the loops of MRAC and L1-AC, broken at the plant's input, in closed form.
+
+Both estimate sigma_hat' = Gamma P b x_tilde with the predictor x_hat' = -a x_hat + b (u + sigma_hat), u = -C sigma_hat. With v at the plant's
+input and u what the controller asks for, sigma_hat = F (v - u), F = w^2/(s^2 + a s + w^2), w^2 = Gamma P b^2; so
+L = -u/v = C F/(1 - C F). C = 1 is the MRAC, C = 1/(kappa s + 1) L1-AC, and L = 1/(kappa s) its limit of fast adaptation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from barbalat.linear.margins import margins
+from barbalat.linear.systems import TransferFunction
+from barbalat.papers.cao_2006.sentences import SENTENCES
+from barbalat.papers.claim import Claim, Listing, Measurement, span, table
+from barbalat.papers.finding import Reading
+from barbalat.validate import Array
+
+A, B = 1.0, 1.0
+"""Of the plant [1/s]; every stable plant of first order is this one in its own units of time and of x."""
+P = 1 / (2 * A)
+"""-2 a P = -1."""
+GAINS = np.geomspace(1e-2, 1e8, 31)
+"""Three in a decade, from where the adaptation is too slow to matter."""
+KAPPAS = (0.02, 0.1, 1.0)
+"""[s]: filters of fifty times, ten times and once the plant's bandwidth."""
+UNCHANGED_SHARE = 0.1
+HOW = f"plant x' = -x + u + sigma, of which every stable plant of first order is a scaling; exact margins of L = C F/(1 - C F) broken at the plant's input, {len(GAINS)} gains from {GAINS[0]:g} to {GAINS[-1]:g}"
+
+
+def loop(gamma: float, kappa: float | None) -> TransferFunction:
+    """L of the MRAC (``None``), or of L1-AC with the filter's time constant kappa [s]."""
+    w = gamma * P * B**2
+    if kappa is None:
+        return TransferFunction([w], [1.0, A, 0.0])
+    return TransferFunction([w], [kappa, kappa * A + 1, kappa * w + A, 0.0])
+
+
+@dataclass(frozen=True, eq=False)
+class OverGains:
+    """The margins over ``GAINS``: phase [rad], delay [s]."""
+
+    phase: Array
+    delay: Array
+
+
+@cache
+def over_gains(kappa: float | None) -> OverGains:
+    """One scheme's exact margins."""
+    found = [margins(loop(float(gamma), kappa).realise()) for gamma in GAINS]
+    return OverGains(np.array([one.phase for one in found]), np.array([one.delay for one in found]))
+
+
+def _listing() -> Listing:
+    told = slice(0, None, 6)
+    columns = {"Gamma": GAINS[told], "MRAC, phase": over_gains(None).phase[told], "MRAC, delay [s]": over_gains(None).delay[told]}
+    for kappa in KAPPAS:
+        columns |= {
+            f"{kappa:g} s, phase": over_gains(kappa).phase[told],
+            f"{kappa:g} s, delay [s]": over_gains(kappa).delay[told],
+        }
+    return table("Exact phase margins [rad] and delay margins over the gain, MRAC and L1-AC by its kappa", columns)
+
+
+def mrac() -> list[Claim]:
+    """What a high gain does to the loop that has it."""
+    found, phase, delay = over_gains(None), SENTENCES["high-gain-phase"], SENTENCES["high-gain-delay"]
+    poles = [np.roots(np.polyadd(loop(float(gamma), None).den, loop(float(gamma), None).num)) for gamma in GAINS]
+    frequencies = np.array([np.abs(one).max() for one in poles])
+    damping = float((-poles[-1].real / np.abs(poles[-1])).min())
+    falls = [bool((np.diff(values) < 0).all()) for values in (found.phase, found.delay)]
+    return [
+        Claim(
+            sentence=phase,
+            readings=(phase.reads(falls[0], f"{found.phase[0]:.3g} rad at the lowest gain, {found.phase[-1]:.2g} rad at the highest"),),
+            shows=f"The MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.1g} rad.",
+            measured=f"the MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.2g} rad over {len(GAINS)} gains",
+            how=HOW, listings=(_listing(),), would_change="a gain at which the phase margin is larger than at a lower one",
+        ),
+        Claim(
+            sentence=delay,
+            readings=(
+                delay.reads(bool(damping < 0.01 and frequencies.argmax() == len(GAINS) - 1), f"{frequencies[-1]:.3g} rad/s with a damping ratio of {damping:.1g} at the highest gain"),
+                delay.reads(falls[1], f"{found.delay[0]:.3g} s at the lowest gain, {found.delay[-1]:.2g} s at the highest", 1),
+            ),
+            shows=f"The MRAC's delay margin falls from {found.delay[0]:.3g} to {found.delay[-1]:.1g} s, its damping ratio to {damping:.0e}.",
+            measured=f"at Gamma = {GAINS[-1]:g} the loop has a mode of {frequencies[-1]:.3g} rad/s with a damping ratio of {damping:.2g}, and bears {found.delay[-1]:.2g} s",
+            how=HOW, listings=(_listing(),), would_change="a gain at which the loop bears more delay than at a lower one",
+        ),
+    ]  # fmt: skip
+
+
+def l1() -> list[Claim]:
+    """What it does to the loop whose predictor has it."""
+    return [_phase(), _delay(), _inside()]
+
+
+def _phase() -> Claim:
+    sentence, phases = SENTENCES["phase-independent"], {kappa: over_gains(kappa).phase for kappa in KAPPAS}
+    same = {kappa: bool(values.max() < values.min() * (1 + UNCHANGED_SHARE)) for kappa, values in phases.items()}
+    fast = {kappa: _from_where(values) for kappa, values in phases.items()}
+    told = "; ".join(f"{values.min():.2g} to {values.max():.3g} rad with kappa = {kappa:g} s" for kappa, values in phases.items())
+    return Claim(
+        sentence=sentence,
+        readings=(
+            sentence.reads(all(same.values()), told),
+            Reading(
+                "the adaptation is fast: above a gain of its own for each filter the phase margin is that of 1/(kappa s), to within a tenth",
+                all(np.isfinite(list(fast.values()))),
+                "; ".join(f"from Gamma = {gain:.2g} on with kappa = {kappa:g} s" for kappa, gain in fast.items()) + ": a quarter turn, 1.57 rad",
+            ),
+        ),
+        shows=f"With kappa = {KAPPAS[0]:g} s the phase margin goes from {phases[KAPPAS[0]][0]:.2g} rad down to {phases[KAPPAS[0]].min():.1g} and back to {phases[KAPPAS[0]][-1]:.3g} rad.",
+        measured=f"the phase margin is {told}",
+        how=HOW, listings=(_listing(),), would_change="another place at which the loop is broken, or the paper's own plant and gains, which are not at hand",
+    )  # fmt: skip
+
+
+def _from_where(phases: Array) -> float:
+    """The gain from which on the phase margin stays within a tenth of a quarter turn; infinite where it does not at the end."""
+    away = np.flatnonzero(np.abs(phases / (np.pi / 2) - 1) > UNCHANGED_SHARE)
+    first = int(away[-1]) + 1 if len(away) else 0
+    return float(GAINS[first]) if first < len(GAINS) else np.inf
+
+
+def _delay() -> Claim:
+    sentence, delays = SENTENCES["delay-bounded"], {kappa: over_gains(kappa).delay for kappa in KAPPAS}
+    late = GAINS[-1] / 10.001 <= GAINS
+    steady = all(
+        values[late].min() > 0 and values[late].max() < values[late].min() * (1 + UNCHANGED_SHARE) for values in delays.values()
+    )
+    told = "; ".join(
+        f"{span(values[late])} s with kappa = {kappa:g} s, least at any gain {values.min():.2g} s"
+        for kappa, values in delays.items()
+    )
+    return Claim(
+        sentence=sentence,
+        readings=(sentence.reads(steady, f"over the last decade {told}"),),
+        shows=f"At the highest gain L1-AC bears {delays[KAPPAS[0]][-1]:.3g} s with kappa = {KAPPAS[0]:g} s, pi/2 of it; the MRAC {over_gains(None).delay[-1]:.0e} s.",
+        measured=f"over the last decade of gain {told}; the limit of fast adaptation is pi kappa/2",
+        how=HOW, listings=(_listing(),), would_change="a delay margin that goes on falling with the gain",
+    )  # fmt: skip
+
+
+def _inside() -> Claim:
+    sentence = SENTENCES["high-gain-inside"]
+    rises = []
+    for kappa in KAPPAS:
+        found, least = over_gains(kappa), int(over_gains(kappa).delay.argmin())
+        if found.delay[-1] > found.delay[least] and found.phase[-1] > found.phase[least]:
+            rises.append(
+                f"kappa = {kappa:g} s, Gamma from {GAINS[least]:.2g} to {GAINS[-1]:.2g}: delay margin {found.delay[least]:.2g} to {found.delay[-1]:.3g} s, phase margin {found.phase[least]:.2g} to {found.phase[-1]:.3g} rad"
+            )
+    return Claim(
+        sentence=sentence,
+        readings=(sentence.reads(bool(rises), "; ".join(rises) or f"no rise with {len(KAPPAS)} filters"),),
+        shows=(rises[0][0].upper() + rises[0][1:] if rises else f"No rise with {len(KAPPAS)} filters") + ".",
+        measured="; ".join(rises) or f"no rise with {len(KAPPAS)} filters",
+        how=HOW, listings=(_listing(),), would_change="margins that fall with every rise of the gain, with each filter",
+    )  # fmt: skip
+
+
+ROWS = (
+    Measurement(
+        mrac,
+        0.2,
+        {"high-gain-phase": "the MRAC's phase margin", "high-gain-delay": "the MRAC's delay margin"},
+        place=10,
+        quick=True,
+    ),
+    Measurement(
+        l1,
+        0.3,
+        {
+            "phase-independent": "L1-AC's phase margin",
+            "delay-bounded": "L1-AC's delay margin",
+            "high-gain-inside": "a high gain in the predictor",
+        },
+        place=20,
+        quick=True,
+    ),
+)
