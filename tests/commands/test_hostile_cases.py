@@ -12,6 +12,7 @@ from barbalat.certificates.certificates import table_1
 from barbalat.certificates.certify import certify, certify_where_possible
 from barbalat.certificates.schemes import l1, mrac
 from barbalat.cli import main
+from turns import drawn
 
 HOSTILE = sorted((Path(__file__).parents[1] / "cases" / "hostile").glob("*.toml"))
 REFUSED = {
@@ -40,14 +41,20 @@ SHOWN = {
     "name-two-diagrams": (),
 }
 """Names that are shown as they are: markup, mathematics and underscores are letters like others."""
+PLOTTED = {*drawn(HOSTILE, len(HOSTILE) // 2), *(case for case in HOSTILE if case.stem in SHOWN)}
 
 
 @pytest.mark.parametrize("case", HOSTILE, ids=lambda path: path.stem)
 def test_every_command_ends_well(case, tmp_path, capsys):
+    """The commit draws whether the certificate is asked for as JSON or on the screen, and which half has pictures.
+
+    Where a name is to be shown, there are both screen and pictures.
+    """
     out = tmp_path / "out"
+    pictures = [] if case in PLOTTED else ["--no-plots"]
     shown = {}
-    in_json = [] if case.stem in SHOWN else [["certify", "--json"]]
-    for command, *options in (*in_json, ["run", "--out", str(out)], ["certify"]):
+    certified = [["certify"]] if case.stem in SHOWN else drawn([["certify", "--json"], ["certify"]], 1)
+    for command, *options in (["run", "--out", str(out), *pictures], *certified):
         code = main([command, str(case), *options])
         captured = capsys.readouterr()
         shown[command] = captured.out

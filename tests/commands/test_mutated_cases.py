@@ -127,7 +127,7 @@ def refuse(constant):
 def test_mutants_run_or_are_refused_in_one_sentence(part, by_turns, tmp_path, capsys):
     """1500 of them, in parts that several workers take."""
     cases = originals()
-    for seed in by_turns(range(150 * part, 150 * (part + 1)), 40):
+    for seed in by_turns(range(150 * part, 150 * (part + 1)), 16):
         rng = random.Random(seed)
         text = written(mutated(rng, rng.choice(cases), cases))
         file = tmp_path / f"{seed}.toml"

@@ -109,7 +109,7 @@ sample_time = 0.025
 filter = { kappa = 0.2, order = 2 }
 """
 NETWORK = (
-    DRIVE.split("[[controller]]", maxsplit=1)[0]
+    DRIVE.split("[[controller]]", maxsplit=1)[0].replace("dt = 1e-3", "dt = 4e-3")
     + """
 [[controller]]
 name = "Network"
