@@ -108,7 +108,7 @@ def test_help_shows_what_a_class_takes():
     """Not what its check of misspelt keywords takes; an object that can be called has its call's signature."""
     shown = inspect.signature(barbalat.Mrac)
     assert list(shown.parameters)[:2] == ["gamma", "theta_hat0"] and shown.parameters["name"].default == "MRAC"
-    assert str(inspect.signature(barbalat.Simulation)).startswith("(t_end: 'float', dt: 'float', *, solver: 'Tableau | str' = ")
+    assert str(inspect.signature(barbalat.Simulation)).startswith("(t_end: 'float', dt: 'float | None' = None, *, solver: ")
     assert list(inspect.signature(barbalat.signals.Constant(1.0)).parameters) == ["t"]
 
 

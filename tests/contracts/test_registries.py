@@ -32,6 +32,7 @@ from barbalat.signals import SIGNALS
 from barbalat.signals.recorded import MatFile, Recorded
 from barbalat.signals.smooth import Clock, Constant, Continuous
 from barbalat.solvers import SOLVERS, Tableau
+from barbalat.solvers.tableau import AUTO
 from contracts import case_examples
 from independent import example_controllers, example_output_controllers, refusal
 
@@ -154,8 +155,9 @@ ROOMS = {
     "problem.regressors": lambda kind: isinstance(kind, type) and is_dataclass(kind) and issubclass(kind, Regressor),
     "solvers": lambda value: isinstance(value, Tableau),
 }
-NO_CHOICE_OF_A_CASE = (Sampled, Clock, Linear)
-"""Sampling is two keys of every controller, t is what a plant's formula asks for, and phi(x) = x what stands without a key."""
+NO_CHOICE_OF_A_CASE = (Sampled, Clock, Linear, AUTO)
+"""Sampling is two keys of every controller, t is what a plant's formula asks for, and phi(x) = x what stands without a key; auto
+stands for what a tolerance chooses."""
 
 
 @pytest.mark.parametrize("room", ROOMS)

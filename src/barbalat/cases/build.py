@@ -53,7 +53,7 @@ class Case:
 
     def __repr__(self) -> str:
         names = ", ".join(controller.name for controller in self.controllers)
-        return f"<Case {self.name!r}: {names}; {self.simulation.t_end:g} s with h = {self.simulation.dt:g} s>"
+        return f"<Case {self.name!r}: {names}; {self.simulation.t_end:g} s {self.simulation.in_brief}>"
 
     def _repr_html_(self) -> str:
         """For notebooks: the problem, the controllers with their settings, the simulation."""
@@ -225,6 +225,8 @@ def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Sim
     """The case, after what its parts must agree on was checked."""
     controllers = tuple(controller for controller, _ in found)
     require_controllers(controllers)
+    if simulation.tolerance is not None:
+        return Case(problem, controllers, simulation, tuple(equations for _, equations in found))
     if problem.delay > 0:
         delay.lag(problem.delay, simulation.dt)  # refuses a delay that this step can't carry
     if problem.noise is not None:

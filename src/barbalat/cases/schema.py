@@ -28,6 +28,7 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Signal
 from barbalat.signals import SIGNALS
 from barbalat.solvers import SOLVERS, Tableau
+from barbalat.solvers.tableau import AUTO
 from barbalat.targets import IN_PAGES, in_pages, left_out
 from barbalat.validate import Array, InputError, Matrix, Vector
 
@@ -39,7 +40,7 @@ REGISTRY_OF_TYPE: dict[Any, Mapping[str, type]] = {
     Fault: FAULTS,
 }
 """By the type that a field asks for, the registry of what it may be: a table whose key ``kind`` says which."""
-NAMES_OF_TYPE: dict[Any, Mapping[str, Any]] = {Tableau: SOLVERS}
+NAMES_OF_TYPE: dict[Any, Mapping[str, Any]] = {Tableau: SOLVERS | {AUTO.name: AUTO}}
 """The same for what a case file only names."""
 CASES: dict[type, Mapping[str, type]] = {Problem: SCHEMES, OutputProblem: OUTPUT_SCHEMES}
 """The problems that a case file can pose, and the schemes that solve them."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 from barbalat import budget
@@ -122,6 +123,8 @@ def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Si
     """Overflows, matrices that are singular or not finite, norms beyond the limit of precision are findings of the case."""
     try:
         sampled = is_sampled(bound(problem, controller))  # refuses what does not fit
+        if simulation.tolerance is not None:
+            return _without_step(_computed(problem, controller, simulation.grid))
         found = (scheme_file(controller) or unregistered).certificate(problem, controller, simulation)
         if sampled:
             return found
@@ -131,6 +134,19 @@ def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Si
         raise
     except (ArithmeticError, ValueError) as error:  # NumPy's LinAlgError is a ValueError
         return Certificate.failed(reason(error))
+
+
+STEP_KEYS = ("step_max", "gamma_max", "step_max_at_model", "gamma_max_at_model")
+"""Entries on what a fixed step bears, which a run by tolerance has none of."""
+
+
+def _without_step(certificate: Certificate) -> Certificate:
+    """The certificate beside runs whose steps follow from a tolerance."""
+    entries = tuple(entry for entry in certificate.entries if entry.key not in STEP_KEYS)
+    notes = tuple(
+        note for note in certificate.notes if not any(word in note for word in (*STEP_KEYS, "limit of the step", "at dt ="))
+    )
+    return replace(certificate, entries=entries, notes=notes)
 
 
 class Certified(NamedTuple):

@@ -65,6 +65,7 @@ def simulate_export(
     In float64 all figures are those of ``simulate`` in every bit. InputError as of ``export_controller``, and where there is no
     compiler.
     """
+    simulation.require_steps("software in the loop")
     flown, refused = Exported.of(problem, controller, simulation, float32=float32).fly(problem, progress=progress)
     return InTheLoop(result_of(problem, controller, simulation, flown), refused)
 

@@ -16,6 +16,9 @@ class LoopShape:
     in_pieces          a step may come in pieces, one after the other, with a row of signals for each: a row's last two entries
                        say whether the piece begins a step and whether it ends one. What is counted in steps counts no pieces
 
+    sample_row         a row of the state: the sampled part is called before each step at which that is not 0, whatever its
+                       number; ``sample_every`` is then 1. The part itself leaves members alone whose row is 0
+
     ``None`` for ``noise_hold`` or ``sample_every``: an argument of every call, a count of at least 1. Compiled in is faster.
     """
 
@@ -29,6 +32,7 @@ class LoopShape:
     noise_hold: int | None = 1
     sample_every: int | None = 0
     in_pieces: bool = False
+    sample_row: int | None = None
 
     def __post_init__(self) -> None:
         for name, count, least in (("noise_hold", self.noise_hold, 1), ("sample_every", self.sample_every, 0)):

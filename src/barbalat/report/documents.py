@@ -83,6 +83,7 @@ def run_block(result: Result) -> dict[str, Any]:
         "numerically_unstable_at": found.unstable_from,
         "label": result.label,
         "finer_step": check,
+        **({} if result.accuracy is None else {"accuracy": result.accuracy.as_json()}),
         **({} if result.damping is None else {"solver_damping": result.damping.as_json()}),
         **lost,
         **({} if result.half_step is None else {"half_step": result.half_step.as_json()}),

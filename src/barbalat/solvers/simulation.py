@@ -1,4 +1,4 @@
-"""How to simulate: the method, its step, the horizon."""
+"""How to simulate: the method, its step or its tolerance, the horizon."""
 
 from __future__ import annotations
 
@@ -10,13 +10,16 @@ from barbalat import budget, validate
 from barbalat.budget import Estimate
 from barbalat.settings import Settings, one_line
 from barbalat.solvers.registry import solver_of
-from barbalat.solvers.tableau import RK4, Tableau
+from barbalat.solvers.tableau import AUTO, RK4, Tableau
 from barbalat.validate import Array, InputError
 
 POINT = Estimate(memory=1000.0)
 """Of a recorded instant of a small adaptive loop: its state and its envelope, a few times over."""
 STEP = Estimate(seconds=1e-7)
 """Of a step of the smallest loop, of one state, by itself."""
+
+LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
+"""Below, roundings of the states are no longer small beside it; above, the error estimate says nothing."""
 
 
 def _require_steps(t_end: float, dt: float) -> None:
@@ -39,21 +42,24 @@ def _round_number(most: int) -> int:
 
 @dataclass(frozen=True, init=False)
 class Simulation(Settings):
-    """How to simulate: fixed steps of ``dt`` [s] from 0 to ``t_end`` [s].
+    """How to simulate: fixed steps of ``dt`` [s] from 0 to ``t_end`` [s], or steps that follow from a ``tolerance``.
 
     t_end          horizon [s]
     dt             step [s]; it divides t_end
-    solver         the method, by its name; in Python also a Tableau
+    solver         the method, by its name; in Python also a Tableau. rk4 with dt; with a tolerance there is auto alone
+    tolerance      instead of dt: the error that a step may make of each state, relative to its largest magnitude so far
     record_points  about how many instants of a trajectory are kept; figures are over every step all the same
     fused          fused multiply-adds; without them a step takes longer, and has the same bits in exported C and in pages
 
-    Raises InputError where dt does not divide t_end.
+    Raises InputError where dt does not divide t_end, and where not one of dt and tolerance is given. With a tolerance ``dt`` is
+    None, and ``steps`` are those of ``grid``.
     """
 
     t_end: float
-    dt: float
+    dt: float = None  # type: ignore[assignment]  # beside a tolerance alone; what needs steps asks ``require_steps`` first
     _: KW_ONLY
     solver: Tableau = RK4
+    tolerance: float | None = None
     record_points: int = 2000
     fused: bool = True
     steps: int = field(init=False)
@@ -61,15 +67,31 @@ class Simulation(Settings):
     __repr__ = one_line
 
     def __init__(
-        self, t_end: float, dt: float, *, solver: Tableau | str = RK4, record_points: int = 2000, fused: bool = True
+        self,
+        t_end: float,
+        dt: float | None = None,
+        *,
+        solver: Tableau | str | None = None,
+        tolerance: float | None = None,
+        record_points: int = 2000,
+        fused: bool = True,
     ) -> None:
-        validate.freeze(
-            self, t_end=t_end, dt=dt, solver=solver_of("simulation.solver", solver), record_points=record_points, fused=fused
-        )
+        automatic = isinstance(solver, (str, Tableau)) and solver in (AUTO.name, AUTO)
+        if tolerance is not None and not (solver is None or automatic):
+            raise InputError.of("simulation.solver", f"must be auto beside a tolerance, got {getattr(solver, 'name', solver)}")
+        if tolerance is None and automatic:
+            raise InputError.of("simulation.solver", "auto goes with simulation.tolerance, and dt is given: name another method")
+        method = AUTO if tolerance is not None else RK4 if solver is None else solver_of("simulation.solver", solver)
+        validate.freeze(self, t_end=t_end, dt=dt, solver=method, tolerance=tolerance, record_points=record_points, fused=fused)
         self.__post_init__()
 
     def __post_init__(self) -> None:
         t_end = validate.positive("simulation.t_end", self.t_end)
+        if self.tolerance is not None:
+            self._by_tolerance(t_end)
+            return
+        if self.dt is None:
+            raise InputError.of("simulation", "needs dt, the step [s], or a tolerance, such as 1e-6")
         dt = validate.positive("simulation.dt", self.dt)
         if not isinstance(self.fused, (bool, np.bool_)):
             raise InputError.of("simulation.fused", f"must be true or false, got {validate.show(self.fused)}")
@@ -94,9 +116,52 @@ class Simulation(Settings):
         object.__setattr__(self, "fused", bool(self.fused))
         object.__setattr__(self, "steps", steps)
 
-    def as_json(self) -> dict[str, str | float | bool]:
-        """The JSON contract's block for it; ``fused`` stands in it only where it is false."""
-        said: dict[str, str | float | bool] = {"t_end": self.t_end, "dt": self.dt, "solver": self.solver.name}
+    def _by_tolerance(self, t_end: float) -> None:
+        tolerance = validate.number("simulation.tolerance", self.tolerance)
+        dt: float | None = self.dt
+        if dt is not None:
+            raise InputError.of("simulation.tolerance", f"stands instead of dt, but dt = {validate.show(self.dt)} is given too")
+        if not LEAST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
+            raise InputError.of(
+                "simulation.tolerance", f"must be from {LEAST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}, got {tolerance:g}"
+            )
+        if not isinstance(self.fused, (bool, np.bool_)):
+            raise InputError.of("simulation.fused", f"must be true or false, got {validate.show(self.fused)}")
+        points = validate.whole("simulation.record_points", self.record_points, least=2)
+        budget.require("simulation.record_points", points, POINT.times, least=2)
+        validate.freeze(
+            self, t_end=t_end, tolerance=tolerance, record_points=points, fused=bool(self.fused), steps=4 * -(-points // 4)
+        )
+
+    def require_steps(self, what: str) -> None:
+        """InputError where there are no fixed steps, and ``what`` takes nothing else."""
+        if self.tolerance is not None:
+            raise InputError.of(
+                "simulation.tolerance", f"= {self.tolerance:g} fixes no step, and {what} needs one: give simulation.dt"
+            )
+
+    @property
+    def grid(self) -> Simulation:
+        """Beside a tolerance: the recorded instants as if they were those of fixed steps; the tail begins at one of them."""
+        return Simulation(self.t_end, self.t_end / self.steps, record_points=self.steps, fused=self.fused)
+
+    @property
+    def how(self) -> str:
+        """Method and step, or tolerance, in a few words."""
+        if self.tolerance is not None:
+            return f"with a tolerance of {self.tolerance:g}"
+        return f"{self.solver.name} with h = {self.dt:g} s"
+
+    @property
+    def in_brief(self) -> str:
+        """The step, or the tolerance."""
+        return f"with h = {self.dt:g} s" if self.tolerance is None else self.how
+
+    def as_json(self) -> dict[str, str | float | bool | None]:
+        """The JSON contract's block for it; ``tolerance`` and ``fused`` stand in it only where they are given."""
+        said: dict[str, str | float | bool | None] = {"t_end": self.t_end, "dt": self.dt, "solver": self.solver.name}
+        if self.tolerance is not None:
+            said |= {"tolerance": self.tolerance}
         return said if self.fused else said | {"fused": False}
 
     def time(self, step: Array | float) -> Array:

@@ -108,3 +108,5 @@ def _combine(state: Value, h: float, weights: tuple[float, ...], slopes: list[Va
 EULER = Tableau("euler", 1, ((),), (1.0,), (0.0,))
 HEUN = Tableau("heun", 2, ((), (1.0,)), (1 / 2, 1 / 2), (0.0, 1.0))
 RK4 = Tableau("rk4", 4, ((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 1 / 2, 1 / 2, 1.0))
+AUTO = Tableau("auto", 8, ((),), (1.0,), (0.0,))
+"""What stands for the method of a run by tolerance, DOP853, whose coefficients ``order_eight`` has; it takes no fixed step."""

@@ -178,6 +178,7 @@ def delay_margins(
 
     The rest as of ``delay_margins_ensemble``.
     """
+    simulation.require_steps("a measured margin")
     controllers, found = numbered(controllers), validate.Named[DelayMargins].of("controller", {})
     for i, controller in enumerate(controllers):
         with named(controller.name):
@@ -216,6 +217,7 @@ def delay_margins_ensemble(
     Members have one structure, as for ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
     Raises InputError.
     """
+    simulation.require_steps("a measured margin")
     if not longest > SHORTEST_DELAY_STEPS * simulation.dt:
         raise InputError(f"longest must exceed two solver steps, {SHORTEST_DELAY_STEPS * simulation.dt:g} s, got {longest:g} s")
     validate.whole("scan", scan, least=2)

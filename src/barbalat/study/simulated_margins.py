@@ -56,6 +56,7 @@ def with_simulated_margins(
     Beside them ``delay_onset_simulated``, which is the measured one under its older name, and ``delay_margin_simulated`` [s], by
     ``Lost``.
     """
+    simulation.require_steps("a measured margin")
     result, by = {}, Judging(judge or Judge(), lost or Lost())
     given = numbered(controllers)
     for i, controller in enumerate(given):

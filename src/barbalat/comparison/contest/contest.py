@@ -78,6 +78,7 @@ def contest(
     """
     whole = case if isinstance(case, Case) else load_case(case)
     problem = posed(whole.problem)
+    whole.simulation.require_steps("a contest")
     margin = default_delay_margin(problem, whole.simulation) if delay_margin is None else delay_margin
     rule = Rule(delay_margin=margin, gain_margin=gain_margin, until=until, plants=plants, trials=trials, seed=seed)
     rule.require_steps(whole.simulation)

@@ -145,6 +145,7 @@ def trade_off(
     progress  its fractions are of the time, by a forecast that is refined with every round
     Raises InputError for a problem without a known set.
     """
+    simulation.require_steps("the trade-off")
     started = time.perf_counter()
     TRADE_OFF.require(problem)
     assert problem.uncertainty is not None

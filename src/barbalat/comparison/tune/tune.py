@@ -162,6 +162,7 @@ def _knobs_of(scheme: Controller, problem: TrackingProblem, simulation: Simulati
 
 def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, progress: Progress | None) -> Tuning:
     """All controllers that are asked for, one after the other."""
+    tuner.case.simulation.require_steps("tuning")
     started = time.perf_counter()
     _require_steps(tuner.aim, tuner.case)
     spaces, left_out = _spaces(tuner, space, controller)

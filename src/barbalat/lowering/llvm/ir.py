@@ -252,8 +252,7 @@ def _sampling(
     sampled = sampler.run()
     called, sampled = ([], sampled) if outside is None else outside.call(sampled)
     lines = (
-        f"  %phase = urem i64 %now, {count(shape.sample_every, 'sample.every')}",
-        *due(shape, "due", "%phase"),
+        *_due(shape, sampler),
         "  br i1 %due, label %sample, label %go",
         "sample:",
         *sampler.lines,
@@ -264,6 +263,20 @@ def _sampling(
     )
     room = () if outside is None else (outside.room,)
     return _Part(lines, last="go", room=room, intrinsics=frozenset(sampler.intrinsics), functions=frozenset(sampler.functions))
+
+
+def _due(shape: LoopShape, sampler: Printer) -> list[str]:
+    """%due: whether the sampled part is called before this step; with ``sample_row`` where some member asks for it."""
+    if shape.sample_row is None:
+        return [f"  %phase = urem i64 %now, {count(shape.sample_every, 'sample.every')}", *due(shape, "due", "%phase")]
+    zero, own = sampler.splat(0.0), f"%x{shape.sample_row}.held"
+    if sampler.lanes == 1:
+        return [f"  %due = fcmp une double {own}, {zero}"]
+    sampler.intrinsics.add(f"declare i1 @llvm.vector.reduce.or.v{sampler.lanes}i1({sampler.mask})")
+    return [
+        f"  %asked = fcmp une {sampler.vector} {own}, {zero}",
+        f"  %due = call i1 @llvm.vector.reduce.or.v{sampler.lanes}i1({sampler.mask} %asked)",
+    ]
 
 
 def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str]) -> _Part:

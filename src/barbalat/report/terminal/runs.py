@@ -52,10 +52,13 @@ def _head(screen: Screen, case: str, results: Sequence[Result]) -> None:
     """What was simulated, and one sentence for each controller, before anything else."""
     simulation = results[0].simulation
     count = "one controller" if len(results) == 1 else f"{len(results)} controllers"
-    screen.line(f"{case}: {count}, {simulation.t_end:g} s, {simulation.solver.name} with h = {simulation.dt:g} s", "bold")
+    screen.line(f"{case}: {count}, {simulation.t_end:g} s, {simulation.how}", "bold")
     for result in results:
         if (verdict := result.verdict) is not None:
             screen.line(f"{screen.name(result.name)}: {verdict}", VERDICT_STYLES[verdict.kind], "  ")
+    for result in results:
+        if result.accuracy is not None:
+            screen.line(f"{screen.name(result.name)}: {result.accuracy.in_brief}", "dim", "  ")
 
 
 def _worst(screen: Screen, results: Sequence[Result]) -> None:
@@ -206,13 +209,16 @@ def _excitation(screen: Screen, found: Sequence[tuple[Result, Adapting]]) -> Non
 
 
 def _findings(screen: Screen, results: Sequence[Result]) -> None:
-    solver = results[0].simulation.solver
+    simulation, solver = results[0].simulation, results[0].simulation.solver
     screen.title("Numerics")
-    screen.line(
-        f"h |lambda|, the step times the loop's fastest eigenvalue; {solver.name} is stable up to {solver.imaginary_limit:.3g} "
-        f"on the imaginary axis, {solver.real_limit:.3g} on the real one",
-        "dim",
-    )
+    if simulation.tolerance is None:
+        screen.line(
+            f"h |lambda|, the step times the loop's fastest eigenvalue; {solver.name} is stable up to "
+            f"{solver.imaginary_limit:.3g} on the imaginary axis, {solver.real_limit:.3g} on the real one",
+            "dim",
+        )
+    else:
+        screen.line("the error at the recorded instants, as part of each component's largest magnitude", "dim")
     labels = [screen.name(result.name) for result in results]
     room = min(max(map(len, labels)), LABEL_COLUMNS)
     for label, result in zip(labels, results, strict=True):
@@ -240,6 +246,8 @@ def _sentence(text: str) -> str:
 
 def numerics(result: Result) -> str:
     """What the run says of its numerics, without what all runs have in common."""
+    if result.simulation.tolerance is not None:
+        return result.numerics
     found = result.stiffness
     parts = [f"{found.h_lambda_max:.3g} at most, at {counted(found.looks, 'instant')}"]
     if found.radius_max is not None:

@@ -20,7 +20,7 @@ from barbalat.lowering.llvm.machine import Kernel, Rings, Watch, vector_width
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Signal
 from barbalat.run.kernel.delay import CHANNELS_PER_INPUT
-from barbalat.run.kernel.grid import Segment, final_row, segments_of, signal_table
+from barbalat.run.kernel.grid import WHOLE_STEP, Segment, final_row, segments_of, signal_table
 from barbalat.run.kernel.members import Members
 from barbalat.run.kernel.metrics import Metrics, Totals
 from barbalat.run.kernel.portable import standard_normal
@@ -243,6 +243,20 @@ class Group:
     def twin(self, watch: Watch) -> Group:
         """A copy of the group at the same step, to be taken further beside it."""
         return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past), watch=watch)
+
+    def beside(self) -> Group:
+        """A copy of the group at the same step that goes on by itself, with the same watch."""
+        return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past))
+
+    def held_rows(self, simulation: Simulation, step: int, steps: int, values: Array) -> Array:
+        """Rows of signals as of ``grid.signal_table``, which stay at ``values``; NaN stands for the time, which goes on."""
+        nodes = simulation.solver.nodes
+        held = np.tile(values, (steps, len(nodes), 1))
+        if np.isnan(values).any():
+            numbers = np.arange(step, step + steps)[:, None] + np.array(nodes)
+            held[:, :, np.isnan(values)] = simulation.time(numbers)[:, :, None]
+        rows = held.reshape(steps, -1)
+        return np.column_stack([rows, np.tile(WHOLE_STEP, (steps, 1))]) if self.batch.program.shape.in_pieces else rows
 
     def call(self, start: int, blocks: int, length: int, state: Array, table: Array) -> Array:
         shape, rhythm = self.batch.program.shape, self.batch.rhythm

@@ -106,6 +106,7 @@ def simulate_ensemble(
     threads, lanes  only speed depends on them, not a single bit of the results
     progress        reading members counts as a part of the work where their number is known beforehand
     """
+    simulation.require_steps("an ensemble")
     count = _require(members, simulation, quarters, lanes)
     reading = 0.0 if count is None else READING_STEPS / (READING_STEPS + simulation.steps)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -36,7 +35,7 @@ from barbalat.loop.packing import flatten
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import SlopedSignal
 from barbalat.run.engine.engine import Batch, Group
-from barbalat.run.kernel.grid import CHUNK_STEPS, WHOLE_STEP
+from barbalat.run.kernel.grid import CHUNK_STEPS
 from barbalat.solvers import Tableau
 from barbalat.solvers.order_eight import order_eight
 from barbalat.solvers.simulation import Simulation
@@ -287,8 +286,7 @@ class Continued:
 
     def copied(self) -> Continued:
         """The same from here on, by itself."""
-        twin = replace(self.group, state=self.group.state.copy(), past=copy.deepcopy(self.group.past))
-        return replace(self, group=twin)
+        return replace(self, group=self.group.beside())
 
     def window(self, steps: int) -> _Seen:
         """So many steps more."""
@@ -329,15 +327,7 @@ class Continued:
         return self.simulation.time(first + length * np.arange(blocks)), np.concatenate(found)
 
     def _table(self, count: int) -> Array:
-        """Rows of signals as of ``grid.signal_table``, which stay where they are; only the time goes on."""
-        nodes = self.simulation.solver.nodes
-        values = np.tile(self.held, (count, len(nodes), 1))
-        if np.isnan(self.held).any():
-            steps = np.arange(self.step, self.step + count)[:, None] + np.array(nodes)
-            values[:, :, np.isnan(self.held)] = self.simulation.time(steps)[:, :, None]
-        rows = values.reshape(count, -1)
-        pieces = self.group.batch.program.shape.in_pieces
-        return np.column_stack([rows, np.tile(WHOLE_STEP, (count, 1))]) if pieces else rows
+        return self.group.held_rows(self.simulation, self.step, count, self.held)
 
 
 NEGLIGIBLE = 0.3

@@ -52,6 +52,8 @@ def _open(result: Result, afforded: int) -> bool:
 
 def _halvable(result: Result) -> bool:
     verdict = result.verdict
+    if result.simulation.tolerance is not None:  # its error was measured by a second run
+        return False
     return verdict is not None and verdict.kind is not Class.LOST and result.stiffness.unstable_from is None
 
 

@@ -16,7 +16,8 @@ from barbalat.loop.packing import flatten
 from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.engine.engine import Batch, Blocks, run
+from barbalat.run.engine.by_tolerance import simulate_by_tolerance
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import Terms, finer_by_along, judged, watched_in_runs
 from barbalat.run.engine.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.kernel import costs, delay
@@ -54,6 +55,8 @@ def simulate(
     controllers, judge = numbered(controllers), Judge() if judge is None else judge
     validate.instance("judge", judge, Judge)
     judge.require(problem)
+    if simulation.tolerance is not None:
+        return simulate_by_tolerance(problem, controllers, simulation, judge, threads=threads, progress=progress)
     delay.require_memory(problem.delay, len(problem.history), len(controllers), simulation.dt)
     loops = []
     for controller in controllers:
@@ -98,7 +101,7 @@ def result_of(
         r=signals[0] if loop.commands is None else signals[: loop.commands].T,
         theta_hat=theta_hat,
         states=states,
-        envelope=_envelope(blocks, max(len(steps) - 1, 0)),
+        envelope=Envelope.of(blocks, max(len(steps) - 1, 0)),
         metrics=metrics,
         stiffness=stiffness_along(made),
         judge=judge,
@@ -111,15 +114,6 @@ def result_of(
             metrics.max_abs_u.reshape(1, -1),
             theta_hat,
         ),
-    )
-
-
-def _envelope(blocks: Blocks, intervals: int) -> Envelope:
-    """The first member's extrema between the recorded instants."""
-    extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
-    return Envelope(
-        **{f"{quantity}_{side}": blocks.figure(quantity, side)[:intervals, :, 0] for quantity, side in extrema},
-        theta_hat_path=blocks.figure("variation", "sum")[:intervals, :, 0],
     )
 
 
@@ -140,6 +134,7 @@ class Recording:
 
 def recorded(problem: TrackingProblem, controller: Controller, simulation: Simulation, samples: int) -> Recording:
     """The first samples of the run that ``simulate`` makes, at most ``samples``; InputError where the controller does not fit."""
+    simulation.require_steps("an export")
     batch = Batch.of([(problem, controller)], simulation, lanes=1)
     (group,), every = batch.groups, batch.rhythm.sample_every
     assert every, "only a sampled controller has samples"

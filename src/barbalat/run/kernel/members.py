@@ -142,6 +142,7 @@ class Reader:
         watched: Watched | None = None,
     ) -> Reader:
         problem, controller = first
+        simulation.require_steps("what is asked for here")
         adjustable = adjustable or not simulation.fused
         bind = Bindings()
         loop = ClosedLoop.of(problem, controller, bind=bind)

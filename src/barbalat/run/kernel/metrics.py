@@ -78,12 +78,14 @@ class Accumulators:
         *,
         begins: Value = 1.0,
         ends: Value = 1.0,
+        turning: dict[str, Value] | None = None,
     ) -> Value:
         """The accumulators after one step; ``outputs`` are those at its start, ``moved`` is |change of theta_hat|.
 
         ``size`` is the ``divergence_measure`` after it.
 
-        After a piece of a step: ``begins`` is 1 for its first, ``ends`` 1 for its last piece, else 0.
+        After a piece of a step: ``begins`` is 1 for its first, ``ends`` 1 for its last piece, else 0. ``begins`` weights the
+        squares; ``turning`` has further values that count for the extrema.
         """
         at = self.slices()
         good = np.where(size <= DIVERGENCE_LIMIT, 1.0, 0.0)
@@ -93,10 +95,10 @@ class Accumulators:
         new = []
         for quantity, operation, _ in self.layout:
             previous = old[at[quantity, operation]]
-            if operation == "min":
-                new.append(np.minimum(previous, values[quantity]))
-            elif operation == "max":
-                new.append(np.maximum(previous, values[quantity]))
+            if operation in ("min", "max"):
+                farther = np.minimum if operation == "min" else np.maximum
+                extremum = farther(previous, values[quantity])
+                new.append(extremum if turning is None else farther(extremum, turning[quantity]))
             elif quantity == "e^2":
                 new.append(previous + begins * (outputs.e * outputs.e))
             elif quantity == "variation":

@@ -20,6 +20,7 @@ from barbalat.protocols import BreakingSignal, Controller
 from barbalat.roles import StatePart, column_names, entry_names
 from barbalat.run.kernel.breaks import LostOrder
 from barbalat.run.kernel.metrics import Metrics
+from barbalat.run.results.accuracy import Accuracy
 from barbalat.run.results.adapting import Adapting, adapting, regressor_along
 from barbalat.run.results.findings import Finding, of_problem
 from barbalat.run.results.half_step import HalfStep
@@ -36,6 +37,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from barbalat.run.engine.engine import Blocks
+
 SERIES = ("x", "x_m", "e", "theta_hat", "u", "r", "y")
 """What every result has over time, by the names of its fields and columns."""
 
@@ -51,6 +54,15 @@ class Envelope:
     theta_hat_min: Array
     theta_hat_max: Array
     theta_hat_path: Array  # the sum of |change| over the steps
+
+    @classmethod
+    def of(cls, blocks: Blocks, intervals: int) -> Envelope:
+        """The first member's extrema between the recorded instants."""
+        extrema = [(quantity, side) for quantity in ("e", "u", "theta_hat") for side in ("min", "max")]
+        return cls(
+            **{f"{quantity}_{side}": blocks.figure(quantity, side)[:intervals, :, 0] for quantity, side in extrema},
+            theta_hat_path=blocks.figure("variation", "sum")[:intervals, :, 0],
+        )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -75,6 +87,7 @@ class Result:
     finer_by          how much smaller a step resolves all oscillations of the run; 1 where its own does, NaN where nobody knows
     finer_kind        the judge's class at such a step, from ``settle``
     half_step         what half the step says of the error, from ``halved``
+    accuracy          of a run by tolerance, its error as a second run measured it
     """
 
     problem: TrackingProblem
@@ -99,6 +112,7 @@ class Result:
     finer_by: float = np.nan
     finer_kind: Class | None = None
     half_step: HalfStep | None = None
+    accuracy: Accuracy | None = None
 
     @property
     def name(self) -> str:
@@ -169,6 +183,8 @@ class Result:
     def numerics(self) -> str:
         """Solver, step and stiffness in one line."""
         s = self.simulation
+        if s.tolerance is not None:
+            return f"tolerance {s.tolerance:g}: error not measured" if self.accuracy is None else self.accuracy.sentence
         found = self.stiffness
         limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
         seen = f"h |lambda| up to {found.h_lambda_max:.3g} at the {validate.counted(found.looks, 'instant')} looked at"
@@ -230,7 +246,12 @@ class Result:
 
     def __repr__(self) -> str:
         simulation = self.simulation
-        how = f"{simulation.t_end:g} s with {simulation.solver.name}, h = {simulation.dt:g} s"
+        step = (
+            f"{simulation.solver.name}, h = {simulation.dt:g} s"
+            if simulation.tolerance is None
+            else f"tolerance {simulation.tolerance:g}"
+        )
+        how = f"{simulation.t_end:g} s with {step}"
         return f"<Result of {self.name!r} on {self.problem.name!r}: {how}; {outcome(self)}>"
 
     def _repr_html_(self) -> str:
@@ -309,6 +330,7 @@ class Result:
         for name, value in (self.reported | self.controller_states).items():
             variables[name] = ("t", *(f"{name}_{way}" for way in ("row", "column", "layer")[: value.ndim - 1])), value
         s = self.simulation
+        how = {"dt": s.dt} if s.tolerance is None else {"tolerance": s.tolerance}
         return xr.Dataset(
             variables,
             coords={
@@ -316,7 +338,7 @@ class Result:
                 "component" if self.y is None else "state": np.arange(1, self.x.shape[1] + 1),
                 "parameter": np.arange(1, self.theta_hat.shape[1] + 1),
             },
-            attrs={"controller": self.name, "solver": s.solver.name, "dt": s.dt, "numerics": self.numerics},
+            attrs={"controller": self.name, "solver": s.solver.name, **how, "numerics": self.numerics},
         )
 
     def to_control(self) -> control.TimeResponseData:

@@ -1,0 +1,474 @@
+"""One attempt at a step whose length follows from a tolerance, by DOP853, as operations: a member's time is part of its state.
+
+Every attempt is one step of the kernel's loop, whether it succeeds or not, so that members side by side have steps of their own
+and one that has arrived waits. Where the equations jump or bend, a step keeps the choices with which it began
+(``lowering.switching``); one at whose end another choice would be due is tried again with the length at which that happens.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.packing import column, symbols
+from barbalat.lowering.operations import Program, read
+from barbalat.lowering.optimize import optimize
+from barbalat.lowering.shape import LoopShape
+from barbalat.lowering.switching import switched
+from barbalat.run.kernel.metrics import DIVERGENCE_LIMIT, divergence_measure
+from barbalat.run.kernel.time_signals import TimeSignals
+from barbalat.solvers.order_eight import embedded, order_eight
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+RUNNING, DIVERGED, STALLED = 0.0, 1.0, 2.0
+"""A member's status; one that has stalled needs a step too short for its time to change."""
+ALL, SLOPE = 1.0, 2.0
+"""What is renewed before an attempt: the choices and the slope, or the slope alone because choices were changed."""
+SAFETY, SHRINKS, GROWS = 0.9, 1 / 3, 6.0
+"""After a step that failed the next is 0.9 err^(-1/8) times as long, within these limits. After one that did not, its length is
+filtered, H211b with b = 4, since the estimate follows an oscillation's phase: without it every third attempt fails.
+
+Source: Soderlind, Digital filters in adaptive time-stepping, ACM Transactions on Mathematical Software 29 (2003), table 1."""
+FILTERED = 0.94
+"""The factor of filtered lengths: where the error is steady each is then as long as the one before at an error of 0.4."""
+SMALL = 1e-6
+"""Part of the largest magnitude of any state: below it a state's error counts as if its magnitude were that."""
+TINY = 1e-9
+"""Likewise, in its own unit: what stays at rest but for roundings is not resolved more finely."""
+MEETS = 0.1
+"""Part of the tolerance by which the state may move between the place of a choice and where the step ends."""
+LEAST_ROUNDINGS = 4 * float(np.finfo(float).eps)
+"""Of the time: a shorter step does not advance it."""
+SAME = 32 * float(np.finfo(float).eps)
+"""Part of what is compared: nearer to a choice's place it stands either way."""
+SECANTS = 4
+"""Guesses by secants at where a choice is due, after which the step is halved in turn."""
+LOOKS = (5, 9, 10)
+"""Stages at 0.33, 0.6 and 0.86 of a step, where it is looked whether a choice stands otherwise and comes back before the end."""
+NEAREST = 0.05
+"""Part of an attempt, before which no choice is guessed: a secant from a place where one was just due says nothing."""
+MOST_TRIES = 200
+"""At one place; more is no motion between choices, but one that slides along them."""
+
+
+@dataclass(frozen=True)
+class Carried:
+    """The kernel's state: the loop's own (S,) first, and what the next attempt needs; J choices."""
+
+    states: int
+    choices: int
+
+    @cached_property
+    def places(self) -> dict[str, slice]:
+        """The rows of each part."""
+        sizes = {
+            "x": self.states, "t": 1, "h": 1, "error": 1, "ratio": 1, "rejected": 1,
+            "meets": 1, "until": 1, "tries": 1, "renew": 1, "status": 1,
+            "largest": self.states, "slope": self.states, "choices": self.choices, "margins": self.choices,
+        }  # fmt: skip
+        found, start = {}, 0
+        for name, size in sizes.items():
+            found[name] = slice(start, start + size)
+            start += size
+        return found
+
+    @property
+    def size(self) -> int:
+        return int(self.places["margins"].stop)
+
+    def initial(self, x: np.ndarray, h: float) -> np.ndarray:
+        """(size,) at t = 0, with the length of the first attempt [s]."""
+        found, at = np.zeros(self.size), self.places
+        found[at["x"]], found[at["largest"]] = x, np.abs(x)
+        found[at["h"]], found[at["renew"]] = h, ALL
+        found[at["meets"]] = found[at["until"]] = np.inf
+        found[at["error"]] = found[at["ratio"]] = 1.0
+        return found
+
+
+@dataclass(frozen=True)
+class Written:
+    """What an attempt writes: whether it was a step, 2 where it ended at a choice, t [s], h [s], x there and seven more (S,).
+
+    These are the coefficients of ``dense_output``.
+    """
+
+    states: int
+
+    @property
+    def size(self) -> int:
+        return 3 + 8 * self.states
+
+
+@dataclass(frozen=True)
+class Attempts:
+    """The programs of a loop's attempts: ``begin`` where something is renewed, then ``program``."""
+
+    loop: ClosedLoop
+    signals: TimeSignals
+    parameters: Any = None  # CasADi's column of the symbols in the loop
+    fused: bool = True
+
+    @cached_property
+    def _own(self) -> int:
+        return 0 if self.parameters is None else int(self.parameters.numel())
+
+    @cached_property
+    def count(self) -> int:
+        """Numbers that a call is given: the loop's own, t_stop, tolerance, whether a sampled controller acts, the signals'."""
+        return self._own + 3 + self.signals.numbers
+
+    def numbers(self, own: np.ndarray, t_stop: float, tolerance: float, acts: float, signals: np.ndarray) -> np.ndarray:
+        """Those of a call, (count,)."""
+        return np.concatenate([own, [t_stop, tolerance, acts], signals])
+
+    @cached_property
+    def _rates(self) -> ca.Function:
+        """The slope as a function of (state, signals)."""
+        import casadi as ca
+
+        state_column, state = symbols("state", self.loop.size)
+        signal_column, signals = symbols("signals", self.loop.signal_count)
+        inputs = [state_column, signal_column, *([] if self.parameters is None else [self.parameters])]
+        return ca.Function("rates", inputs, [column(self.loop.derivative(state, signals))], {"cse": True})
+
+    @cached_property
+    def _limits(self) -> ca.Function:
+        """The state that the known sets leave of one."""
+        import casadi as ca
+
+        state_column, state = symbols("state", self.loop.size)
+        inputs = [state_column, *([] if self.parameters is None else [self.parameters])]
+        return ca.Function("limits", inputs, [column(self.loop.limit(state))], {"cse": True})
+
+    @cached_property
+    def carried(self) -> Carried:
+        """The layout of the kernel's state."""
+        import casadi as ca
+
+        x, s = ca.SX.sym("x", self.loop.size), ca.SX.sym("s", self.loop.signal_count)
+        return Carried(self.loop.size, len(self._switched(x, s, None)[1]))
+
+    def _switched(self, x: ca.SX, s: ca.SX, choices: ca.SX | None) -> tuple[ca.SX, list[Any]]:
+        """The slope and all conditions; those of the limits are watched, and never chosen otherwise than they stand."""
+        own = [] if self.parameters is None else [self.parameters]
+        rates = switched(self._rates, [x, s, *own], choices)
+        limits = switched(self._limits, [x, *own])
+        return rates.values[0], [*rates.conditions, *limits.conditions]
+
+    @property
+    def shape(self) -> LoopShape:
+        """Sizes for the kernel."""
+        carried = self.carried
+        written = Written(self.loop.size).size
+        return LoopShape(carried.size, written, self.count, 0, sample_every=1, sample_row=carried.places["renew"].start)
+
+    def begin(self) -> Program:
+        """What is renewed: choices and slope where a piece of the run begins, or where a step ended at a choice."""
+        import casadi as ca
+
+        _, parts, numbers, inputs = self._inputs()
+        x, t = parts["x"], parts["t"]
+        s = self._driven(t, numbers)
+        _, conditions = self._switched(x, s, None)
+        renew = parts["renew"]
+        everything = renew == ALL
+        given = self._switched(x, s, parts["choices"])[1]  # what was changed may leave another nothing to choose between
+        old = ca.vertsplit(parts["choices"])
+        chosen = [
+            ca.if_else(
+                everything, one.truth, ca.if_else(ca.logic_and(renew != 0, ca.fabs(now.margin) == np.inf), now.truth, before)
+            )
+            for one, now, before in zip(conditions, given, old, strict=True)
+        ]
+        choices = ca.vertcat(ca.SX(0, 1), *chosen)
+        slope, after = self._switched(x, s, choices)
+        margins = ca.vertcat(ca.SX(0, 1), *(one.margin for one in after))
+        new = {
+            "slope": ca.if_else(renew != 0, slope, parts["slope"]),
+            "choices": choices,
+            "margins": ca.if_else(renew != 0, margins, parts["margins"]),
+            "renew": ca.SX(0.0),
+        }
+        return self._lowered("begin", inputs, [self._packed(parts | new)])
+
+    def _packed(self, parts: dict[str, ca.SX]) -> ca.SX:
+        import casadi as ca
+
+        return ca.vertcat(*(parts[name] for name in self.carried.places))
+
+    def _inputs(self) -> tuple[ca.SX, dict[str, ca.SX], ca.SX, list[ca.SX]]:
+        """The carried state as a column and by its parts, the numbers of a call but for the loop's own, and all inputs."""
+        import casadi as ca
+
+        carried = self.carried
+        given, others = ca.SX.sym("state", carried.size), ca.SX.sym("numbers", self.count - self._own)
+        parts = {name: given[rows] for name, rows in carried.places.items()}
+        nothing = ca.SX(0, 1)
+        parameters = others if self.parameters is None else ca.vertcat(self.parameters, others)
+        written = ca.SX.sym("written", Written(self.loop.size).size)
+        return given, parts, others, [given, written, parameters, nothing, nothing, nothing]
+
+    def _lowered(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> Program:
+        import casadi as ca
+
+        return optimize(read(ca.Function(name, inputs, outputs, {"cse": True})), fused=self.fused)
+
+    def program(self, *, dense: bool = True) -> Program:
+        """One attempt; without ``dense`` it writes no coefficients, and takes three evaluations less."""
+        import casadi as ca
+
+        _, parts, numbers, inputs = self._inputs()
+        x, t, status = parts["x"], parts["t"], parts["status"]
+        t_stop, tolerance = numbers[0], numbers[1]
+        running = ca.logic_and(status == RUNNING, t < t_stop)
+        h, t_new, cut = _length(parts, t_stop)
+        stages, x_new, inside = self._stages(parts, numbers, h, t_new)
+        largest = ca.fmax(parts["largest"], ca.fabs(x_new))
+        scale = tolerance * ca.fmax(largest, ca.fmax(SMALL * ca.mmax(largest), TINY))
+        error = _error(stages, scale, h)
+        good = error <= 1
+        found = self._meeting(parts, numbers, x_new, t_new, stages[0], scale, h, inside)
+        kept = self._limits(x_new, *([] if self.parameters is None else [self.parameters]))
+        measure = divergence_measure(self.loop, self._outputs(kept, numbers, t_new), ca.array(kept).reshape(-1))
+        sound = ca.SX(column(np.reshape(np.where(measure <= DIVERGENCE_LIMIT, 1.0, 0.0), 1)))
+        fits = ca.logic_and(running, ca.logic_and(good, ca.logic_and(found.ready, sound)))
+        choosing = ca.logic_and(running, ca.logic_and(good, ca.logic_not(found.ready)))
+        ends = ca.logic_and(fits, found.due)  # at a choice
+        new = _next(parts, h, error, running, fits, choosing, ends, cut, found, t)
+        stuck = ca.logic_or(ca.logic_and(ca.logic_not(good), h <= LEAST_ROUNDINGS * ca.fabs(t)), new["tries"] > MOST_TRIES)
+        lost = ca.logic_and(good, ca.logic_not(sound))
+        new["status"] = ca.if_else(running, ca.if_else(lost, DIVERGED, ca.if_else(stuck, STALLED, RUNNING)), status)
+        new |= {
+            "x": ca.if_else(fits, kept, x),
+            "t": ca.if_else(fits, t_new, t),
+            "largest": ca.if_else(fits, ca.fmax(parts["largest"], ca.fabs(kept)), parts["largest"]),
+            "slope": ca.if_else(fits, stages[12], parts["slope"]),
+            "margins": ca.if_else(fits, found.margins, parts["margins"]) if self.carried.choices else parts["margins"],
+        }
+        coefficients = _dense(stages, x, x_new, h) if dense else ca.SX(7 * self.loop.size, 1)
+        if dense:
+            coefficients = _dense(self._more(stages, parts, numbers, h), x, x_new, h)
+        step = ca.if_else(fits, ca.if_else(ends, 2.0, 1.0), 0.0)
+        written = ca.vertcat(step, t, h, x, coefficients)
+        return self._lowered("attempt", inputs, [self._packed(parts | new), ca.SX(ca.densify(written)), ca.SX(0, 1)])
+
+    def _outputs(self, x: ca.SX, numbers: ca.SX, t: ca.SX) -> Any:
+        import casadi as ca
+
+        return self.loop.outputs(ca.array(x).reshape(-1), ca.array(self._driven(t, numbers)).reshape(-1))
+
+    def _driven(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
+        """The signals at t; those numbers of a call that are not theirs stand first."""
+        return self.signals.at(t, numbers[3:])
+
+    def _slope(self, x: ca.SX, numbers: ca.SX, t: ca.SX, choices: ca.SX) -> ca.SX:
+        return self._switched(x, self._driven(t, numbers), choices)[0]
+
+    def _stages(
+        self, parts: dict[str, ca.SX], numbers: ca.SX, h: ca.SX, t_new: ca.SX
+    ) -> tuple[list[ca.SX], ca.SX, list[tuple[float, list[Any]]]]:
+        """The thirteen slopes, the state at the end, and the conditions inside of the step, each with the place."""
+        formula, x, t, choices = order_eight(), parts["x"], parts["t"], parts["choices"]
+        slopes, inside = [parts["slope"]], []
+        for i, (row, node) in enumerate(zip(formula.a[1:], formula.c[1:], strict=True), start=1):
+            at = t + node * h if node < 1 else t_new
+            slope, conditions = self._switched(x + h * _weighted(row, slopes), self._driven(at, numbers), choices)
+            slopes.append(slope)
+            if i in LOOKS:
+                inside.append((node, conditions))
+        x_new = x + h * _weighted(formula.b, slopes)
+        slopes.append(self._slope(x_new, numbers, t_new, choices))
+        return slopes, x_new, inside
+
+    def _more(self, slopes: list[ca.SX], parts: dict[str, ca.SX], numbers: ca.SX, h: ca.SX) -> list[ca.SX]:
+        """Those and the three of the dense output."""
+        found, x, t = list(slopes), parts["x"], parts["t"]
+        for row, node in zip(embedded().more_a, embedded().more_c, strict=True):
+            at = x + h * _weighted(row[: len(found)], found)
+            found.append(self._slope(at, numbers, t + node * h, parts["choices"]))
+        return found
+
+    def _meeting(
+        self, parts: dict[str, ca.SX], numbers: ca.SX, x: ca.SX, t: ca.SX, slope: ca.SX, scale: ca.SX, h: ca.SX,
+        inside: list[tuple[float, list[Any]]],
+    ) -> _Meeting:  # fmt: skip
+        """Whether a step comes to the other side of a choice, at its end or at one of its stages, and where that is due."""
+        import casadi as ca
+
+        s = self._driven(t, numbers)
+        conditions = self._switched(x, s, parts["choices"])[1]
+        if not conditions:
+            no, yes = ca.SX(0.0), ca.SX(1.0)
+            return _Meeting(no, yes, ca.SX(np.inf), no, ca.SX(0, 1), ca.SX(0, 1), no)
+        old = ca.vertsplit(parts["choices"])
+        before = ca.vertsplit(parts["margins"])
+        crossed, place, first_try, earlier = [], [], parts["tries"] == 0, ca.SX(np.inf)
+        for i, (one, chosen, was) in enumerate(zip(conditions, old, before, strict=True)):
+            other = _stands_otherwise(one, chosen)
+            share = was / (was - one.margin)
+            at_start = ca.logic_and(first_try, ca.fabs(was) <= SAME * one.size)
+            share = ca.if_else(ca.logic_and(share > 0, share < 1), ca.fmax(share, NEAREST), 0.5)
+            for node, seen in inside:
+                there = _stands_otherwise(seen[i], chosen)
+                earlier = ca.if_else(ca.logic_and(there, ca.logic_not(at_start)), ca.fmin(earlier, node), earlier)
+                share, other = ca.if_else(there, ca.fmin(share, node), share), ca.logic_or(other, there)
+            share = ca.if_else(at_start, 0.0, share)
+            crossed.append(other)
+            place.append(ca.if_else(other, share, np.inf))
+        first = ca.mmin(ca.vertcat(*place))
+        due = ca.if_else(ca.mmax(ca.vertcat(*crossed)) > 0, 1.0, 0.0)
+        near = MEETS / ca.fmax(ca.mmax(ca.fabs(slope) / scale), 1e-300)
+        near = ca.fmax(near, LEAST_ROUNDINGS * ca.fabs(t))
+        at_once = ca.logic_and(due, first <= 0)  # it stood there already when the step began
+        close = ca.logic_or(ca.logic_and((1 - first) * h <= near, earlier > 1), h <= near)
+        ready = ca.logic_or(ca.logic_not(due), ca.logic_and(close, ca.logic_not(at_once)))
+        flipped = [ca.logic_and(at_once, ca.logic_and(one, share <= 0)) for one, share in zip(crossed, place, strict=True)]
+        aim = first * h + 0.3 * near
+        margins = ca.vertcat(*(one.margin for one in conditions))
+        return _Meeting(due, ready, aim, at_once, margins, ca.vertcat(*flipped), earlier <= 1)
+
+
+@dataclass(frozen=True)
+class _Meeting:
+    """At the end of an attempt.
+
+    due      whether some choice would be another one
+    ready    whether that is no reason to try again
+    aim      the length [s] at which it seems to be due
+    at_once  whether it was so when the step began: then the choices ``flipped`` (J,) are changed and nothing moves
+    margins  (J,) at the end
+    inside   whether ``aim`` is the place of a stage, where some choice stood otherwise already
+    """
+
+    due: Any
+    ready: Any
+    aim: Any
+    at_once: Any
+    margins: Any
+    flipped: Any
+    inside: Any
+
+
+def _stands_otherwise(condition: Any, chosen: ca.SX) -> ca.SX:
+    """Whether a condition would be chosen otherwise, and not by a rounding alone."""
+    import casadi as ca
+
+    other = ca.if_else(condition.truth, 1.0, 0.0) != chosen
+    found: ca.SX = ca.logic_and(other, _is_clear(condition))
+    return found
+
+
+def _is_clear(condition: Any) -> ca.SX:
+    """Whether what is compared differs by more than roundings."""
+    import casadi as ca
+
+    distance = ca.fabs(condition.margin)
+    found: ca.SX = ca.logic_or(distance > SAME * condition.size, distance == np.inf)
+    return found
+
+
+def _length(parts: dict[str, ca.SX], t_stop: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """The attempt's length, the time at its end, and whether something else than the error has made it shorter."""
+    import casadi as ca
+
+    t, own = parts["t"], parts["h"]
+    rest = t_stop - t
+    free = ca.fmin(own, ca.fmin(parts["meets"], parts["until"] - t))
+    last = free * (1 + 1e-6) >= rest
+    h = ca.if_else(last, rest, ca.fmin(free, ca.if_else(2 * free > rest, 0.5 * rest, free)))
+    return h, ca.if_else(last, t_stop, t + h), h < own
+
+
+def _error(slopes: list[ca.SX], scale: ca.SX, h: ca.SX) -> ca.SX:
+    """The estimate as a multiple of what is allowed: DOP853's."""
+    import casadi as ca
+
+    def squares(weights: tuple[float, ...]) -> ca.SX:
+        return ca.sumsqr(_weighted(weights, slopes) / scale)
+
+    fifth, third = squares(embedded().error_5), squares(embedded().error_3)
+    both = fifth + 0.01 * third
+    return ca.if_else(both == 0, 0.0, h * fifth / ca.sqrt(both * scale.numel()))
+
+
+def _next(
+    parts: dict[str, ca.SX], h: ca.SX, error: ca.SX, running: ca.SX, fits: ca.SX, choosing: ca.SX, ends: ca.SX, cut: ca.SX,
+    found: _Meeting, t: ca.SX,
+) -> dict[str, ca.SX]:  # fmt: skip
+    """Lengths, tries and what is renewed, for the next attempt."""
+    import casadi as ca
+
+    bounded = ca.fmax(error, 1e-12)
+    factor = ca.if_else(error < np.inf, ca.fmax(SAFETY / _root(bounded, 3), SHRINKS), SHRINKS)
+    filtered = FILTERED / (_root(bounded * parts["error"], 5) * _root(parts["ratio"], 2))
+    filtered = ca.fmin(ca.fmax(filtered, SHRINKS), ca.if_else(parts["rejected"], 1.0, GROWS))
+    grown = ca.if_else(cut, ca.fmax(h * filtered, parts["h"]), h * filtered)
+    smaller = h * ca.fmin(factor, SAFETY)
+    failed = ca.logic_and(running, ca.logic_not(ca.logic_or(fits, choosing)))
+    waits = ca.logic_or(ends, ca.logic_and(choosing, found.at_once))
+    tries = parts["tries"]
+    aim = ca.if_else(
+        ca.logic_and(tries >= 1, ca.logic_not(found.inside)), ca.fmax(2 * found.aim - h, 0.5 * h), found.aim
+    )  # to the left of it, from where the next is exact
+    aim = ca.if_else(tries >= SECANTS, ca.fmin(0.5 * h, aim), aim)
+    inside = ca.logic_and(choosing, ca.logic_not(found.at_once))
+    choices = parts["choices"]
+    flipped = ca.if_else(ca.logic_and(choosing, found.at_once), found.flipped, 0 * choices) if choices.numel() else choices
+    return {
+        "h": ca.if_else(fits, grown, ca.if_else(failed, smaller, parts["h"])),
+        "rejected": ca.if_else(running, ca.if_else(failed, 1.0, 0.0), parts["rejected"]),
+        "meets": ca.if_else(inside, aim, ca.if_else(running, np.inf, parts["meets"])),
+        "until": ca.if_else(
+            ca.logic_or(waits, ca.logic_and(fits, t + h >= parts["until"])), np.inf, ca.if_else(inside, t + h, parts["until"])
+        ),
+        "error": ca.if_else(fits, bounded, parts["error"]),
+        "ratio": ca.if_else(ca.logic_and(fits, ca.logic_not(cut)), filtered, ca.if_else(failed, 1.0, parts["ratio"])),
+        "tries": ca.if_else(choosing, tries + 1, ca.if_else(fits, 0.0, tries)),
+        "renew": ca.if_else(ends, ALL, ca.if_else(ca.logic_and(choosing, found.at_once), SLOPE, parts["renew"])),
+        "choices": ca.if_else(flipped, 1 - choices, choices) if choices.numel() else choices,
+    }
+
+
+def _root(value: ca.SX, times: int) -> ca.SX:
+    """The square root, so many times: exactly rounded, so that its bits are the same everywhere."""
+    import casadi as ca
+
+    for _ in range(times):
+        value = ca.sqrt(value)
+    return value
+
+
+def _weighted(weights: tuple[float, ...], slopes: list[ca.SX]) -> ca.SX:
+    """The sum of the slopes with these weights."""
+    first, *others = [weight * slope for weight, slope in zip(weights, slopes, strict=True) if weight]
+    return sum(others, first)
+
+
+def _dense(slopes: list[ca.SX], x: ca.SX, x_new: ca.SX, h: ca.SX) -> ca.SX:
+    """The seven coefficients, (7 S,), of the polynomial of ``dense_output``."""
+    import casadi as ca
+
+    if len(slopes) < 16:
+        return ca.SX(0, 1)
+    moved = x_new - x
+    rows = [moved, h * slopes[0] - moved, 2 * moved - h * (slopes[12] + slopes[0])]
+    return ca.vertcat(*rows, *(h * _weighted(row, slopes) for row in embedded().dense))
+
+
+def dense_output(written: np.ndarray, states: int, share: np.ndarray) -> np.ndarray:
+    """The states (K, S) at these shares (K,) of the steps that K rows of what was ``written`` hold.
+
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.6.
+    """
+    x, rows = written[:, 3 : 3 + states], written[:, 3 + states :].reshape(len(written), 7, states)
+    found, s = np.zeros_like(x), share[:, None]
+    for i in range(7):
+        found = (found + rows[:, 6 - i]) * (s if i % 2 == 0 else 1 - s)
+    return np.asarray(found + x)

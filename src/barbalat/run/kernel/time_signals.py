@@ -1,0 +1,97 @@
+"""What drives a run at any time, not at a grid's alone: signals as formulas of t, or as lines between their breaks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from barbalat.loop.packing import column, symbols
+from barbalat.protocols import BreakingSignal, InterpolatedSignal, Signal, SlopedSignal
+from barbalat.signals.smooth import Clock, Constant, Continuous
+from barbalat.validate import Array, InputError
+
+if TYPE_CHECKING:
+    import casadi as ca
+
+
+def is_formula(signal: Signal) -> bool:
+    """Whether it is written for CasADi's arrays too, and does not jump."""
+    if not isinstance(signal, Continuous) or isinstance(signal, (InterpolatedSignal, Constant)):
+        return False
+    _, t = symbols("t", 1)
+    try:
+        return isinstance(signal(t), type(t))
+    except (TypeError, ValueError, RuntimeError):  # what turns t into a number or branches on it is no formula
+        return False
+
+
+def is_straight(signal: Signal) -> bool:
+    """Whether it is linear between its breaks."""
+    resting = isinstance(signal, SlopedSignal) and signal.slope == 0
+    return isinstance(signal, InterpolatedSignal) or (resting and isinstance(signal, (BreakingSignal, Constant)))
+
+
+@dataclass(frozen=True, eq=False)
+class TimeSignals:
+    """The signals of a loop in their order, and channels of noise behind them, which are constant between samples of theirs.
+
+    A piece of a run lies between two instants at which one of them breaks, and has numbers of its own: see ``rows``.
+    """
+
+    signals: tuple[Signal, ...]
+    noise: int = 0
+
+    @classmethod
+    def of(cls, signals: tuple[Signal, ...], noise: int = 0) -> TimeSignals:
+        """InputError for a signal that is known at a grid's instants alone."""
+        for signal in signals:
+            if not (is_formula(signal) or is_straight(signal)):
+                raise InputError.of(
+                    "simulation.tolerance",
+                    f"needs signals that are known at every instant, and {type(signal).__name__} is a Python function of the "
+                    "times that it is asked for: give simulation.dt",
+                )
+        return cls(signals, noise)
+
+    @property
+    def numbers(self) -> int:
+        """Numbers of a piece: when it begins, whether the signals are held, of each its value and its slope, the noise."""
+        return 2 + 2 * len(self.signals) + self.noise
+
+    def breaks(self, t_end: float) -> Array:
+        """The instants in (0, t_end) at which any of them breaks."""
+        found = [np.asarray(one.breaks(0.0, t_end), float) for one in self.signals if isinstance(one, BreakingSignal)]
+        return np.unique(np.concatenate([np.zeros(0), *found]))
+
+    def rows(self, begins: Array, ends: Array) -> Array:
+        """(K, numbers) of pieces that begin and end at these times (K,) [s], without noise."""
+        columns = [begins, np.zeros(len(begins))]
+        for signal in self.signals:
+            if is_formula(signal):
+                columns += [np.zeros(len(begins))] * 2
+                continue
+            first, last = np.asarray(signal(begins), float), np.asarray(signal.before(ends), float)
+            columns += [first, (last - first) / (ends - begins)]
+        return np.column_stack([*columns, np.zeros((len(begins), self.noise))])
+
+    def held(self, begins: float, values: Array) -> Array:
+        """(numbers,) of a piece in which each signal keeps one of ``values``, but for a clock, whose value is NaN."""
+        pairs = [(float(value), 0.0) for value in values]
+        return np.concatenate([[begins, 1.0], np.ravel(pairs), np.zeros(self.noise)])
+
+    def at(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
+        """(signal_count,) at the time t of a piece with these ``numbers``."""
+        import casadi as ca
+
+        begins, held, found = numbers[0], numbers[1], []
+        for i, signal in enumerate(self.signals):
+            value, slope = numbers[2 + 2 * i], numbers[3 + 2 * i]
+            if not is_formula(signal):
+                found.append(value + slope * (t - begins))
+                continue
+            formula = ca.SX(column(np.reshape(signal(ca.array(t).reshape(-1)), -1)))
+            found.append(formula if isinstance(signal, Clock) else ca.if_else(held, value, formula))
+        rest = 2 + 2 * len(self.signals)
+        return ca.vertcat(*found, numbers[rest : rest + self.noise] if self.noise else ca.SX(0, 1))

@@ -1,0 +1,162 @@
+"""Runs whose steps follow from a tolerance, against exact solutions, SciPy's DOP853 and fixed steps that are fine enough."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import barbalat
+from barbalat import Simulation, load_case, simulate
+from barbalat.certificates.certify import certify
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import right_hand_side
+from barbalat.lowering.compiled import Compiled
+from barbalat.run.engine.motion import Motion
+from barbalat.signals import Constant, Square
+from barbalat.validate import InputError
+
+PAPER = load_case("paper")
+L1 = next(c for c in PAPER.controllers if c.name == "L1")
+MRAC = next(c for c in PAPER.controllers if c.name == "MRAC")
+
+
+def final_state(problem, controller, tolerance, t_end):
+    motion = Motion.of(ClosedLoop.of(problem, controller), problem.signals, Simulation(t_end, tolerance=tolerance), tolerance)
+    while not motion.over:
+        motion.further()
+    return motion
+
+
+def test_the_motion_is_scipys() -> None:
+    """SciPy's DOP853 has the same coefficients and another step control: at 1e-11 both leave some 1e-8 here."""
+    loop = ClosedLoop.of(PAPER.problem, MRAC)
+    rates, command = Compiled(right_hand_side(loop)), PAPER.problem.reference
+    found = solve_ivp(
+        lambda t, x: rates(x, np.array([float(command(np.array(t)))])), (0, 2), loop.initial(), "DOP853", rtol=1e-11, atol=1e-11
+    )
+    motion = final_state(PAPER.problem, MRAC, 1e-10, 2.0)
+    assert motion.x == pytest.approx(found.y[:, -1], rel=1e-6)
+    assert motion.steps < len(found.t)
+
+
+def test_the_error_falls_as_the_tolerance() -> None:
+    """A step's error is of order 9 in its length, so that a hundredth of the tolerance takes 100^(1/8) = 1.8 as many steps."""
+    exact = final_state(PAPER.problem, L1, 1e-11, 1.0)
+    motions = [final_state(PAPER.problem, L1, tolerance, 1.0) for tolerance in (1e-5, 1e-7, 1e-9)]
+    errors = [np.abs((motion.x - exact.x) / exact.x).max() for motion in motions]
+    assert errors[1] < errors[0] / 20
+    assert errors[2] < errors[1] / 20
+    steps = [motion.steps for motion in motions]
+    assert all(1.4 < more / fewer < 2.2 for fewer, more in pairwise(steps))
+
+
+@pytest.mark.parametrize("controller", [L1, MRAC], ids=lambda c: c.name)
+def test_the_order_is_kept_where_an_estimate_meets_its_bound(controller) -> None:
+    """Section V up to 8 s: theta_hat_1 rests at 5 for a while; RK4 at fixed steps is of first order there."""
+    given = replace(controller, gamma=1.0)
+    one, other, exact = (final_state(PAPER.problem, given, tolerance, 8.0) for tolerance in (1e-5, 1e-7, 1e-10))
+    assert one.choices >= 2
+    assert np.abs(other.x - exact.x).max() < np.abs(one.x - exact.x).max() / 10
+    assert other.x == pytest.approx(exact.x, rel=1e-3)
+
+
+def test_figures_are_those_of_the_motion() -> None:
+    """Against fixed steps so fine that their instants resolve every extremum to seven digits."""
+    result = simulate(PAPER.problem, [MRAC], Simulation(4.0, tolerance=1e-8))["MRAC"]
+    fine = simulate(PAPER.problem, [MRAC], Simulation(4.0, 2e-5))["MRAC"]
+    for name in ("max_abs_e", "tail_max_abs_e", "theta_hat_tail_min", "theta_hat_tail_max", "theta_hat_variation_rate"):
+        assert result.figures[name] == pytest.approx(fine.figures[name], rel=2e-4), name  # RK4's own error there is 1e-4
+    assert result.figures["rms_e"] == pytest.approx(fine.figures["rms_e"], rel=1e-4)
+    assert result.figures["max_abs_u"] == pytest.approx(fine.figures["max_abs_u"], rel=1e-5)
+    assert result.t[-1] == 4.0
+    assert len(result.t) == len(result.x) == 2001
+    at = np.searchsorted(fine.t, result.t[::500])
+    assert result.x[::500] == pytest.approx(fine.x[at], abs=1e-4)
+
+
+def test_the_estimates_stay_in_the_known_set() -> None:
+    result = simulate(PAPER.problem, [replace(MRAC, gamma=1.0)], Simulation(8.0, tolerance=1e-5))["MRAC"]
+    assert result.figures["theta_hat_tail_max"][0] <= 5.0
+    assert result.envelope.theta_hat_max.max() == 5.0
+
+
+def test_jumps_and_corners_of_the_command_end_steps() -> None:
+    """A square wave whose jumps lie on no grid: the error falls with the tolerance as without jumps."""
+    problem = replace(PAPER.problem, reference=Square(20.0, 1.37, phase=0.2))
+    one, other, exact = (final_state(problem, MRAC, tolerance, 5.0) for tolerance in (1e-5, 1e-8, 1e-11))
+    assert np.abs(other.x - exact.x).max() < np.abs(one.x - exact.x).max() / 50
+
+
+def test_the_measured_error_is_that_of_the_run() -> None:
+    """Held against a third run, at a tolerance finer than the second one's."""
+    result = simulate(PAPER.problem, [L1], Simulation(1.0, tolerance=1e-5))["L1"]
+    exact = simulate(PAPER.problem, [L1], Simulation(1.0, tolerance=1e-10))["L1"]
+    found = np.abs(result.theta_hat - exact.theta_hat).max(axis=0) / np.abs(exact.theta_hat).max(axis=0)
+    assert result.accuracy is not None
+    assert result.accuracy.error["theta_hat"] == pytest.approx(found.max(), rel=0.1)
+    assert "measured error" in result.numerics
+
+
+def test_a_divergence_is_a_result() -> None:
+    case = load_case("rohrs")
+    classical = next(c for c in case.controllers if c.name == "Classical")
+    result = simulate(case.problem, [classical], Simulation(30.0, tolerance=1e-6))["Classical"]
+    fine = simulate(case.problem, [classical], Simulation(30.0, 1e-3))["Classical"]
+    assert result.diverged_at == pytest.approx(fine.diverged_at, abs=2e-3)
+    assert result.verdict is not None
+    assert result.verdict.kind.name == fine.verdict.kind.name
+    assert result.figures["max_abs_u"] is None
+
+
+def test_the_judge_finds_a_limit_cycle() -> None:
+    case = load_case("rohrs")
+    sigma = next(c for c in case.controllers if c.name == "Sigma-modification")
+    verdict = simulate(case.problem, [sigma], Simulation(30.0, tolerance=1e-6))[sigma.name].verdict
+    expected = simulate(case.problem, [sigma], Simulation(30.0, 2e-3))[sigma.name].verdict
+    assert verdict.kind is expected.kind
+    assert str(verdict).split(" at ")[0] == str(expected).split(" at ")[0]
+
+
+def test_bits_do_not_depend_on_threads() -> None:
+    simulation = Simulation(0.2, tolerance=1e-6)
+    alone, together = (simulate(PAPER.problem, [L1, MRAC], simulation, threads=n) for n in (1, 2))
+    assert all(alone[name].figures == together[name].figures for name in alone)
+    assert all(np.array_equal(alone[name].states, together[name].states) for name in alone)
+
+
+class Callable:
+    """A signal of a user's own."""
+
+    def __call__(self, t):
+        return np.array([float(v) ** 2 for v in np.atleast_1d(t)])
+
+    before = __call__
+
+
+def test_refusals() -> None:
+    simulation = Simulation(1.0, tolerance=1e-6)
+    with pytest.raises(InputError, match=r"Callable is a Python function .*: give simulation\.dt"):
+        simulate(replace(PAPER.problem, reference=Callable()), [MRAC], simulation)
+    with pytest.raises(InputError, match=r"an ensemble needs one: give simulation\.dt"):
+        barbalat.simulate_ensemble([(PAPER.problem, MRAC)], simulation)
+    with pytest.raises(InputError, match="must be auto beside a tolerance, got rk4"):
+        Simulation(1.0, tolerance=1e-6, solver="rk4")
+    with pytest.raises(InputError, match="stands instead of dt"):
+        Simulation(1.0, 1e-3, tolerance=1e-6)
+    with pytest.raises(InputError, match="needs dt, the step"):
+        Simulation(1.0)
+
+
+def test_a_constant_command_and_json() -> None:
+    result = simulate(replace(PAPER.problem, reference=Constant(1.0)), [MRAC], Simulation(1.0, tolerance=1e-6))["MRAC"]
+    assert result.simulation.as_json() == {"t_end": 1.0, "dt": None, "solver": "auto", "tolerance": 1e-6}
+
+
+def test_certificates_have_no_limit_of_the_step() -> None:
+    found = certify(PAPER.problem, [MRAC], Simulation(1.0, tolerance=1e-6))
+    fixed = certify(PAPER.problem, [MRAC], Simulation(1.0, 1e-4))
+    for name, certificate in found.items():
+        assert not {"step_max", "gamma_max"} & set(certificate.values)
+        assert certificate.values["error_bound"] == fixed[name].values["error_bound"]
