@@ -288,7 +288,7 @@ AROUND = {
     "what was learnt is kept without being asked": ("    if (keep_estimates == 0) {", "    if (0) {"),
     "what was learnt is never kept": ("    if (keep_estimates == 0) {", "    if (1) {"),
     "a fade of a negative time": ("c->fade = samples > 0L ? samples : 0L;", "c->fade = samples;"),
-    "10 ppm of a timer are another sample time": ("c->sample_time + 0x1.4f8b588e368f1p-17", "c->sample_time + 0x1.0p-30"),
+    "10 ppm of a timer are another sample time": ("_SAMPLE_TIME + 0x1.4f8b588e368f1p-17", "_SAMPLE_TIME + 0x1.0p-30"),
 }
 """What surrounds the arithmetic of a controller with limits of -3 and 3, and what is planted in its place."""
 

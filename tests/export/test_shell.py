@@ -201,8 +201,8 @@ PLANTED = {
     "no upper end": ("in->x[1] <= 0x1.4", "in->x[1] <= 0x1.4p9 && in->x[1] <= 0x1.4p9 || in->x[1] <= 0x1.4"),
     "no lower end": ("in->x[1] >= -0x1.0000000000000p+2", "in->x[1] >= -0x1.0000000000000p+3"),
     "another band": ("off <= {M}_BAND && -off", "off <= 0 && -off"),
-    "missed calls are none": ("        miss(c);\n", ""),
-    "a wrong time is taken": ("        measured = -1;\n", ""),
+    "missed calls are none": ("        --missed;\n", "        missed = -1L;\n"),
+    "a wrong time is taken": ("(missed < 0L ? -1 : 0);", "(missed < 0L ? 1 : 0);"),
     "a start keeps the outage": ("    c->matching = 1;\n    c->outage = 0L;\n    return", "    c->matching = 1;\n    return"),
     "any number of calls": ("        return -1L;\n", "        return 0L;\n"),
 }

@@ -23,7 +23,7 @@ def shell(printed: Printed) -> dict[str, str]:
     around = printed.contents.around
     counts, ends, timed = around is not None and around.counts, _ends(around), around is not None and around.band is not None
     macro, x = printed.macro, printed.measured
-    late = ["*measured < 0 || "] if timed else []
+    late = ["*measured <= 0 || "] if timed else []
     lost = [f"*status |= {macro}_MEASUREMENT_LOST;", "*measured = 0;"]
     return {
         "shell_macros": _macros(printed),
@@ -32,7 +32,7 @@ def shell(printed: Printed) -> dict[str, str]:
         "fall_back": _FALL_BACK[around.fallback].format(**_names(printed)) if _falls(around) and around else "",
         "shell_timer": _TIMER.format(**_names(printed)) if timed else "",
         "late": "".join(late),
-        "implausible": " || is_plausible(c, in) == 0" if _checked(around) else "",
+        "implausible": " || ".join(_implausible(printed)),
         "lost": indented(["if (*measured > 0) {", *(f"    {line}" for line in lost), "}"] if timed else lost, 8),
         "returns": indented(
             [*(_RETURNS.format(**_names(printed)).splitlines() if ends else []), *(["next.outage = 0L;"] if counts else [])], 8
@@ -41,9 +41,11 @@ def shell(printed: Printed) -> dict[str, str]:
         "falls_back": indented(["fall_back(&next);"] if _falls(around) else [], 8),
         "no_outage": indented(["c->outage = 0L;"] if counts else []),
         "clock_test": (_BAND if timed else _CLOCK).format(**_names(printed)),
-        "missed_calls": indented(_MISSED.format(**_names(printed)).splitlines()) if timed else "",
+        "sample": _sample(printed, timed=timed),
+        "one": "" if timed else " = 1",
+        "uncalled": "*measured == 0 || " if timed else "",
+        "untold": indented(_untold(macro, timed=timed), 8),
         "good": "> 0" if timed else "!= 0",
-        "unbegun": f" | {macro}_WRONG_SAMPLE_TIME" if timed else "",
         "fallback_status": indented(_FALLS_BACK.format(macro=macro).splitlines()) if ends else "",
         "shell_statuses": str(31 | (64 | 128 if timed else 0) | (256 if ends else 0)),
         "shell_comment": _comment(around, x),
@@ -59,6 +61,16 @@ def usable(printed: Printed) -> list[str]:
 def members(around: Around | None) -> list[str]:
     """Names of whole numbers that a shell adds to the state."""
     return [] if around is None or not around.counts else ["outage"]
+
+
+def _implausible(printed: Printed) -> list[str]:
+    """Tests of a measurement that is none; ranges of all channels say more than the one of every number."""
+    around, contents = printed.contents.around, printed.contents
+    no_number = f"!in_range(in->{printed.measured}, {printed.macro}_MEASURED)"
+    if not _checked(around) or around is None:
+        return [no_number]
+    within = (np.abs([around.low, around.high]) <= contents.range).all()
+    return ["is_plausible(c, in) == 0"] if within else [no_number, "is_plausible(c, in) == 0"]
 
 
 def _ends(around: Around | None) -> bool:
@@ -157,6 +169,19 @@ def shell_readme(printed: Printed) -> str:
     return "".join(f"\n{fill(one, 128, initial_indent='- ', subsequent_indent='  ')}" for one in told)
 
 
+def _sample(printed: Printed, *, timed: bool) -> str:
+    """A sample's being taken; with a timer that counts also those of calls that did not come."""
+    unbegun = f" | {printed.macro}_WRONG_SAMPLE_TIME" if timed else ""
+    lines = _SAMPLE.format(**_names(printed), unbegun=unbegun).splitlines()
+    return _CALLS.format(**_names(printed), sample=indented(lines, 8)) if timed else indented(lines)
+
+
+def _untold(macro: str, *, timed: bool) -> list[str]:
+    """Of a command that is lost; of a call that did not come none is told."""
+    told = f"*status |= {macro}_COMMAND_LOST;"
+    return ["if (*measured != 0) {", f"    {told}", "}"] if timed else [told]
+
+
 def _counted(macro: str, *, ends: bool, timed: bool) -> list[str]:
     """Of a miss: one more in a row, and at a wrong time as many as the fallback waits for."""
     lines = [f"if (next.outage < {MOST_COUNTED}L) {{", "    ++next.outage;", "}"]
@@ -184,7 +209,7 @@ def _comment(around: Around | None, x: str) -> str:
 
 
 _CLOCK = """\
-    if (!(in->sample_time <= c->sample_time + {clock} && in->sample_time >= c->sample_time - {clock})) {{
+    if (!(in->sample_time <= {macro}_SAMPLE_TIME + {clock} && in->sample_time >= {macro}_SAMPLE_TIME - {clock})) {{
         status |= {macro}_WRONG_SAMPLE_TIME;
     }}
 """
@@ -194,7 +219,7 @@ _BAND = """\
         status |= {macro}_WRONG_SAMPLE_TIME;
     }} else if (missed > 0L) {{
         status |= {macro}_MISSED_CALLS;
-    }} else if (!(in->sample_time <= c->sample_time + {clock} && in->sample_time >= c->sample_time - {clock})) {{
+    }} else if (!(in->sample_time <= {macro}_SAMPLE_TIME + {clock} && in->sample_time >= {macro}_SAMPLE_TIME - {clock})) {{
         status |= {macro}_JITTER;
     }} else {{
         /* on time */
@@ -207,6 +232,10 @@ static long missed_calls(const {name}_input *in)
     const {real} time = in->sample_time;
     {real} off;
     long whole;
+    off = time - {macro}_SAMPLE_TIME;
+    if (off <= {macro}_BAND && -off <= {macro}_BAND) {{
+        return 0L;
+    }}
     if (!(time >= {half} * {macro}_SAMPLE_TIME
             && time <= (({real})({macro}_LONGEST_OUTAGE + 1L) + {half}) * {macro}_SAMPLE_TIME)) {{
         return -1L;
@@ -216,30 +245,26 @@ static long missed_calls(const {name}_input *in)
     return (off <= {macro}_BAND && -off <= {macro}_BAND) ? whole - 1L : -1L;
 }}
 
-/* A call that did not come, made up for: nothing was measured and nothing commanded. */
-static void miss({name}_controller *c)
-{{
-    int i;
-    {name}_input in;
-    in.sample_time = c->sample_time;
-    in.freeze = 1;
-    for (i = 0; i < {macro}_MEASURED; ++i) {{
-        in.{x}[i] = c->{last}[i];
-    }}
-    for (i = 0; i < {macro}_COMMANDS; ++i) {{
-        in.r[i] = c->{last_r}[i];
-    }}
-    (void)go_on(c, &in, 0);
-}}
-
 """
-_MISSED = """\
-if (missed < 0L) {{
-    measured = -1;
+_SAMPLE = """\
+taken = *in;
+take(c, &taken, &measured, &status);
+if ((status & ({macro}_MEASUREMENT_LOST | {macro}_COMMAND_LOST{unbegun})) != 0u && !(c->{started}[0] > 0)) {{
+    give(c, out, status); /* nothing has begun, and there is nothing that could stand in */
+    return out->status;
 }}
-for (; missed > 0L && c->{started}[0] > 0; --missed) {{
-    miss(c);
+if (go_on(c, &taken, measured) == 0) {{
+    status |= {macro}_RESULT_REFUSED;
 }}
+"""
+_CALLS = """\
+    if (missed > 0L && !(c->{started}[0] > 0)) {{
+        missed = 0L; /* nothing has begun that could go on */
+    }}
+    do {{
+        measured = missed == 0L ? 1 : (missed < 0L ? -1 : 0); /* a call that did not come is made up for */
+{sample}        --missed;
+    }} while (missed >= 0L);
 """
 _RETURNS = """\
 if (next.outage > {macro}_LONGEST_OUTAGE) {{

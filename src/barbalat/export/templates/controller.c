@@ -83,13 +83,12 @@ ${shell_functions}${shell_timer}/* Replaces a lost command by the last good one,
 static void take(const ${name}_controller *c, ${name}_input *in, int *measured, unsigned *status)
 {
     int i;
-    if (!in_range(in->r, ${macro}_COMMANDS)) {
-        *status |= ${macro}_COMMAND_LOST;
-        for (i = 0; i < ${macro}_COMMANDS; ++i) {
+    if (${uncalled}!in_range(in->r, ${macro}_COMMANDS)) {
+${untold}        for (i = 0; i < ${macro}_COMMANDS; ++i) {
             in->r[i] = c->${last_r}[i];
         }
     }
-    if (${late}!in_range(in->${measured}, ${macro}_MEASURED)${implausible}) {
+    if (${late}${implausible}) {
 ${lost}        in->freeze = 1;
         for (i = 0; i < ${macro}_MEASURED; ++i) {
             in->${measured}[i] = c->${last_measured}[i];
@@ -110,8 +109,7 @@ void ${name}_reset(${name}_controller *c)
         c->last_u[i] = held != 0 ? c->last_u[i] : ${zero};
         c->bump[i] = ${zero};
     }
-${reset}    c->sample_time = ${macro}_SAMPLE_TIME;
-    c->fade = 0L;
+${reset}    c->fade = 0L;
     c->fade_left = 0L;
     c->matching = 0;
 ${no_outage}}
@@ -132,8 +130,7 @@ unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_n
     if (${start_refused}) {
         return ${macro}_START_REFUSED;
     }
-${start}    c->sample_time = ${macro}_SAMPLE_TIME;
-    for (i = 0; i < ${macro}_INPUTS; ++i) {
+${start}    for (i = 0; i < ${macro}_INPUTS; ++i) {
         c->bump[i] = u_now[i];
         c->last_u[i] = u_now[i];
     }
@@ -146,21 +143,12 @@ ${no_outage}    return ${macro}_OK;
 unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out)
 {
     unsigned status = ${macro}_OK;
-    int measured = 1;
+    int measured${one};
     ${name}_input taken;
 ${clock_test}    if (!state_is_usable(c)) {
         give(c, out, status | ${macro}_STATE_REFUSED);
         return out->status;
     }
-${missed_calls}    taken = *in;
-    take(c, &taken, &measured, &status);
-    if ((status & (${macro}_MEASUREMENT_LOST | ${macro}_COMMAND_LOST${unbegun})) != 0u && !(c->${started}[0] > 0)) {
-        give(c, out, status); /* nothing has begun, and there is nothing that could stand in */
-        return out->status;
-    }
-    if (go_on(c, &taken, measured) == 0) {
-        status |= ${macro}_RESULT_REFUSED;
-    }
-${fallback_status}    give(c, out, status);
+${sample}${fallback_status}    give(c, out, status);
     return out->status;
 }

@@ -26,8 +26,7 @@ extern "C" {
 
 /* Everything that the controller keeps. Matrices stand row by row. */
 typedef struct {
-${members}    ${real} sample_time; /* [s] for which this state was made */
-    ${real} last_u[${macro}_INPUTS]; /* what was put out last: what is held */
+${members}    ${real} last_u[${macro}_INPUTS]; /* what was put out last: what is held */
     ${real} bump[${macro}_INPUTS]; /* of a bumpless start: what fades out of u */
     long fade; /* samples over which it does */
     long fade_left; /* of them still to come */

@@ -212,8 +212,6 @@ ${timer_tests}    ${name}_init(&c);
     require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED, "a state out of range is not refused");
     require(out.u[0] == 1 && is_limited(&out), "the last good control is not held");
 ${limit_tests}    ${name}_reset(&c);
-    c.sample_time = 0;
-    ${name}_reset(&c);
     require(${name}_step(&c, &in, &out) == ${macro}_OK, "there is no way back from a bad state");
     c.last_u[0] = 2 * ${macro}_RANGE;
     c.bump[0] = 2 * ${macro}_RANGE;
@@ -346,7 +344,6 @@ ${kept_tests}    require(c.fade == 0L && c.fade_left == 0L && ${name}_step(&c, &
     }
     require(c.fade_left == 0L, "the bump does not fade out in the time that was asked for");
     c = before;
-    c.sample_time = 0;
     (void)${name}_start(&c, ${start_argument}u_now, 0L, 1);
     require(${name}_step(&c, &in, &out) == ${macro}_OK && same(out.u, own.u, ${macro}_INPUTS),
         "a start without a fade is not the controller's own control");
