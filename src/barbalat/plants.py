@@ -1,4 +1,4 @@
-"""What lies before a plant's input and behind its state, the names of its quantities, and what is known of its parameters.
+"""What lies before a plant's input and behind its state, physical parameters, the truth apart from the design, names, known sets.
 
 Behind the state are the sensor, what goes wrong with its samples (``Dropout``, ``Spike``, ...), and the ``Shell`` around a
 sampled controller, which decides what of a sample is taken.

@@ -9,5 +9,9 @@ from .problem.known_set import ParameterBall as ParameterBall
 from .problem.labels import Labels as Labels
 from .problem.measurement import Noise as Noise
 from .problem.measurement import Sensor as Sensor
+from .problem.parameters import Parameter as Parameter
+from .problem.physical import PhysicalPlant as PhysicalPlant
 from .problem.shell import Shell as Shell
 from .problem.tracking import Disturbance as Disturbance
+from .problem.truth import Friction as Friction
+from .problem.truth import Truth as Truth

@@ -209,7 +209,7 @@ BAD = [
     ("c_0 = [1.0, 1.0]", "c_0 = [-1.0, 1.0]", ["minimum phase", "real part 1"]),
     ("c_0 = [1.0, 1.0]", "c_0 = [0.0, 0.0]", ["c_0 must not be zero"]),
     ("lower = [-5.0, -5.0]", "lower = [6.0, 6.0]", ["uncertainty.lower", "6 > 5", "empty"]),
-    ("upper = [5.0, 5.0]", "upper = [-1.0, 5.0]", ["theta_hat0", "known set"]),
+    ('scheme = "l1"', 'scheme = "l1"\ntheta_hat0 = [6.0, 0.0]', ["theta_hat0", "known set"]),
     ("upper = [5.0, 5.0]", "upper = [5.0]", ["uncertainty.upper"]),
     ('name = "L1"', 'name = "MRAC"', ["'MRAC'", "2 times"]),
     ('name = "L1"', 'name = ""', ["controller 2.name"]),

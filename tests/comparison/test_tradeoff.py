@@ -15,8 +15,9 @@ from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.comparison import grids
 from barbalat.comparison.grids import default_knobs
+from barbalat.comparison.plants import plants_of
 from barbalat.comparison.tradeoff import forecast
-from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff, pareto_front, plants_of, trade_off
+from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff, pareto_front, trade_off
 from barbalat.controllers import SCHEMES, Mrac, Sampled
 from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.folders import Folder

@@ -102,11 +102,18 @@ class Parts:
         return problem
 
 
-def build(case: Table, folder: Path, joining: Sequence[Controller] = (), parts: Parts | None = None) -> Case:
+def build(
+    case: Table,
+    folder: Path,
+    joining: Sequence[Controller] = (),
+    parts: Parts | None = None,
+    raw: dict[str, Any] | None = None,
+) -> Case:
     """Everything validated, controllers bound once; ``folder`` is where relative paths start.
 
     joining  controllers beside the case's own
     parts    of the first case that was built with them: what its tables were made into is not made again
+    raw      the file's tables, where they have parameters or a truth
     """
     parts = Parts() if parts is None else parts
     base = Context(folder, objects=parts.objects)
@@ -117,7 +124,7 @@ def build(case: Table, folder: Path, joining: Sequence[Controller] = (), parts: 
 
     def pose() -> TrackingProblem:
         with in_the_files_words(given):
-            problem: TrackingProblem = case.recipe.make(given, base)
+            problem: TrackingProblem = case.recipe.make(given, base._replace(raw=raw, judge=judge, t_end=simulation.t_end))
         return problem
 
     problem = parts.problem_of(posed, pose)
@@ -185,6 +192,8 @@ def _given(table: Table, context: Context, place: str) -> Given:
 def _value(value: Any, context: Context, place: str) -> Any:
     if isinstance(value, list) and value and isinstance(value[0], Table):
         return tuple(_value(one, context, f"{place} {i}") for i, one in enumerate(value, start=1))
+    if isinstance(value, dict):
+        return {key: _value(one, context, f"{place}.{key}") for key, one in value.items()}
     if not isinstance(value, Table):
         return value
     if (known := context.objects.get(id(value))) is not None:

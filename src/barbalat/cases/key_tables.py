@@ -16,6 +16,7 @@ from barbalat.adaptation.law import AdaptiveLaw, Normalization, OutputErrorLaw
 from barbalat.adaptation.laws import LAWS, OUTPUT_LAWS
 from barbalat.adaptation.learning import CompositeLearning
 from barbalat.cases.keys import REQUIRED, Key, summary
+from barbalat.cases.problem_keys import STATES
 from barbalat.cases.schema import NAMES_OF_TYPE, case_table, members_of, table_of
 from barbalat.cases.scheme_keys import SAMPLING, LowPass, sampling_of
 from barbalat.controllers import SCHEMES
@@ -184,6 +185,8 @@ def _word(hint: Any) -> str:
         return " or ".join(NAMES_OF_TYPE[hint])
     if get_origin(hint) is Literal:
         return " or ".join(f"`{name}`" for name in get_args(hint))
+    if hint is STATES:
+        return "list or matrix"
     if get_origin(hint) is Annotated:
         return _word(get_args(hint)[0])
     if get_origin(hint) is tuple:

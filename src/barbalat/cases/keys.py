@@ -36,6 +36,9 @@ class Context(NamedTuple):
     """The case's controllers of a class, by name, each with what makes it."""
     objects: Mapping[int, tuple[Any, Any]] = MappingProxyType({})
     """What tables were made into before, with the tables, by their identity; a dictionary takes further ones."""
+    raw: dict[str, Any] | None = None  # the file's tables, where formulas of parameters stand in them
+    judge: Any = None  # the case's, for the scales of states
+    t_end: float = 0.0  # [s]
 
 
 Make = Callable[[Given, Context], Any]

@@ -19,6 +19,7 @@ from barbalat.budget import Estimate
 from barbalat.cases import user_controllers
 from barbalat.cases.build import Case, Parts, build
 from barbalat.cases.findings import BEYOND_RANGE, Typed, findings, several
+from barbalat.cases.physical_tables import with_numbers
 from barbalat.cases.schema import CASES, case_table, problem_posed
 from barbalat.cases.table_models import Table
 from barbalat.cases.typed_numbers import echo
@@ -62,9 +63,12 @@ class Variants:
     folder: Path
     joining: tuple[Controller, ...]
     parts: Parts
+    with_formulas: bool = False
 
     def at(self, numbers: Mapping[Keys, float]) -> Case | None:
         """The case with these numbers, refused as any other; None where one of them is no plain number of the first case."""
+        if self.with_formulas:  # numbers follow from formulas: the tables are evaluated anew
+            return None
         table: Any = self.table
         for keys, value in numbers.items():
             table = _with_number(table, keys, value)
@@ -147,27 +151,31 @@ class CaseText:
 
     def variants(self, data: dict[str, Any]) -> Variants:
         """Cases that differ from the one with these tables in some numbers; InputError where there is no such case."""
-        table, joining = self._checked(data, changed=True)
+        table, joining, raw = self._checked(data, changed=True)
         parts = Parts()
-        build(table, self.folder, joining, parts)
-        return Variants(table, self.folder, joining, parts)
+        build(table, self.folder, joining, parts, raw)
+        return Variants(table, self.folder, joining, parts, with_formulas=raw is not None)
 
     def case(self, data: dict[str, Any] | None = None) -> Case:
         """The case, or the one that the text would be with these tables instead of its own."""
         changed = data is not None
         data = self.data() if data is None else data
-        table, joining = self._checked(data, changed=changed)
+        table, joining, raw = self._checked(data, changed=changed)
         try:
-            return build(table, self.folder, joining)
+            return build(table, self.folder, joining, raw=raw)
         except InputError:
             if changed:
                 raise
             echo(table, tomllib.loads(self.text, parse_float=Typed))
-            return build(table, self.folder, joining)  # is refused once more, in the words of the file
+            return build(table, self.folder, joining, raw=raw)  # is refused once more, in the words of the file
 
-    def _checked(self, data: dict[str, Any], *, changed: bool) -> tuple[Table, tuple[Controller, ...]]:
-        """The tables with their types checked, and the controllers that join the case's."""
+    def _checked(self, data: dict[str, Any], *, changed: bool) -> tuple[Table, tuple[Controller, ...], dict[str, Any] | None]:
+        """The tables with their types checked, the controllers that join the case's, and the tables as they were.
+
+        The last is None where they have neither parameters nor a truth.
+        """
         problem = problem_posed(data)
+        data, raw = with_numbers(data)
         further = user_controllers.schemes(user_controllers.named_in(data) - CASES[problem].keys(), self.own)
         if self.own is not None:
             user_controllers.require_spelling(
@@ -180,7 +188,7 @@ class CaseText:
         except ValidationError:
             as_typed = copy.deepcopy(data) if changed else tomllib.loads(self.text, parse_float=Typed)
             raise several(findings(root, data, as_typed)) from None
-        return table, joining
+        return table, joining, raw
 
 
 def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:

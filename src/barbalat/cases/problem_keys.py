@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import GenericAlias
 
 from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys_of
+from barbalat.cases.physical_tables import physical_plant, scale_of_states
+from barbalat.cases.table_models import FORMS, chosen
 from barbalat.judge.settings import Judge
+from barbalat.linear.pole_placement import place
+from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBall, ParameterBox
+from barbalat.problem.measurement import Sensor
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem
+from barbalat.problem.parameters import Parameter
+from barbalat.problem.physical import PhysicalPlant
 from barbalat.problem.plant import Plant, ReferenceModel
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import Disturbance
+from barbalat.problem.truth import Truth
 from barbalat.protocols import Signal
 from barbalat.signals import Constant, MatFile, Recorded
 from barbalat.solvers.simulation import Simulation
@@ -36,14 +46,39 @@ def _as_given(given: Given, _: Context) -> Given:
     return given
 
 
-def _problem(given: Given, _: Context) -> Problem:
+def _problem(given: Given, context: Context) -> Problem:
     """The disturbances stand with the plant, the input gain with the known set, what A becomes with the model."""
     plant, model, known = given.pop("plant"), given.pop("reference_model"), given.pop("uncertainty", {})
     disturbances = {key: plant.pop(key) for key in ("disturbance", "unmatched") if key in plant}
     if "k_0" not in model and "follow" not in model:
         raise InputError.of("reference_model.k_0", "is missing (or give reference_model.follow, the state that is to follow)")
     reference_model = ReferenceModel(k_0=model.get("k_0"), follow=model.get("follow"))
-    return Problem(plant=_plant(plant, model), reference_model=reference_model, **disturbances, **known, **given)
+    parameters = given.pop("parameters", None)
+    if parameters and context.raw is not None:
+        physical = physical_plant(context.raw, parameters)
+        made = _nominal_plant(physical, plant, model, reference_model, given, context)
+    else:
+        made = _plant(plant, model)
+    return Problem(plant=made, reference_model=reference_model, **disturbances, **known, **given)
+
+
+def _nominal_plant(
+    physical: PhysicalPlant, plant: Given, model: Given, reference_model: ReferenceModel, given: Given, context: Context
+) -> Plant:
+    """The plant at its nominal parameters, with the formulas and the scales of its states."""
+    for key in ("A_m", "theta", "regressor"):
+        if key in plant:
+            raise InputError.of(
+                f"plant.{key}", "and parameters are both given; with parameters plant.A and plant.b say what the plant is"
+            )
+    if ("A_m" in model) == ("poles" in model):
+        raise InputError("give either reference_model.A_m or reference_model.poles with plant.A")
+    A, b = physical.matrices(physical.nominal)
+    A_m = place(A, b, model["poles"]) if "poles" in model else model["A_m"]
+    commands, labels = given.get("reference"), given.get("labels")
+    nominal = Plant(physical=physical, A_m=A_m)  # refuses an A_m that does not fit
+    scale, said = scale_of_states(nominal.A_m, b, nominal.x0, reference_model, commands, labels, context.judge, context.t_end)
+    return Plant(physical=physical, A_m=A_m, scale=scale, scale_from=said)
 
 
 def _plant(plant: Given, model: Given) -> Plant:
@@ -93,9 +128,36 @@ _NAME = Key(str, "of the case")
 _JUDGE = Key(Judge, "what counts as following, as lost and as a limit cycle; by default derived from the model's motion", None)
 _DISTURBANCE = Key(Signal | None, "matched: it enters with u; none by default", None)
 
+STATES = chosen(
+    {"names of states": GenericAlias(list, (str,)), "matrix": FORMS["matrix"]},
+    lambda value: "matrix" if isinstance(value, list) and value and isinstance(value[0], list) else "names of states",
+)
+
 DIFFERENCES: dict[type, Differences] = {
+    Parameter: Differences(without=("name",), make=_as_given),
+    Truth: Differences(
+        keys={
+            "A": Key(Matrix, "(N, N): other dynamics, also with more states than the plant", None),
+            "b": Key(Array, "(N,), or (N, m)", None),
+            "x0": Key(Vector, "(N,) initial state; the plant's by default", None),
+            "input": Key(PlantInput | tuple[PlantInput, ...], "what lies before the input, in place of `plant.input`", None),
+            "sensor": Key(Sensor, "in place of the case's `sensor`", None),
+            "states": Key(
+                STATES,
+                "names of its states, the first may be enough: the plant's are those of the same names; or a matrix (n, N)",
+                None,
+            ),
+            "disturbance": Key(Signal | None, "matched, in place of the plant's", None),
+        },
+    ),
     Problem: Differences(
         keys={
+            "parameters": Key(
+                Mapping[str, float | Parameter],
+                "physical parameters by name, a number or a table: a text in plant.A, plant.b, plant.x0, plant.input, sensor or "
+                "truth is a formula of them",
+                None,
+            ),
             "uncertainty": Key(Uncertainty, "the known set Omega; without one nothing is projected", None),
             "simulation": Key(Simulation, "how to simulate"),
             "judge": _JUDGE,
@@ -122,6 +184,7 @@ DIFFERENCES: dict[type, Differences] = {
             "unmatched": Key(tuple[Disturbance, ...], "others: direction (n,) times the signal is added to x'", None),
         },
         optional=("A_m", "theta"),
+        without=("physical", "scale", "scale_from"),
         make=_as_given,
     ),
     OutputPlant: Differences(

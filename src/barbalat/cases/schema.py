@@ -18,7 +18,7 @@ from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, Make
 from barbalat.cases.problem_keys import DIFFERENCES as PROBLEM_DIFFERENCES
 from barbalat.cases.scheme_keys import DIFFERENCES as SCHEME_DIFFERENCES
 from barbalat.cases.scheme_keys import sampling_of
-from barbalat.cases.table_models import Recipe, Table, numbers, one_or_several
+from barbalat.cases.table_models import Recipe, Table, chosen, numbers, one_or_several
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.problem.faults import FAULTS, Fault
@@ -60,6 +60,8 @@ def json_schema() -> dict[str, Any]:
     """The JSON Schema of case files, for editors: that of the problem that the file poses."""
     tables = {problem: case_table(problem) for problem in CASES}
     references, schema = models_json_schema([(table, "validation") for table in tables.values()])
+    for name in WITH_FORMULAS:
+        _allow_formulas(schema["$defs"][name]["properties"])
     chosen = {problem: references[table, "validation"] for problem, table in tables.items()}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -70,6 +72,20 @@ def json_schema() -> dict[str, Any]:
         "else": chosen[Problem],
         **schema,
     }
+
+
+WITH_FORMULAS = ("Plant", "PlantInput", "TransferFunction", "Sensor", "Noise", "Truth")
+"""Tables in which a text in a number's place is a formula of physical parameters; it is evaluated before a table is checked."""
+
+
+def _allow_formulas(part: Any) -> None:
+    """Let texts stand for numbers in a JSON schema."""
+    if isinstance(part, dict):
+        if part.get("type") == "number":
+            part["type"] = ["number", "string"]
+        part = list(part.values())
+    for inner in part if isinstance(part, list) else ():
+        _allow_formulas(inner)
 
 
 @cache
@@ -162,6 +178,11 @@ def form(hint: Any) -> Any:
     members = members_of(hint)
     if all(one in _FORMS for one in members):
         return numbers(set().union(*(_FORMS[one] for one in members)))
+    if float in members and all(one is float or is_dataclass(one) for one in members):
+        (table,) = (one for one in members if one is not float)
+        return chosen(
+            {"number": float, "a table": table_of(table)}, lambda value: "a table" if isinstance(value, dict) else "number"
+        )
     lists = [one for one in members if get_origin(one) is tuple]
     if lists and len(members) == 1:
         return GenericAlias(list, (form(get_args(lists[0])[0]),))
@@ -180,7 +201,8 @@ def form(hint: Any) -> Any:
     if is_table or member in (bool, int, str) or get_origin(member) in (Annotated, Literal):
         return member
     if get_origin(member) is Mapping:
-        return GenericAlias(dict, get_args(member))
+        key, value = get_args(member)
+        return GenericAlias(dict, (key, form(value) if any(map(is_dataclass, members_of(value))) else value))
     unknown = TypeError(f"no form in a case file is known for {hint}")
     unknown.add_note("cases/scheme_keys.py can say which keys give it")
     raise unknown

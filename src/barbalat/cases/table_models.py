@@ -14,7 +14,7 @@ from barbalat.cases.keys import REQUIRED, Key, Make
 
 FORMS = {"number": float, "vector": list[float], "matrix": list[list[float]]}
 """The forms of numbers, by the names that tell them apart in the places of pydantic's findings."""
-TAGS = (*FORMS, "one", "several")
+TAGS = (*FORMS, "one", "several", "a table", "names of states")
 """All names of forms in such a place."""
 
 

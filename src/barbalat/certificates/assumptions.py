@@ -46,9 +46,11 @@ def nominal(problem: TrackingProblem, *, gain_adapted: bool = False) -> tuple[As
 def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assumption:
     """No dynamics, limits or delay before the plant; with ``gain_adapted`` the scheme takes any gain of its input."""
     known = not gain_adapted and (not isinstance(problem, Problem) or problem.input_gain is None)
+    words = [word for path in problem.plant.paths for word in _on_the_way(path, known)]
+    if isinstance(problem, Problem) and problem.derived is not None and problem.derived.unmatched:
+        words.append(problem.derived.unmatched)
     return Assumption(
-        "the plant is (1): matched uncertainty, no unmodelled dynamics, no delay or limits",
-        ", ".join(dict.fromkeys(word for path in problem.plant.paths for word in _on_the_way(path, known))),
+        "the plant is (1): matched uncertainty, no unmodelled dynamics, no delay or limits", ", ".join(dict.fromkeys(words))
     )
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from barbalat.certificates.cells import PROPERTIES, Column, nothing
@@ -68,13 +69,14 @@ class Certificates(Named[Certificate]):
         problem: TrackingProblem,
         controllers: Sequence[Controller],
         simulation: Simulation,
+        beside: Mapping[str, Any] = MappingProxyType({}),
     ) -> None:
         super().__init__(found)
-        self.problem, self.controllers, self.simulation = problem, controllers, simulation
+        self.problem, self.controllers, self.simulation, self.beside = problem, controllers, simulation, dict(beside)
 
     def with_changed(self, changed: Mapping[str, Certificate]) -> Certificates:
         """Return a copy with other certificates for some of the controllers."""
-        return Certificates({**self, **changed}, self.problem, self.controllers, self.simulation)
+        return Certificates({**self, **changed}, self.problem, self.controllers, self.simulation, self.beside)
 
     @cached_property
     def table(self) -> Table1:

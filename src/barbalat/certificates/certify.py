@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 from barbalat import budget
+from barbalat.certificates.apart import apart, beside, speaks_of_the_motion, with_notes
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.certificates import Certificates, Table1, column_of, table_1
-from barbalat.certificates.entry import NUMBERS_ALONE, Entry
 from barbalat.certificates.requested_keys import needing
 from barbalat.certificates.schemes import scheme_file, unregistered
 from barbalat.loop.binding import bound, is_sampled, numbered
@@ -34,7 +35,7 @@ def beside_its_runs(
     if limits and simulation.dt <= limits[0]:
         return certificate
     cells = column_of(problem, controller, certificate).cells
-    if not any(map(_speaks_of_the_motion, (*certificate.entries, *cells.values()))):
+    if not any(map(speaks_of_the_motion, (*certificate.entries, *cells.values()))):
         return certificate
     if not limits:
         note = "no limit of the step is known: what is guaranteed is so of the equations' solution, and a run may leave it"
@@ -45,11 +46,6 @@ def beside_its_runs(
             "What is guaranteed is so of their solution, and a run at this step may leave it"
         )
     return certificate.with_entries(certificate.entries, note)
-
-
-def _speaks_of_the_motion(entry: Entry) -> bool:
-    """A norm or a condition follows from the case's numbers alone, and no run can contradict it."""
-    return entry.kind == "guaranteed" and entry.value is not None and entry.rests_on != (NUMBERS_ALONE,)
 
 
 def certify(
@@ -66,16 +62,19 @@ def certify(
     computation fails on the case's numbers has that as its finding. Raises InputError, with its name, for a controller that
     does not fit the problem: no run of it is possible either. ``progress`` is called with the fraction done. Where only some
     ``keys`` are needed, certificates may lack others: searches over the known set, limits along the command.
+
+    Their numbers come from the plant and the declared sets alone; what a problem's truth voids of them is said in their notes.
     """
-    found, told = {}, numbered(controllers)
+    found, told, design = {}, numbered(controllers), problem.design
     if keys is None:
         _require_room(problem, len(told))
     for i, controller in enumerate(told, start=1):
         with named(controller.name), needing(keys):
-            found[controller.name] = _computed(problem, controller, simulation)
+            found[controller.name] = _computed(design, controller, simulation)
         if progress is not None:
             progress(i / len(told))
-    return Certificates(found, problem, told, simulation)
+    checked = apart(problem, told, found, partial(_computed, simulation=simulation))
+    return Certificates(with_notes(problem, found, checked), design, told, simulation, beside(problem, checked))
 
 
 def _require_room(problem: TrackingProblem, controllers: int) -> None:
@@ -101,7 +100,7 @@ def certify_where_possible(
     for i, controller in enumerate(controllers):
         progress(i / len(controllers))
         try:
-            found[controller.name] = _computed(problem, controller, simulation)
+            found[controller.name] = _computed(problem.design, controller, simulation)
         except Exception as error:  # noqa: BLE001 (a report of runs is not lost to a fault of ours)
             found[controller.name] = Certificate.failed(reason(error))
     return found
@@ -154,14 +153,16 @@ class Certified(NamedTuple):
 
     certificates: dict[str, Certificate]
     table: Table1
+    beside: dict[str, Any] = {}  # noqa: RUF012 (never changed): what ranges became, and what the truth voids
 
     def as_document(self, case: str) -> dict[str, Any]:
         """The contract's document of ``certify --json``."""
         controllers = {name: certificate.as_json() for name, certificate in self.certificates.items()}
-        return {"case": case, "controllers": controllers, "table_1": self.table.as_json()}
+        return {"case": case, "controllers": controllers, "table_1": self.table.as_json(), **self.beside}
 
     def as_json(self) -> dict[str, Any]:
-        return {"certificates": {n: c.as_json() for n, c in self.certificates.items()}, "table_1": self.table.as_json()}
+        certificates = {n: c.as_json() for n, c in self.certificates.items()}
+        return {"certificates": certificates, "table_1": self.table.as_json(), **self.beside}
 
 
 def certified_case(
@@ -172,4 +173,6 @@ def certified_case(
 ) -> Certified:
     """Certificates of all controllers; what can't be certified has the reason as its finding."""
     certificates = certify_where_possible(problem, controllers, simulation, progress)
-    return Certified(certificates, table_1(problem, controllers, certificates))
+    checked = apart(problem, controllers, certificates, partial(_computed, simulation=simulation))
+    noted = with_notes(problem, certificates, checked)
+    return Certified(noted, table_1(problem.design, controllers, certificates), beside(problem, checked))

@@ -52,7 +52,7 @@ def execute(options: argparse.Namespace) -> int:
     case = load_case(options.case, options.controllers)
     with folder_of(options.out, None) as folder, work(_expected(case, options)) as running:
         certificates = _certified(case, options, running)
-        found = Certified(certificates, certificates.table)
+        found = Certified(certificates, certificates.table, certificates.beside)
         document = as_json(found.as_document(case.name))
         if folder is not None:
             with running.part("drawing"):

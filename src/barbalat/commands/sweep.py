@@ -34,7 +34,8 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add_list(
         parser, "--sample", metavar="PATH=DISTRIBUTION", form="=",
-        help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; known-set for a vector, or a gain, over the case's known set",
+        help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; known-set for a vector or gain, over the case's known set; "
+        "between for parameters.k over its range, or for parameters, which are all of them",
     )  # fmt: skip
     parser.add_argument("--members", type=whole, metavar="N", help="draws at each point of the grid; default 1000 with --sample")
     parser.add_argument(
@@ -42,6 +43,10 @@ def add(commands: Commands) -> None:
         help="of the draws: Latin hypercubes (default), a Sobol sequence, independent ones (exact intervals), Saltelli's",
     )  # fmt: skip
     parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of the draws; default 0")
+    parser.add_argument(
+        "--redesign", action="store_true",
+        help="design model and controllers anew for each member's plant.A, plant.b, parameters; default: vary what is simulated",
+    )  # fmt: skip
     add_list(parser, "--require", metavar="REQUIREMENT", form="[<>]", help='counted where broken, such as "max_abs_e[0] < 2"')
     parser.add_argument("--no-bounds", action="store_true", help="certify nothing: the guaranteed bounds are not compared")
     parser.add_argument(
@@ -172,7 +177,7 @@ def _study(text: CaseText, options: argparse.Namespace) -> Study:
     draws = sampled(text, [_pair(given) for given in options.sample])
     design = Design(options.design)
     plan = Plan(axes, draws, members_of(options.members, design, drawn=bool(draws)), design, options.seed)
-    return Study(VariedCase(text, plan.paths), plan)
+    return Study(VariedCase(text, plan.paths, redesign=options.redesign), plan)
 
 
 def _pair(given: str) -> tuple[str, str]:

@@ -65,9 +65,15 @@ def check_common(settings: Adaptive) -> None:
 
 
 def initial_estimate(theta_hat0: Array | None, estimate_set: EstimateSet | None, known: Known) -> Array:
-    """theta_hat(0), (p,): zero unless given, 1 or the nearest bound for an input gain; inside the known set if there is one."""
+    """theta_hat(0), (p,), inside the known set if there is one.
+
+    Unless given it is zero, or the centre of a set without zero; 1 or the nearest bound for an input gain.
+    """
     gains = known.inputs if known.matched.gain_unknown else 0
     default = np.concatenate([np.zeros(known.parameters - gains), np.ones(gains)])
+    of_theta = None if estimate_set is None else estimate_set.of_theta(known.parameters - gains)
+    if of_theta is not None and not of_theta.contains(default[: known.parameters - gains]):
+        default[: known.parameters - gains] = of_theta.middle
     if known.gains is not None:
         default[-gains:] = np.clip(1.0, *known.gains.extent)
     if theta_hat0 is not None and gains and len(theta_hat0) == known.parameters - gains:
@@ -75,8 +81,7 @@ def initial_estimate(theta_hat0: Array | None, estimate_set: EstimateSet | None,
     estimate = default if theta_hat0 is None else validate.vector("theta_hat0", theta_hat0, known.parameters)
     estimate.flags.writeable = False
     if estimate_set is not None and not estimate_set.contains(estimate):
-        given = "the default, " if theta_hat0 is None else ""
-        raise InputError(f"theta_hat0 must lie in the known set, {estimate_set}, got {given}{validate.show(estimate)}")
+        raise InputError(f"theta_hat0 must lie in the known set, {estimate_set}, got {validate.show(estimate)}")
     return estimate
 
 

@@ -49,7 +49,7 @@ class ClosedLoop:
         """InputError where the controller does not fit the problem."""
         validate.instance("problem", problem, TrackingProblem)
         equations = bind(problem, controller)
-        sensor, noise = problem.sensor, problem.noise
+        around, noise = problem.surroundings, problem.noise
         commands = len(problem.commands) if isinstance(problem.reference, tuple) else None
         if problem.faults and not is_sampled(equations):
             raise InputError(
@@ -62,10 +62,10 @@ class ClosedLoop:
             equations,
             paths=problem.input_paths,
             commands=commands,
-            lag=sensor if sensor is not None and sensor.lag > 0 else None,
+            lag=around.sensor if around.sensor is not None and around.sensor.lag > 0 else None,
             noise_std=None if noise is None else noise.std * np.ones(problem.dynamics.outputs),
-            disturbed=problem.disturbance is not None,
-            directions=tuple(disturbance.direction for disturbance in problem.unmatched),
+            disturbed=around.disturbance is not None,
+            directions=tuple(disturbance.direction for disturbance in around.unmatched),
             output_disturbed=problem.output_disturbance is not None,
             clocked=problem.depends_on_time,
             delayed=problem.delay > 0,
@@ -283,5 +283,6 @@ class ClosedLoop:
         state, given = self.unpack(flat), self.signals.named(signals)
         u, y = self._control(state, given), self._output(state, given)
         e = (y - self.model.output(state.x_m)).reshape(-1)
+        x = state.x if self.measured_outputs else y  # of a truth with more states those of the plant that is designed for
         y = y.reshape(-1)[: self.measured_outputs]
-        return Outputs(e, u.reshape(-1), self.theta_hat(state.controller), state.x, state.x_m, y)
+        return Outputs(e, u.reshape(-1), self.theta_hat(state.controller), x, state.x_m, y)

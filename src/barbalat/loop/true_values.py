@@ -12,7 +12,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.known_set import EstimateSet, ParameterBall, ParameterBox, ParameterProduct, Projecting
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.roles import THETA, StatePart
+from barbalat.roles import THETA, Role, StatePart
 from barbalat.validate import Array, counted
 
 
@@ -25,11 +25,22 @@ def truth_of(problem: TrackingProblem, part: StatePart) -> Array | None:
     """(p,), what these estimates are to become; None where nothing is known to be that."""
     role, found = part.role, None
     if role.true is not None:
-        omega = np.array([path.gain for path in problem.plant.paths])
-        found = role.true(problem.plant.theta, omega) if isinstance(problem, Problem) else None
+        found = _of_role(role, problem) if isinstance(problem, Problem) else None
     elif role.of == THETA:
-        found = problem.parameters
+        found = problem.true_parameters
     return np.ravel(found) if found is not None and np.size(found) == part.size else None
+
+
+def _of_role(role: Role, problem: Problem) -> Array | None:
+    """What a role makes of the true theta and gains."""
+    assert role.true is not None
+    omega = np.array([path.gain for path in problem.surroundings.paths])
+    if problem.simulated is None:
+        return role.true(problem.plant.theta, omega)
+    values, p = problem.true_parameters, len(problem.plant.theta)
+    if values is None:
+        return None
+    return role.true(values[:p], omega if problem.input_gain is None else values[p:])
 
 
 def not_the_parameters(problem: TrackingProblem, loop: ClosedLoop) -> str | None:

@@ -63,8 +63,15 @@ def beside(value: float) -> tuple[float, float]:
 
 
 def in_tables(tables: dict[str, Any]) -> Iterator[tuple[FieldPath, float]]:
-    """The numbers of a case file's tables with their places."""
-    yield from ((FieldPath(keys), value) for keys, value in _within(tables, ()))
+    """The numbers of a case file's tables with their places; of a physical parameter the value that is simulated."""
+    declared, truth = tables.get("parameters"), tables.get("truth")
+    given = declared if isinstance(declared, dict) else {}
+    own = truth.get("parameters", {}) if isinstance(truth, dict) else {}
+    for name, one in given.items():
+        if name not in own:
+            yield FieldPath(("parameters", name)), one["value"] if isinstance(one, dict) else one
+    others = {key: value for key, value in tables.items() if key != "parameters"} if given else tables
+    yield from ((FieldPath(keys), value) for keys, value in _within(others, ()))
 
 
 def _within(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:

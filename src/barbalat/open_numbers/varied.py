@@ -13,6 +13,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText, Variants
+from barbalat.open_numbers import truth_paths
 from barbalat.open_numbers.path import WRAPPED, FieldPath, Key, Tables, copied, wrapped_in
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -26,6 +27,8 @@ class Varied(ABC):
 
     paths: tuple[FieldPath, ...]
     """Where the numbers stand that vary."""
+    redesign: bool | None
+    """What else follows from the plant's numbers, see ``truth_paths.put``."""
 
     @property
     @abstractmethod
@@ -43,6 +46,7 @@ class VariedObjects(Varied):
 
     case: Case
     paths: tuple[FieldPath, ...]
+    redesign: bool | None = None
 
     @classmethod
     def around(
@@ -57,6 +61,10 @@ class VariedObjects(Varied):
 
     def standing(self, path: FieldPath) -> object:
         """What a field is; None where there is none."""
+        if truth_paths.is_parameter(path):
+            problem = self.case.problem
+            physical = problem.plant.physical if isinstance(problem, Problem) else None
+            return None if physical is None else physical.nominal.get(str(path.keys[1]))
         first, *rest = path.field
         apart = {"controller": self.case.controllers, "simulation": self.case.simulation}
         here: Any = apart.get(str(first), self.case.problem)
@@ -77,7 +85,8 @@ class VariedObjects(Varied):
             elif first == "simulation":
                 simulation = _put(path, simulation, rest, float(value))
             else:
-                problem = _put(path, problem, list(path.field), float(value))
+                moved = isinstance(problem, Problem) and truth_paths.placed(problem, path, float(value), redesign=self.redesign)
+                problem = moved or _put(path, problem, list(path.field), float(value))
         return Case(problem, controllers, simulation, judge=self.case.judge)
 
 
@@ -116,10 +125,11 @@ class VariedCase(Varied):
     text: CaseText
     paths: tuple[FieldPath, ...]
     tables: Tables | None = None
+    redesign: bool | None = None
 
     @property
     def source(self) -> str:
-        return self.text.text
+        return self.text.text + ("\n# redesigned for each member" if self.redesign else "")
 
     @cached_property
     def _tables(self) -> Tables:
@@ -134,16 +144,32 @@ class VariedCase(Varied):
 
     def with_numbers(self, numbers: Mapping[FieldPath, float]) -> Case:
         """The case with these numbers, checked as any other; InputError where it can't be used."""
+        if (moved := self._moved(numbers)) is not None:
+            return moved
         if not self._variants:  # its first numbers stand in tables where the file has none
             self._variants.append(self.text.variants(self._with(numbers)))
         found = self._variants[0].at({path.keys: value for path, value in numbers.items()})
         return self.text.case(self._with(numbers)) if found is None else found
 
+    def _moved(self, numbers: Mapping[FieldPath, float]) -> Case | None:
+        """The case where parameters of the truth alone differ from the first one: the design is taken as it was made."""
+        if self.redesign or not all(map(truth_paths.is_parameter, numbers)) or truth_paths.holds_formulas(self._tables):
+            return None
+        if not self._first:
+            self._first.append(self.text.case(self._with(numbers)))
+        found = VariedObjects(self._first[0], tuple(numbers), self.redesign).at(list(numbers.values()))
+        return replace(found, equations=self._first[0].equations)
+
     def _with(self, numbers: Mapping[FieldPath, float]) -> Tables:
         tables = copied(self._tables)
         for path, value in numbers.items():
-            path.put(tables, value)
+            truth_paths.put(tables, path, value, redesign=self.redesign)
         return tables
+
+    @cached_property
+    def _first(self) -> list[Case]:
+        """The first case of which only the truth's parameters vary."""
+        return []
 
     @cached_property
     def _variants(self) -> list[Variants]:
@@ -162,6 +188,11 @@ def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
     of_theta = [path for path in paths if path.keys[:2] == THETA]
     if not of_theta or not isinstance(plant, dict) or not isinstance(model, dict) or "A" not in plant:
         return tables
+    if truth_paths.PARAMETERS in tables:
+        raise InputError(
+            f"{of_theta[0]} is not what is simulated, since theta follows from the parameters: vary these, such as "
+            f"parameters.{next(iter(tables[truth_paths.PARAMETERS]), 'NAME')}=between"
+        )
     if both := [path for path in paths if path.keys[:2] in MATCHED]:
         raise InputError(f"{both[0]} and {of_theta[0]} can't both vary: with plant.A given, theta is what follows from it")
     problem = text.case().problem

@@ -18,6 +18,7 @@ from barbalat.validate import InputError
 _FUNCTIONS: dict[str, Callable[[Value], Value]] = {
     "abs": np.abs, "exp": np.exp, "sin": np.sin, "cos": np.cos, "sqrt": np.sqrt, "tanh": np.tanh,
 }  # fmt: skip
+FUNCTION_NAMES = tuple(_FUNCTIONS)
 
 
 BEND_OF_ABS = "the zero of an abs(...) or sqrt(...) in a formula"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,8 @@ from barbalat.linear.conditions import require_controllable, require_hurwitz
 from barbalat.linear.pole_placement import place
 from barbalat.linear.systems import open_loop
 from barbalat.problem.actuation import PlantInput
+from barbalat.problem.from_ranges import FromRanges, from_ranges
+from barbalat.problem.physical import PhysicalPlant, holds_formulas, input_matrix, projection
 from barbalat.problem.regressors import Linear, MatchedTerm, Regressor
 from barbalat.protocols import Value
 from barbalat.settings import Settings, one_line
@@ -46,6 +48,9 @@ class Plant(Settings):
     x0: Vector | None = None
     input: PlantInput | tuple[PlantInput, ...] | None = None
     regressor: Regressor = field(default_factory=Linear)
+    physical: PhysicalPlant | None = field(default=None, repr=False)
+    scale: Vector | None = field(default=None, repr=False)
+    scale_from: str = field(default="as given", repr=False)
     __repr__ = one_line
 
     def __init__(
@@ -59,10 +64,17 @@ class Plant(Settings):
         regressor: Regressor | None = None,
         A: Matrix | None = None,
         poles: Sequence[Any] | None = None,
+        physical: PhysicalPlant | None = None,
+        scale: Vector | None = None,
+        scale_from: str = "as given",
     ) -> None:
-        if b is None:
+        if physical is None and holds_formulas((A, b, x0, input)):
+            physical = PhysicalPlant(A=A, b=b, x0=x0, input=input)  # type: ignore[arg-type]  # refuses what is no formula of these
+        if physical is not None and theta is None:
+            A_m, b, theta, x0, input = _nominal(physical, A_m, poles, scale)
+        elif b is None:
             raise InputError.of("plant.b", "is missing")
-        if A is not None:
+        elif A is not None:
             A_m, b, theta = _from_open_loop(A, b, A_m, theta, regressor, poles)
         elif A_m is None or theta is None:
             missing = "A_m" if A_m is None else "theta"
@@ -72,6 +84,7 @@ class Plant(Settings):
         elif poles is not None:
             raise InputError("poles goes with plant.A, which is missing")
         freeze(self, A_m=A_m, b=b, theta=theta, x0=x0, input=input, regressor=Linear() if regressor is None else regressor)
+        freeze(self, physical=physical, scale=scale, scale_from=scale_from)
         self.__post_init__()
 
     def __post_init__(self) -> None:
@@ -94,7 +107,9 @@ class Plant(Settings):
         )
         freeze(self, theta=parameters("plant.theta", self.theta, self.regressor.size(n), self.inputs))
         if self.input is not None:
-            freeze(self, input=_inputs(self.input, self.inputs))
+            freeze(self, input=inputs_of("plant.input", self.input, self.inputs))
+        if self.scale is not None:
+            freeze(self, scale=sizes_of_states(self.scale, n))
         _require_sound(A_m.tobytes(), self.b.tobytes(), self.b.shape)
 
     @classmethod
@@ -115,6 +130,14 @@ class Plant(Settings):
         if not self.is_linear:
             raise InputError("a plant with a nonlinear regressor has no matrix A")
         return self.A_m + self.b.reshape(self.n, -1) @ self.theta.reshape(self.n, -1).T
+
+    @cached_property
+    def from_ranges(self) -> FromRanges | None:
+        """What the ranges of physical parameters say of theta and the input's gain; None of a plant without them."""
+        if self.physical is None:
+            return None
+        scale, said = (np.ones(self.n), "which are 1 each") if self.scale is None else (self.scale, self.scale_from)
+        return from_ranges(self.physical, self.A_m, self.b, scale, said)
 
     @property
     def n(self) -> int:
@@ -206,14 +229,6 @@ def matching_parameters(A: Any, A_m: Array, b: Any) -> Array:
         return np.asarray((along / scale).T.reshape(-1))
 
 
-def input_matrix(field: str, b: Any, n: int) -> Array:
-    """b as (n,), or (n, m) for m > 1 inputs."""
-    if validate.dimensions(b) != 2:
-        return validate.vector(field, b, n)
-    matrix = validate.array(field, b, (n, None))
-    return validate.vector(field, matrix[:, 0], n) if matrix.shape[1] == 1 else matrix
-
-
 def parameters(field: str, theta: Any, p: int, m: int) -> Array:
     """theta as (p m,), from that or from (p, m)."""
     if validate.dimensions(theta) == 2:
@@ -221,15 +236,34 @@ def parameters(field: str, theta: Any, p: int, m: int) -> Array:
     return validate.vector(field, theta, p * m)
 
 
-def _inputs(given: Any, m: int) -> Any:
+def _nominal(physical: PhysicalPlant, A_m: Any, poles: Any, scale: Any) -> tuple[Array, Array, Array, Any, Any]:
+    """A_m, b, theta, x0 and input of the plant at its nominal parameters; theta is that of the weighted projection."""
+    if (A_m is None) == (poles is None):
+        raise InputError("give either A_m or poles of the reference model with plant.A")
+    A, b = physical.matrices(physical.nominal)
+    if not b.any():
+        raise InputError.of("plant.b", "must not be zero at the nominal parameters")
+    A_m = place(A, b, poles) if A_m is None else validate.square_matrix("reference_model.A_m", A_m, len(A))
+    weights = np.ones(len(A)) if scale is None else sizes_of_states(scale, len(A))
+    theta = (projection(b, weights) @ (A - A_m)).T.reshape(-1)
+    return A_m, b, theta, physical.initial(physical.nominal), physical.inputs(physical.nominal)
+
+
+def sizes_of_states(scale: Any, n: int) -> Array:
+    """The scale of each state, (n,)."""
+    found = validate.vector("plant.scale", scale, n)
+    if not (found > 0).all():
+        raise InputError.of("plant.scale", f"must be positive, one for each state, got {validate.show(scale)}")
+    return found
+
+
+def inputs_of(field: str, given: Any, m: int) -> Any:
     """One PlantInput for one input, or a tuple of m."""
     several = tuple(given) if isinstance(given, (list, tuple)) else (given,) * m
     for path in several:
-        validate.instance("plant.input", path, PlantInput)
+        validate.instance(field, path, PlantInput)
     if len(several) != m or any(path.delay != several[0].delay for path in several):
-        raise InputError.of(
-            "plant.input", f"must be one for all inputs, or a list of {m} with the same delay, got {len(several)}"
-        )
+        raise InputError.of(field, f"must be one for all inputs, or a list of {m} with the same delay, got {len(several)}")
     return several[0] if m == 1 else several
 
 

@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY, dataclass, field
-from functools import lru_cache
-from typing import ClassVar
+from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import ClassVar, Self
 
 import numpy as np
 
 from barbalat import validate
-from barbalat.problem.actuation import InputPath
+from barbalat.problem.actuation import InputPath, PlantInput
 from barbalat.problem.faults import Fault
+from barbalat.problem.from_ranges import FromRanges
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, with_gains
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.plant import Model, Plant, ReferenceModel
 from barbalat.problem.regressors import Linear, MatchedTerm
 from barbalat.problem.shell import Shell
-from barbalat.problem.tracking import Disturbance, TrackingProblem, require_signal
+from barbalat.problem.tracking import Disturbance, MeasuredDynamics, Surroundings, TrackingProblem, require_signal
+from barbalat.problem.truth import TruePlant, Truth, true_inputs, true_plant, true_sensor, true_unmatched
 from barbalat.protocols import Signal
 from barbalat.settings import Settings
 from barbalat.signals import Constant
@@ -86,7 +89,8 @@ class Problem(TrackingProblem, Settings):
 
     plant, reference_model             eqs (1) and (2)
     reference                          the command r(t); a list of commands where k_0 is a matrix
-    uncertainty                        the known set Omega
+    uncertainty                        the known set Omega; of a plant with physical parameters it follows from their ranges, with
+                                       input_gain, unless one of the two is given
     disturbance                        matched: d(t) in x' = A_m x + b (theta'x + u + d)
     unmatched                          others, each along a direction of its own
     input_gain                         (lower, upper) > 0: the input's gain omega is unknown and estimated with theta; a list of
@@ -95,6 +99,7 @@ class Problem(TrackingProblem, Settings):
     labels                             names and units of states and inputs, for pictures; none by default
     shell                              what surrounds sampled controllers: the samples that they take, and what acts without any
     faults                             what goes wrong between the plant and sampled controllers; nothing by default
+    truth                              what is simulated where it differs from the plant, which controllers are designed for
     """
 
     plant: Plant
@@ -109,6 +114,7 @@ class Problem(TrackingProblem, Settings):
     labels: Labels | None = None
     shell: Shell | None = None
     faults: tuple[Fault, ...] = ()
+    truth: Truth | None = None
     name: str = "problem"
 
     feedback: ClassVar[str] = "state"
@@ -117,6 +123,7 @@ class Problem(TrackingProblem, Settings):
         validate.line("name", self.name)
         validate.instance("plant", self.plant, Plant)
         validate.instance("reference_model", self.reference_model, ReferenceModel)
+        self._take_derived_set()
         if self.uncertainty is not None:
             validate.instance("uncertainty", self.uncertainty, (ParameterBox, ParameterBall))
             size, wanted = self.uncertainty.size, len(self.plant.theta)
@@ -144,6 +151,20 @@ class Problem(TrackingProblem, Settings):
             validate.vector("unmatched.direction", disturbance.direction, self.plant.n)
         freeze(self, unmatched=tuple(self.unmatched))
         self.require_surroundings()
+        self._check_truth()
+
+    def _take_derived_set(self) -> None:
+        if self.derived is not None and self.derived.used:
+            gains = self.derived.input_gain
+            freeze(self, uncertainty=self.derived.theta, input_gain=gains[0] if gains and self.plant.inputs == 1 else gains)
+
+    def _check_truth(self) -> None:
+        if self.truth is not None:
+            validate.instance("truth", self.truth, Truth)
+            if self.truth.disturbance is not None and self.plant.inputs > 1:
+                raise InputError("truth.disturbance needs a plant with one input; give truth.unmatched with a direction instead")
+        if self.simulated is not None:
+            _ = self.surroundings  # refuses what does not fit
 
     def _check_input_gain(self) -> None:
         name, m = "uncertainty.input_gain", self.plant.inputs
@@ -189,7 +210,63 @@ class Problem(TrackingProblem, Settings):
         """The equations before each input; an unknown gain is in them even where it is 1, so that all plants have one
         structure."""
         known = self.input_gain is None
-        return tuple(path.path if known else path.path_of_unknown_gain for path in self.plant.paths)
+        return tuple(path.path if known else path.path_of_unknown_gain for path in self.surroundings.paths)
+
+    @cached_property
+    def derived(self) -> FromRanges | None:
+        """What follows from the ranges of physical parameters; None of a plant without them."""
+        found = self.plant.from_ranges
+        if found is None:
+            return None
+        return found if self.uncertainty is None and self.input_gain is None else replace(found, used=self._has(found))
+
+    def _has(self, found: FromRanges) -> bool:
+        """Whether the known set is the derived one, as in a copy with other fields."""
+        gains = None if self.input_gain is None else np.broadcast_to(self.input_gain, (self.plant.inputs, 2)).tolist()
+        own, derived = self.uncertainty, None if found.input_gain is None else [list(pair) for pair in found.input_gain]
+        same = isinstance(own, ParameterBox) and own.size == found.theta.size and gains == derived
+        return same and bool((own.lower == found.theta.lower).all() and (own.upper == found.theta.upper).all())  # type: ignore[union-attr]
+
+    @cached_property
+    def simulated(self) -> TruePlant | None:
+        """What is simulated in the plant's place; None where it is the plant itself."""
+        if self.truth is None and self.plant.physical is None:
+            return None
+        return true_plant(self.truth or Truth(), self.plant, (self.labels or Labels()).of_states(self.plant.n))
+
+    @property
+    def design(self) -> Problem:
+        """The problem as controllers and certificates know it: the plant and the declared sets, without any truth."""
+        if self.simulated is None:
+            return self
+        plant = replace(self.plant, physical=None)
+        found = replace(self, plant=plant, truth=None, uncertainty=self.uncertainty, input_gain=self.input_gain)
+        vars(found)["derived"] = self.derived
+        return found
+
+    @cached_property
+    def surroundings(self) -> Surroundings:
+        """What acts on the plant that is simulated, and how that is measured."""
+        if self.simulated is None:
+            return super().surroundings
+        truth = self.truth or Truth()
+        paths, sensor = true_inputs(truth, self.plant), true_sensor(truth, self.plant, self.sensor)
+        disturbance = self.disturbance if truth.disturbance is None else truth.disturbance
+        return Surroundings(paths, disturbance, true_unmatched(truth, self.simulated, self.unmatched), sensor)
+
+    def with_inputs(self, change: Callable[[PlantInput], PlantInput]) -> Self:
+        """The problem with another path before each input, of the plant and of the truth."""
+        found = super().with_inputs(change)
+        if self.simulated is None:
+            return found
+        return replace(found, truth=replace(self.truth or Truth(), input=tuple(map(change, self.surroundings.paths))))
+
+    def with_sensor(self, change: Callable[[Sensor | None], Sensor | None]) -> Self:
+        """The problem with another sensor, of the plant and of the truth."""
+        found, own = super().with_sensor(change), self.surroundings.sensor
+        if self.simulated is None:
+            return found
+        return replace(found, truth=replace(self.truth or Truth(), sensor=change(own) or Sensor()))
 
     @property
     def known(self) -> Known:
@@ -215,10 +292,17 @@ class Problem(TrackingProblem, Settings):
         return np.concatenate([self.plant.theta, [path.gain for path in self.plant.paths]])
 
     @property
+    def true_parameters(self) -> Array | None:
+        """The same of the plant that is simulated, by the weighted projection; None where it has other states."""
+        from barbalat.problem.departures import true_parameters
+
+        return self.parameters if self.simulated is None else true_parameters(self)
+
+    @property
     def outside_known_set(self) -> str | None:
         """A sentence where the true values are not in the set that is known of them."""
         known_set, values = self.known.estimate_set, self.parameters
-        if known_set is None or known_set.contains(values):
+        if known_set is None or self.simulated is not None or known_set.contains(values):
             return None
         name = "theta" if self.input_gain is None else "theta with the input's gain,"
         return (
@@ -227,8 +311,8 @@ class Problem(TrackingProblem, Settings):
         )
 
     @property
-    def dynamics(self) -> Plant:
-        return self.plant
+    def dynamics(self) -> MeasuredDynamics:
+        return self.plant if self.simulated is None else self.simulated
 
     @property
     def model(self) -> Model:

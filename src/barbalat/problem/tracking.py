@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, is_dataclass, replace
 from html import escape
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -64,6 +65,15 @@ class ModelDynamics(Dynamics, Protocol):
     def remedy(self, gain: float) -> str | None:
         """A change that would make it settle at a command of which it settles at ``gain`` times; None where none is known."""
         ...
+
+
+class Surroundings(NamedTuple):
+    """What stands around the plant that is simulated."""
+
+    paths: tuple[PlantInput, ...]  # before each input
+    disturbance: Signal | None  # matched
+    unmatched: tuple[Disturbance, ...]
+    sensor: Sensor | None
 
 
 class TrackingProblem:
@@ -134,9 +144,34 @@ class TrackingProblem:
         return None
 
     @property
+    def design(self) -> TrackingProblem:
+        """The problem as controllers and certificates know it, where what is simulated is another."""
+        return self
+
+    @property
+    def true_parameters(self) -> Array | None:
+        """The values that estimates are compared with: of what is simulated, where it has such parameters."""
+        return self.parameters
+
+    @property
     def outside_known_set(self) -> str | None:
         """A sentence where the true values are not in the set that is known of them."""
         return None
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """What acts on the plant that is simulated, and how that is measured."""
+        return Surroundings(self.plant.paths, self.disturbance, self.unmatched, self.sensor)
+
+    def with_inputs(self, change: Callable[[PlantInput], PlantInput]) -> Self:
+        """The problem with another path before each input."""
+        paths = tuple(map(change, self.plant.paths))
+        plant = replace(self.plant, input=paths[0] if len(paths) == 1 else paths)  # type: ignore[type-var]
+        return replace(self, plant=plant)  # type: ignore[type-var]
+
+    def with_sensor(self, change: Callable[[Sensor | None], Sensor | None]) -> Self:
+        """The problem with another sensor."""
+        return replace(self, sensor=change(self.sensor))  # type: ignore[type-var]
 
     @property
     def commands(self) -> tuple[Signal, ...]:
@@ -146,29 +181,31 @@ class TrackingProblem:
     @property
     def input_paths(self) -> tuple[InputPath | None, ...]:
         """The equations of what lies before each input, without delays; None where u reaches the plant as it is."""
-        return tuple(path.path for path in self.plant.paths)
+        return tuple(path.path for path in self.surroundings.paths)
 
     @property
     def delay(self) -> float:
         """The delay at the plant's input [s]."""
-        return float(self.plant.paths[0].delay)
+        return float(self.surroundings.paths[0].delay)
 
     @property
     def history(self) -> Array:
         """The signal that leaves the delay before anything of the run does, for each input, (m,)."""
-        return np.array([path.history for path in self.plant.paths])
+        return np.array([path.history for path in self.surroundings.paths])
 
     @property
     def sensor_lag(self) -> StateSpace | None:
         """1/(lag s + 1), through which each measured quantity comes; None without a lag."""
-        if self.sensor is None or self.sensor.lag == 0:
+        sensor = self.surroundings.sensor
+        if sensor is None or sensor.lag == 0:
             return None
-        return TransferFunction(np.ones(1), np.array([self.sensor.lag, 1.0])).realise()
+        return TransferFunction(np.ones(1), np.array([sensor.lag, 1.0])).realise()
 
     @property
     def noise(self) -> Noise | None:
         """The measurement's noise; None where it has none."""
-        return None if self.sensor is None else self.sensor.noise
+        sensor = self.surroundings.sensor
+        return None if sensor is None else sensor.noise
 
     @property
     def measured_names(self) -> tuple[str, ...]:
@@ -201,10 +238,11 @@ class TrackingProblem:
     @property
     def signals(self) -> tuple[Signal, ...]:
         """The time functions that drive the loop, in the order in which ``ClosedLoop`` takes them."""
-        matched = () if self.disturbance is None else (self.disturbance,)
+        acting = self.surroundings
+        matched = () if acting.disturbance is None else (acting.disturbance,)
         at_output = () if self.output_disturbance is None else (self.output_disturbance,)
         clock = (Clock(),) if self.depends_on_time else ()
-        unmatched = (disturbance.signal for disturbance in self.unmatched)
+        unmatched = (disturbance.signal for disturbance in acting.unmatched)
         faults = (FaultSignal(fault, place) for place, fault in enumerate(self.faults))
         return (*self.commands, *matched, *unmatched, *at_output, *clock, *faults)
 

@@ -38,7 +38,8 @@ NOISE_SENTENCE = (
 
 def ideal(problem: Problem) -> Member:
     """The problem with the controller that knows its parameters."""
-    return problem, KnownParameters(theta=problem.parameters)
+    true = problem.true_parameters  # of a truth with other states there are none: then what the plant is designed with
+    return problem, KnownParameters(theta=problem.parameters if true is None else true)
 
 
 @dataclass(eq=False)
@@ -87,7 +88,9 @@ class Ideals:
 
 def quiet(problem: Any) -> Any:
     """The problem without its measurement noise; itself where it has none."""
-    return problem if problem.noise is None else replace(problem, sensor=replace(problem.sensor, noise=None))
+    if problem.noise is None:
+        return problem
+    return problem.with_sensor(lambda sensor: None if sensor is None else replace(sensor, noise=None))
 
 
 def quiet_members(members: Sequence[Member]) -> list[Member]:
@@ -99,8 +102,7 @@ def quiet_members(members: Sequence[Member]) -> list[Member]:
 
 def with_error(problem: Any, error: ModellingError, size: float) -> Any:
     """The problem with a modelling error at each input, beside what is there."""
-    paths = tuple(error.added(path, size) for path in problem.plant.paths)
-    return replace(problem, plant=replace(problem.plant, input=paths[0] if len(paths) == 1 else paths))
+    return problem.with_inputs(lambda path: error.added(path, size))
 
 
 def with_errors(members: Sequence[Member], error: ModellingError, sizes: Array) -> list[Member]:

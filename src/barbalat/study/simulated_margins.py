@@ -196,13 +196,13 @@ def _of_linear(value: float | None) -> str:
 def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
     """What is simulated, in a few words."""
     commands = ", ".join(dict.fromkeys(type(one).__name__.lower() for one in problem.commands))
-    paths = problem.plant.paths
+    around = problem.surroundings
     parts = [f"{simulation.t_end:g} s of the case's own run, {commands} command"]
-    if any(path.saturation is not None or path.rate_limit is not None for path in paths):
+    if any(path.saturation is not None or path.rate_limit is not None for path in around.paths):
         parts.append("with the input's limits")
     if problem.delay > 0:
         parts.append(f"its delay of {problem.delay:g} s")
-    if problem.disturbance is not None or problem.unmatched:
+    if around.disturbance is not None or around.unmatched:
         parts.append("its disturbances")
     if problem.noise is not None:
         parts.append("judged without its noise and again with it")

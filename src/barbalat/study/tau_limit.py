@@ -168,9 +168,7 @@ class TauStudy:
         )
 
     def _member(self, size: float, tau: float) -> tuple[Problem, RobustMrac]:
-        (path,) = self.problem.plant.paths
-        plant = replace(self.problem.plant, input=self.error.added(path, size))
-        return replace(self.problem, plant=plant), replace(self.controller, tau=tau)
+        return self.problem.with_inputs(lambda path: self.error.added(path, size)), replace(self.controller, tau=tau)
 
 
 @lru_cache(maxsize=8)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from barbalat.certificates.certify import certify
+from barbalat.open_numbers.truth_paths import is_parameter
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.state_feedback import Problem
 from barbalat.sweeps.study import Study
@@ -35,16 +36,21 @@ class _Certified:
 class Bounds:
     """The guaranteed ``error_bound`` of each member, over all of the known set where theta varies.
 
-    A member whose theta lies outside of its own known set has none, nor has any where the plan has more than MOST_CERTIFIED
+    A physical parameter that varies within its range moves theta within the set derived from it. A member whose theta lies
+    outside of its own known set has none, nor has any where the plan has more than MOST_CERTIFIED
     combinations of the other numbers that a controller depends on: that is known before anything runs, whoever runs what first.
     """
 
     study: Study
     thetas: list[int] = field(init=False)
+    parameters: list[int] = field(init=False)
     found: dict[tuple[int, bytes], _Certified] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.thetas = [i for i, path in enumerate(self.study.plan.paths) if path.keys[:2] == ("plant", "theta")]
+        paths = self.study.plan.paths
+        self.thetas = [i for i, path in enumerate(paths) if path.keys[:2] == ("plant", "theta")]
+        apart = not self.study.varied.redesign
+        self.parameters = [i for i, path in enumerate(paths) if apart and is_parameter(path)]
 
     def of(self, rows: Array) -> dict[str, Array]:
         """(M,) by controllers; rows (M, d)."""
@@ -76,8 +82,9 @@ class Bounds:
             return bounds
         unique, which = np.unique(rows[:, others], axis=0, return_inverse=True)
         certified = [self._known(place, others, one) for one in unique]
+        inside = self._in_ranges(rows)
         for member, (k, theta) in enumerate(zip(which.reshape(-1), thetas, strict=True)):
-            if certified[k].holds(theta):
+            if inside[member] and certified[k].holds(theta):
                 bounds[member] = certified[k].bound
         return bounds
 
@@ -85,7 +92,17 @@ class Bounds:
         """Columns beside theta that this controller's loop depends on: not those of the other controllers."""
         paths = self.study.plan.paths
         concerned = (path.keys[0] != "controller" or path.keys[1] == place for path in paths)
-        return [i for i, concerns in enumerate(concerned) if concerns and i not in self.thetas]
+        return [i for i, concerns in enumerate(concerned) if concerns and i not in (*self.thetas, *self.parameters)]
+
+    def _in_ranges(self, rows: Array) -> Array:
+        """(M,) whether the physical parameters that vary lie in the ranges from which the known set follows."""
+        problem = self.study.example.problem
+        inside = np.ones(len(rows), dtype=bool)
+        for column in self.parameters:
+            assert isinstance(problem, Problem) and problem.plant.physical is not None
+            low, high = problem.plant.physical.ranges[str(self.study.plan.paths[column].keys[1])]
+            inside &= (low <= rows[:, column]) & (rows[:, column] <= high)
+        return inside
 
     def _combinations(self, others: list[int]) -> int:
         """Draws count as different from each other."""
@@ -104,12 +121,17 @@ class Bounds:
         row = self.study.tried.middle.copy()
         row[others] = values
         case = self.study.varied.at(row)
-        (certificate,) = certify(case.problem, [case.controllers[place]], case.simulation).values()
-        entry = certificate.entry("error_bound_worst" if self.thetas else "error_bound")
+        certificates = certify(case.problem, [case.controllers[place]], case.simulation)
+        (certificate,) = certificates.values()
+        over_the_set = bool(self.thetas or self.parameters)
+        entry = certificate.entry("error_bound_worst" if over_the_set else "error_bound")
         known = case.problem.uncertainty if isinstance(case.problem, Problem) else None
         bound = np.nan
         if entry is not None and entry.kind == "guaranteed" and isinstance(entry.value, float):
             bound = entry.value
+        apart = certificates.beside.get("truth")
+        if apart is not None and (entry is None or entry.key in apart["voids"][case.controllers[place].name]):
+            bound = np.nan
         return _Certified(bound, known, for_its_theta=not self.thetas)
 
     def _thetas(self, rows: Array) -> Array:

@@ -10,14 +10,16 @@ from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.open_numbers.path import FieldPath, by_index
+from barbalat.open_numbers.truth_paths import PARAMETERS, is_parameter, require_parameter
 from barbalat.open_numbers.varied import VariedObjects, tables_with
 from barbalat.problem.known_set import ParameterBall
+from barbalat.problem.parameters import Parameter
 from barbalat.problem.state_feedback import Problem
-from barbalat.sweeps.spread import Distribution, InBall, Uniform, parse_distribution
+from barbalat.sweeps.spread import CutNormal, Distribution, InBall, LogUniform, Uniform, parse_distribution
 from barbalat.validate import InputError
 
-KNOWN_SET = "known-set"
-"""In place of a distribution."""
+KNOWN_SET, BETWEEN = "known-set", "between"
+"""In place of a distribution: over the known set, or over the range of a physical parameter."""
 GAIN = "gain"
 """Of an input, the last key of its path."""
 
@@ -67,6 +69,9 @@ def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distributi
     found: dict[FieldPath, Distribution] = {}
     for place, distribution in given:
         path = FieldPath.parse(by_index(place, labels))
+        if distribution == BETWEEN:
+            found |= _new(found, over_ranges(source if isinstance(source, Case) else source.case(), path))
+            continue
         if not isinstance(distribution, str):
             drawn: Mapping[FieldPath, Distribution] = {path: distribution}
         elif distribution == KNOWN_SET:
@@ -82,7 +87,36 @@ def sampled(source: CaseText | Case, given: Sequence[tuple[str, str | Distributi
                 drawn = {path: parse_distribution(distribution)}
             except InputError as error:
                 raise InputError(f"{path}: {error}") from None
-        if twice := [str(one) for one in drawn if one in found]:
-            raise InputError(f"{twice[0]} is sampled twice")
-        found |= drawn
+        found |= _new(found, drawn)
     return found
+
+
+def _new(found: Mapping[FieldPath, Distribution], drawn: Mapping[FieldPath, Distribution]) -> Mapping[FieldPath, Distribution]:
+    if twice := [str(one) for one in drawn if one in found]:
+        raise InputError(f"{twice[0]} is sampled twice")
+    return drawn
+
+
+def over_ranges(case: Case, path: FieldPath) -> dict[FieldPath, Distribution]:
+    """A distribution for the parameter at ``path``, or at ``parameters`` for each that is uncertain; InputError for others."""
+    physical = case.problem.plant.physical if isinstance(case.problem, Problem) else None
+    known = {} if physical is None else {one.name: one for one in physical.parameters}
+    if path.keys == (PARAMETERS,):
+        uncertain = {FieldPath((PARAMETERS, name)): one for name, one in known.items() if not one.is_exact}
+        if not uncertain:
+            raise InputError(f"{path}={BETWEEN} needs [parameters] with ranges, and the case has none")
+        return {one: spread_of(parameter) for one, parameter in uncertain.items()}
+    if not is_parameter(path):
+        raise InputError(f"{BETWEEN} goes with a physical parameter, such as parameters.k={BETWEEN}, or with all: got {path}")
+    require_parameter(path, known)
+    if known[str(path.keys[1])].is_exact:
+        raise InputError(f"{path}={BETWEEN} needs a range: the parameter is known exactly")
+    return {path: spread_of(known[str(path.keys[1])])}
+
+
+def spread_of(parameter: Parameter) -> Distribution:
+    """The parameter's distribution over its range."""
+    low, high = parameter.range
+    if parameter.distribution == "normal":
+        return CutNormal(low, high)
+    return LogUniform(low, high) if parameter.distribution == "loguniform" else Uniform(low, high)

@@ -34,6 +34,7 @@ class SweepResult:
     resumed     members that were found in the store
     seconds     of all that was simulated now
     redesigned  what is designed anew for each member, by the paths from which it follows
+    redesign    whether that was asked for
     audit       what a finer step says of the verdicts on some of the members
     member_steps  solver steps of all members that were simulated now, those of every controller
     """
@@ -44,6 +45,7 @@ class SweepResult:
     rows: Rows
     evidence: Evidence
     redesigned: Mapping[str, tuple[str, ...]]
+    redesign: bool
     audit: Audit
     resumed: int
     seconds: float
@@ -105,7 +107,7 @@ class SweepResult:
         return [
             f"{', '.join(designs)} {'are' if len(designs) > 1 else 'is'} designed anew for each member, from its own "
             f"{', '.join(paths)}: this sweep tries many designs, each on the plant that it was made for, and not one design on "
-            f"many plants{'; plant.theta varies the plant alone' if paths[0].startswith(('plant.A', 'plant.b')) else ''}"
+            f"many plants{'; without --redesign what is simulated varies alone' if self.redesign else ''}"
             for designs, paths in by_design.items()
         ]
 
@@ -141,6 +143,7 @@ class SweepResult:
             "examined": {DIVERGED: {"what": DIVERGES}, OSCILLATED: {"what": EXAMINED, "not_examined": found.unexamined}},
             "sentences": self.sentences,
             "unsettled": self.unsettled,
+            "redesign": self.redesign,
             "redesigned": {path: list(designs) for path, designs in self.redesigned.items()},
             "audit": self.audit.as_json(),
             "sensitivity": [one.as_json() for one in found.sensitivities],

@@ -125,6 +125,24 @@ class Normal:
 
 
 @dataclass(frozen=True)
+class CutNormal:
+    """From ``low`` to ``high``, normal around the middle; three standard deviations reach the ends, where it is cut off."""
+
+    low: float
+    high: float
+
+    def at(self, share: Array, before: Sequence[Array] = ()) -> Array:
+        from scipy.special import ndtr, ndtri
+
+        inside = ndtr(-3.0) + (1 - 2 * ndtr(-3.0)) * share
+        middle, deviation = (self.low + self.high) / 2, (self.high - self.low) / 6
+        return np.clip(middle + deviation * ndtri(inside), self.low, self.high)
+
+    def __str__(self) -> str:
+        return f"normal between:{self.low!r}:{self.high!r}"
+
+
+@dataclass(frozen=True)
 class InBall:
     """An entry of a vector that lies evenly in a ball, given the entries before it, which were drawn just before.
 
@@ -165,7 +183,7 @@ def parse_distribution(text: str) -> Distribution:
     if name not in DISTRIBUTIONS or len(numbers) != 2:
         raise InputError(
             "a distribution must be uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B, or for plant.theta and the like "
-            f"known-set, got {validate.show(text)}"
+            f"known-set, or for parameters between, got {validate.show(text)}"
         )
     try:
         first, second = map(float, numbers)

@@ -17,7 +17,7 @@ from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.path import FieldPath, by_index
-from barbalat.open_numbers.varied import VariedCase, VariedObjects
+from barbalat.open_numbers.varied import Varied, VariedCase, VariedObjects
 from barbalat.protocols import Controller
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import tail_is_short
@@ -58,6 +58,7 @@ def sweep(
     scheduler: str | Scheduler | None = None,
     bounds: bool = True,
     audit: int | None = None,
+    redesign: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SweepResult:
@@ -66,7 +67,8 @@ def sweep(
     case     a case file or a bundled case's name, whose keys ``vary`` and ``sample`` name; or a ``Case`` with a problem,
              controllers and a simulation, whose fields they name: ``plant.theta[0]``, ``controller[0].gamma``, ``simulation.dt``
     vary     by paths "START:STOP:COUNT" or "START:STOP:COUNT:log"
-    sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector of a case file
+    sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector of a case file;
+             "between" for "parameters.NAME", or "parameters" for all, over their ranges
     members  draws at each point of the grid, by default 1000 where something is drawn
     design   of the draws: "latin", "sobol", "random" (exact intervals), "saltelli" (Sobol indices)
     require  such as "max_abs_e[0] < 2"; counted where broken
@@ -75,6 +77,8 @@ def sweep(
     bounds   certify what can be certified and hold the errors against it
     audit    members that are run again at half of the step that their verdict comes from, 0 for none; by default 2 % of them,
              and 30 at least
+    redesign  designs reference model and controllers anew for each member's plant.A, plant.b and parameters, instead of varying
+             what is simulated alone
     Raises InputError.
     """
     folder = None if store is None else validate.local_path("store", store)
@@ -86,7 +90,10 @@ def sweep(
     draws = sampled(source, list((sample or {}).items()))
     known = design_of(design)
     plan = Plan(axes, draws, members_of(members, known, drawn=bool(draws)), known, seed)
-    varied = VariedObjects(source, plan.paths) if isinstance(source, Case) else VariedCase(source, plan.paths)
+    if isinstance(source, Case):
+        varied: Varied = VariedObjects(source, plan.paths, redesign)
+    else:
+        varied = VariedCase(source, plan.paths, redesign=redesign)
     return run_study(
         Study(varied, plan),
         requirements=requirements,
@@ -162,6 +169,7 @@ def run_study(
         rows=rows,
         evidence=evidence(rows, study.controllers, requirements, study.plan, notes, study.unexamined),
         redesigned=study.redesigned,
+        redesign=bool(study.varied.redesign),
         audit=audited(settling, rows, requirements, members=audit, run=_runner(scheduler, threads)),
         resumed=resumed,
         seconds=seconds,

@@ -26,10 +26,10 @@ from barbalat.comparison.contest.rule import (
 )
 from barbalat.comparison.contest.tuned import Qualified, qualify
 from barbalat.comparison.contest.validation import Draws, Remeasured, Validation, measure, measured_again
+from barbalat.comparison.plants import parameters_of, plants_of
 from barbalat.comparison.search.aim import Plants
 from barbalat.comparison.search.search import least_trials
 from barbalat.comparison.starts import initial_estimates
-from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.judge.settings import Judge
 from barbalat.loop.structure import comes_from_outside
 from barbalat.problem.state_feedback import Problem
@@ -142,7 +142,7 @@ def compete(
         problem=problem,
         simulation=simulation,
         rule=rule,
-        thetas=np.array([one.parameters for one in family]),
+        thetas=np.array([parameters_of(one) for one in family]),
         entrants=tuple(ordered),
         draws=draws,
         held_out=Named.of("entrant that meets the rule", held),

@@ -142,5 +142,4 @@ def with_noise(problem: Problem, share: float, simulation: Simulation, sample_ti
     steps = max(round(sample_time / simulation.dt), 1)
     held = simulation.dt * steps
     noise = Noise(std=[share * each for each in ReferenceMotion.of(problem, simulation).of_each], sample_time=held, seed=seed)
-    sensor = Sensor(noise=noise) if problem.sensor is None else replace(problem.sensor, noise=noise)
-    return replace(problem, sensor=sensor)
+    return problem.with_sensor(lambda own: Sensor(noise=noise) if own is None else replace(own, noise=noise))

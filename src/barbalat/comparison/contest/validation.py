@@ -11,8 +11,8 @@ from barbalat.budget import Progress
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.comparison.contest.rule import Rule
 from barbalat.comparison.contest.tuned import Qualified
+from barbalat.comparison.plants import plants_of
 from barbalat.comparison.search.probing import Question
-from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.judge.settings import Judge
 from barbalat.problem.modelling_error import DelayError, GainError, ModellingError
 from barbalat.problem.state_feedback import Problem
@@ -90,7 +90,7 @@ class Draws:
         commands = drawn_commands(min(VALIDATION_COMMANDS, members), seed)
         which = np.sort(np.arange(members) % len(commands))
         made = [with_command(problem, float(size), float(pace)) for size, pace in commands]
-        problems = [replace(made[c], plant=plant.plant) for c, plant in zip(which, plants, strict=True)]
+        problems = [replace(made[c], plant=plant.plant, truth=plant.truth) for c, plant in zip(which, plants, strict=True)]
         return cls(problems=problems, streams=rule.plants + np.arange(members), commands=commands[which])
 
     def __len__(self) -> int:

@@ -10,8 +10,8 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.cases.build import Case
+from barbalat.comparison.plants import plants_of
 from barbalat.comparison.search.quantity import LINEAR_DELAYS, Constraint, Origin, TunedQuantity
-from barbalat.comparison.tradeoff.tradeoff import plants_of
 from barbalat.open_numbers.path import by_index
 from barbalat.problem.labels import Labels
 from barbalat.problem.modelling_error import DelayError, ModellingError

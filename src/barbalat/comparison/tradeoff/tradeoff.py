@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import prod
 from typing import TYPE_CHECKING, Any
 
@@ -13,12 +13,11 @@ import numpy as np
 from barbalat import budget, validate
 from barbalat.budget import Estimate, Progress
 from barbalat.comparison.grids import default_knobs
+from barbalat.comparison.plants import parameters_of, plants_of
 from barbalat.comparison.tradeoff.forecast import RUNS_EACH, Forecast
 from barbalat.controllers.tuning_grid import TuningGrid
 from barbalat.judge.settings import Judge
 from barbalat.pictures.plotted import Plotted
-from barbalat.problem.known_set import KnownSet
-from barbalat.problem.plant import Plant
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
@@ -168,7 +167,7 @@ def trade_off(
     return TradeOff(
         problem=problem,
         simulation=simulation,
-        thetas=np.stack([p.plant.theta for p in family]),
+        thetas=np.stack([p.plant.theta if p.simulated is None else parameters_of(p) for p in family]),
         clouds=clouds,
         by=by,
         notes=(*left_out, *_notes(problem, clouds, motion), *(one.sentence for one in checks)),
@@ -330,22 +329,6 @@ def _delay_margins(
     return delay_margins_ensemble(
         members, simulation, longest=longest, judge=by.judge, lost=by.lost, numbers=numbers, progress=progress
     )
-
-
-def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> list[Problem]:
-    """The case's plant, and others, drawn from its known set and, where the input's gain is unknown, from its interval."""
-    random = np.random.default_rng(seed)
-    thetas = known_set.drawn(random, plants - 1)
-    found = [problem.plant, *(replace(problem.plant, theta=theta) for theta in thetas)]
-    if problem.known.gains is not None:  # the case's own gain is written out too: all plants then have one structure
-        gains = [[path.gain for path in problem.plant.paths], *problem.known.gains.drawn(random, plants - 1)]
-        found = [_with_gains(plant, gain) for plant, gain in zip(found, gains, strict=True)]
-    return [replace(problem, plant=plant) for plant in found]
-
-
-def _with_gains(plant: Plant, gains: Sequence[float] | Array) -> Plant:
-    paths = tuple(replace(path, gain=float(gain)) for path, gain in zip(plant.paths, gains, strict=True))
-    return replace(plant, input=paths if len(paths) > 1 else paths[0])
 
 
 def _cloud(k: TuningGrid, found: DelayMargins, scale: float, plants: int) -> Cloud:

@@ -12,11 +12,12 @@ from barbalat.budget import Progress
 from barbalat.cases.build import Case
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certify import certify
+from barbalat.comparison.plants import parameters_of, plants_of
 from barbalat.comparison.ranges import Space
 from barbalat.comparison.search.aim import Aim, Plants, StepCheck, Trial
 from barbalat.comparison.search.quantity import Constraint, Origin
 from barbalat.comparison.search.trials import Trials
-from barbalat.comparison.tradeoff.tradeoff import pareto_front, plants_of
+from barbalat.comparison.tradeoff.tradeoff import pareto_front
 from barbalat.judge.verdict import Verdict
 from barbalat.open_numbers.path import FieldPath
 from barbalat.pictures.plotted import Plotted
@@ -302,7 +303,7 @@ def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
     signs = values if told[0].larger_is_worse else -values
     return UnseenPlants(
         quantity=told[0].name,
-        thetas=np.array([other.parameters for other in others]),
+        thetas=np.array([parameters_of(other) for other in others]),
         values=values,
         broken=broken,
         worst=int(np.argmax(signs)),

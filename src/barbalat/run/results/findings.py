@@ -8,12 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from barbalat.problem.command_gain import command_warning
+from barbalat.problem.departures import departures
+from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import InterpolatedSignal
 
 KINDS = (
-    "solver", "half step", "record of a signal", "known set", "command", "damping", "still", "on bounds", "between bounds",
-    "excitation", "true values", "order", "coarse record",
+    "solver", "half step", "record of a signal", "truth", "known set", "ranges", "command", "damping", "still", "on bounds",
+    "between bounds", "excitation", "true values", "order", "coarse record",
 )  # fmt: skip
 """In the order in which they matter."""
 OF_EACH_RUN = ("half step",)
@@ -32,10 +34,24 @@ def of_problem(problem: TrackingProblem, t_end: float) -> list[Finding]:
     """What all runs of a problem up to ``t_end`` [s] have in common."""
     said = {
         "command": command_warning(problem),
+        "truth": truth_apart(problem),
+        "ranges": unmatched_ranges(problem),
         "known set": problem.outside_known_set,
         "record of a signal": held_after_its_end(problem, t_end),
     }
     return [Finding(kind, sentence) for kind, sentence in said.items() if sentence is not None]
+
+
+def truth_apart(problem: TrackingProblem) -> str | None:
+    """A sentence where what is simulated departs from what the controllers are designed for."""
+    found = departures(problem) if isinstance(problem, Problem) else []
+    return f"the truth departs from the design: {'; '.join(one.sentence for one in found)}" if found else None
+
+
+def unmatched_ranges(problem: TrackingProblem) -> str | None:
+    """A sentence where ranges of physical parameters leave what no estimate matches."""
+    derived = problem.derived if isinstance(problem, Problem) else None
+    return None if derived is None or derived.is_matched else derived.sentences[1]
 
 
 def held_after_its_end(problem: TrackingProblem, t_end: float) -> str | None:

@@ -31,7 +31,7 @@ DEMAND = "u is the demand: before the limits, the gain, the dynamics and the del
 
 def about_u(problem: TrackingProblem) -> str | None:
     """What a table of figures says of u where something else than u reaches the plant."""
-    return DEMAND if any(path.path is not None or path.delay > 0 for path in problem.plant.paths) else None
+    return DEMAND if any(path.path is not None or path.delay > 0 for path in problem.surroundings.paths) else None
 
 
 def outcome(run: Result) -> str:

@@ -301,7 +301,7 @@ def _largest_error(results: Sequence[Result]) -> Panel:
 
 def _control(results: Sequence[Result]) -> Panel:
     series = [one for k, result in enumerate(results) for one in _inputs(result, k, len(results))]
-    paths = results[0].problem.plant.paths
+    paths = results[0].problem.surroundings.paths
     ends = sorted({float(end) for path in paths if path.saturation is not None for end in path.saturation})
     of_each = [np.concatenate([s.low, s.high]) if s.low is not None and s.high is not None else s.value for s in series]
     limits = _limits_beside_lost([r for r in results for _ in range(len(series) // len(results))], of_each, [])

@@ -1,0 +1,91 @@
+"""Formulas of physical parameters in a case file's tables: replaced by their numbers before anything is checked."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from barbalat.judge.settings import Judge
+from barbalat.linear.driven_response import driven_response
+from barbalat.problem.labels import Labels
+from barbalat.problem.parameters import Parameter, evaluated, require_parameter_name
+from barbalat.problem.physical import PhysicalPlant
+from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.validate import Array, InputError
+
+Tables = dict[str, Any]
+OF_PLANT = ("A", "b", "C", "x0", "input")
+"""Keys of [plant] in which a text is a formula."""
+OF_TRUTH = (*OF_PLANT, "sensor")
+"""Keys of [truth] likewise."""
+MOTION_INSTANTS = 2000
+"""At which the model's motion is looked at for the scales of its states."""
+
+
+def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
+    """The tables with each formula's number, and themselves where they have parameters or a truth; else as they are, and None.
+
+    The plant's formulas are taken at the nominal parameters, the truth's at its own. InputError for what is no formula, and for
+    parameters where the plant is not given by A and b.
+    """
+    if "parameters" not in tables and "truth" not in tables:
+        return tables, None
+    given, plant, truth = tables.get("parameters", {}), tables.get("plant"), tables.get("truth", {})
+    if not isinstance(plant, dict) or not isinstance(given, dict) or not isinstance(truth, dict):
+        return tables, tables  # is refused when the tables are checked
+    if "transfer_function" in plant:
+        which = "parameters" if "parameters" in tables else "truth"
+        raise InputError.of(
+            which, "goes with a plant in state space, plant.A and plant.b; plant.transfer_function is what is simulated"
+        )
+    if given and "A" not in plant:
+        raise InputError.of("parameters", "goes with plant.A and plant.b, whose entries are formulas; plant.A is missing")
+    for name in given:
+        require_parameter_name(name)
+    nominal = {name: _value(value) for name, value in given.items()}
+    changed = truth.get("parameters", {})
+    own = {name: _value(value) for name, value in changed.items() if name in nominal} if isinstance(changed, dict) else {}
+    found = tables | {"plant": _numbers("plant", plant, OF_PLANT, nominal)}
+    if "sensor" in tables:
+        found["sensor"] = evaluated("sensor", tables["sensor"], nominal)
+    if "truth" in tables:
+        found["truth"] = _numbers("truth", truth, OF_TRUTH, nominal | own)
+    return found, tables
+
+
+def _value(given: Any) -> float:
+    """A parameter's value; 1 for what is none, which is refused when the tables are checked."""
+    value = given.get("value") if isinstance(given, dict) else given
+    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else 1.0
+
+
+def _numbers(name: str, table: Tables, keys: tuple[str, ...], values: Mapping[str, float]) -> Tables:
+    return table | {key: evaluated(f"{name}.{key}", table[key], values) for key in keys if key in table}
+
+
+def physical_plant(tables: Tables, parameters: Mapping[str, Any]) -> PhysicalPlant:
+    """The plant of a case file as formulas; ``tables`` are the file's own, ``parameters`` its checked ones by name."""
+    declared = [Parameter(name, **(one if isinstance(one, dict) else {"value": one})) for name, one in parameters.items()]
+    plant = tables["plant"]
+    more = {key: plant.get(key) for key in ("x0", "input")}
+    return PhysicalPlant(A=plant["A"], b=plant.get("b", []), parameters=declared, sensor=tables.get("sensor"), **more)
+
+
+def scale_of_states(
+    A_m: Array, b: Array, x0: Any, model: ReferenceModel, commands: Any, labels: Labels | None, judge: Judge, t_end: float
+) -> tuple[Array, str]:
+    """(n,) by whose squares the states are weighted, and where they come from: the judge's bands, else the model's motion."""
+    n = len(A_m)
+    names = (labels or Labels()).of_states(n)
+    if all(name in judge.follows for name in names):
+        return np.array([judge.follows[name] for name in names]), "the bands of judge.follows"
+    plant = Plant(A_m=A_m, b=b, theta=np.zeros(b.size), x0=x0)
+    B = b.reshape(n, -1) @ np.atleast_2d(model.gain(plant, names))
+    signals = commands if isinstance(commands, tuple) else (commands,)
+    _, x_m = driven_response(A_m, B, np.eye(n), plant.x0, signals, t_end, MOTION_INSTANTS)
+    largest = np.abs(x_m).max(axis=0)
+    moves = largest > 1e-9 * largest.max(initial=0.0)
+    said = "the largest motions of the reference model" + ("" if moves.all() else ", 1 where it rests")
+    return np.where(moves, largest, 1.0), said

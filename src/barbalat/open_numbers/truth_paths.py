@@ -1,0 +1,150 @@
+"""What a study varies is the truth: a number of the plant is put where the simulated plant has it, and the design stays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from barbalat import validate
+from barbalat.cases.physical_tables import OF_TRUTH
+from barbalat.open_numbers.path import FieldPath, Key, Tables, copied
+from barbalat.problem.parameters import Parameter
+from barbalat.problem.plant import Plant
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.truth import Truth
+from barbalat.validate import InputError
+
+PARAMETERS = "parameters"
+OF_THE_PLANT = ("A", "b")
+"""Keys of [plant] from which designs follow."""
+AROUND = ("input", "disturbance", "unmatched", "x0")
+"""Further keys of [plant] that a truth may have of its own."""
+
+
+def is_parameter(path: FieldPath) -> bool:
+    """Whether a path names a physical parameter: its value in the truth."""
+    return path.keys[0] == PARAMETERS and len(path.keys) == 2
+
+
+def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None) -> None:
+    """A number in tables of their own, at its place in [truth] where it is the plant's.
+
+    redesign  False: plant.A and plant.b are the truth's; True: these and parameters are the design's as well, and everything is
+              designed anew; None: plant.A and plant.b are the design's, parameters the truth's
+    """
+    if is_parameter(path):
+        _put_parameter(tables, path, value, redesign is True)
+        return
+    where = None if redesign else _in_the_truth(tables, path.keys, redesign is False)
+    (path if where is None else FieldPath(where)).put(tables, value)
+
+
+def _put_parameter(tables: Tables, path: FieldPath, value: float, redesign: bool) -> None:
+    name, declared = str(path.keys[1]), tables.get(PARAMETERS)
+    require_parameter(path, declared if isinstance(declared, dict) else {})
+    truth = tables.get("truth", {})
+    own = truth.get(PARAMETERS, {}) if isinstance(truth, dict) else {}
+    if redesign:
+        nominal = (PARAMETERS, name, "value") if isinstance(tables[PARAMETERS][name], dict) else (PARAMETERS, name)
+        FieldPath(nominal).put(tables, value)
+    if not redesign or name in own:
+        FieldPath(("truth", PARAMETERS, name)).put(tables, value)
+
+
+def require_parameter(path: FieldPath, known: Mapping[str, Any]) -> None:
+    """InputError for a name that no parameter of the case has."""
+    name = str(path.keys[1])
+    if name not in known:
+        there = f"there are {', '.join(known)}" if known else "the case has no [parameters]"
+        raise InputError(f"{path} names no parameter; {there}{validate.hint(name, known)}")
+
+
+def holds_formulas(tables: Tables) -> bool:
+    """Whether the truth has formulas of its own, which are evaluated as the file is read."""
+    truth = tables.get("truth", {})
+    return any(_texts(truth.get(key)) for key in OF_TRUTH) if isinstance(truth, dict) else True
+
+
+def _texts(part: Any) -> bool:
+    if isinstance(part, dict):
+        part = list(part.values())
+    return isinstance(part, str) or (isinstance(part, list) and any(map(_texts, part)))
+
+
+def _in_the_truth(tables: Tables, keys: tuple[Key, ...], of_design: bool) -> tuple[Key, ...] | None:
+    """The place in [truth] of what stands at ``keys``, with a copy of it there; None where it stays where it is."""
+    plant, apart = tables.get("plant"), "truth" in tables or PARAMETERS in tables
+    if not isinstance(plant, dict) or "transfer_function" in plant:
+        return None
+    truth = tables.get("truth", {})
+    if not isinstance(truth, dict):
+        return None
+    if keys[0] == "sensor" and apart and ("sensor" in truth or PARAMETERS in tables):
+        return _copied_to_truth(tables, "sensor", tables.get("sensor"), keys)
+    if keys[0] != "plant" or len(keys) < 2:
+        return None
+    key = str(keys[1])
+    if key in OF_THE_PLANT and (of_design or apart):
+        return _copied_to_truth(tables, key, plant.get(key), keys[1:])
+    if key in AROUND and (key in truth or (apart and key == "input")):
+        return _copied_to_truth(tables, key, plant.get(key), keys[1:])
+    return None
+
+
+def _copied_to_truth(tables: Tables, key: str, own: Any, keys: tuple[Key, ...]) -> tuple[Key, ...] | None:
+    truth = tables.setdefault("truth", {})
+    if key not in truth:
+        if own is None:
+            return None if key in OF_THE_PLANT else ("truth", *keys)
+        truth |= copied({key: own})
+    return ("truth", *keys)
+
+
+def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | None) -> Problem | None:
+    """The same for Python's objects; None where the number is put as any other field is."""
+    if is_parameter(path):
+        return _with_parameter(problem, path, value, redesign is True)
+    key = path.keys[1] if len(path.keys) > 1 else None
+    if path.keys[0] == "plant" and key == "theta" and problem.simulated is not None and _own_matrix(problem):
+        raise InputError(f"{path} is not what is simulated: the truth has a matrix A of its own; vary parameters or plant.A")
+    if path.keys[0] != "plant" or key not in OF_THE_PLANT or redesign is not False or not problem.plant.is_linear:
+        return None
+    truth = problem.truth or Truth()
+    simulated = problem.simulated
+    standing = getattr(problem.plant if simulated is None else simulated, str(key))
+    changed = standing.copy()
+    index = path.keys[2:]
+    shape = standing.shape
+    if len(index) != len(shape) or not all(isinstance(i, int) and i < n for i, n in zip(index, shape, strict=True)):
+        raise InputError(f"{path} names no number: plant.{key} has shape {' x '.join(map(str, shape))}, counted from 0")
+    changed[index] = value
+    return replace(problem, truth=replace(truth, **{str(key): changed}))
+
+
+def _own_matrix(problem: Problem) -> bool:
+    return problem.plant.physical is not None or (problem.truth is not None and problem.truth.A is not None)
+
+
+def _with_parameter(problem: Problem, path: FieldPath, value: float, redesign: bool) -> Problem:
+    name, physical, truth = str(path.keys[1]), problem.plant.physical, problem.truth or Truth()
+    require_parameter(path, {} if physical is None else physical.nominal)
+    assert physical is not None
+    if not redesign:
+        return replace(problem, truth=replace(truth, parameters={**truth.parameters, name: value}))
+    moved = tuple(_moved(one, value) if one.name == name else one for one in physical.parameters)
+    plant, own = problem.plant, dict(truth.parameters)
+    if name in own:
+        own[name] = value
+    made = Plant(
+        physical=replace(physical, parameters=moved), A_m=plant.A_m, scale=plant.scale, scale_from=plant.scale_from
+    )  # fmt: skip
+    derived = problem.derived is not None and problem.derived.used
+    known = None if derived else problem.uncertainty, None if derived else problem.input_gain
+    return replace(
+        problem, plant=made, uncertainty=known[0], input_gain=known[1], truth=problem.truth and replace(truth, parameters=own)
+    )
+
+
+def _moved(parameter: Parameter, value: float) -> Parameter:
+    return replace(parameter, value=value)

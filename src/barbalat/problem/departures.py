@@ -1,0 +1,182 @@
+"""The truth held against the plant and the declared sets: where what is simulated departs from the design."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.known_set import KnownSet
+from barbalat.problem.measurement import Sensor
+from barbalat.problem.physical import projection
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.truth import TruePlant
+from barbalat.validate import Array
+
+SAME_TO = 1e-9
+"""Relative to the largest number: what differs by less was computed in other steps."""
+
+
+@dataclass(frozen=True)
+class Departure:
+    """One difference, as a sentence about the truth.
+
+    within  whether the declared sets contain it, so that what holds for all of these holds for it
+    """
+
+    sentence: str
+    within: bool = False
+
+
+def departures(problem: Problem) -> list[Departure]:
+    """All differences between the truth and the design; none where they are the same, or where there is no truth apart."""
+    simulated = problem.simulated
+    if simulated is None:
+        return []
+    return [*_of_the_dynamics(problem, simulated), *_of_the_surroundings(problem), *_of_the_start(problem, simulated)]
+
+
+def true_parameters(problem: Problem) -> Array | None:
+    """(p,) theta of the linear plant that is simulated, by the weighted projection, and the input gains where they are unknown.
+
+    None where it has other states than the plant.
+    """
+    simulated = problem.simulated
+    if simulated is None:
+        return problem.parameters
+    if not problem.plant.is_linear:
+        return problem.parameters
+    if simulated.S is not None:
+        return None
+    theta, omega = _projected(problem, simulated)
+    return theta if problem.input_gain is None else np.concatenate([theta, omega])
+
+
+def _projected(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
+    """theta and omega of the simulated A and b, with the gains before the inputs."""
+    plant, n = problem.plant, problem.plant.n
+    g = projection(plant.b, np.ones(n) if plant.scale is None else plant.scale)
+    omega = np.diag(g @ simulated.b.reshape(n, -1)) * [path.gain for path in problem.surroundings.paths]
+    return (g @ (simulated.A - plant.A_m)).T.reshape(-1), omega
+
+
+def _of_the_dynamics(problem: Problem, simulated: TruePlant) -> Iterator[Departure]:
+    plant = problem.plant
+    if simulated.S is not None:
+        yield Departure(f"it has {validate.counted(len(simulated.x0), 'state')}, and the plant {plant.n}")
+    elif plant.is_linear:
+        theta, omega = _projected(problem, simulated)
+        yield from _of_theta(problem, theta)
+        yield from _of_the_gain(problem, omega)
+        yield from _of_the_rests(problem, simulated, theta)
+    if simulated.friction:
+        states = ", ".join(dict.fromkeys(simulated.names[row] for row, _, _ in simulated.friction))
+        yield Departure(f"friction acts on {states}")
+    if simulated.terms:
+        yield Departure(f"further terms act on {', '.join(dict.fromkeys(simulated.names[row] for row, _ in simulated.terms))}")
+
+
+def _of_theta(problem: Problem, theta: Array) -> Iterator[Departure]:
+    own, known = problem.plant.theta, problem.uncertainty
+    if np.abs(theta - own).max() <= SAME_TO * max(1.0, float(np.abs(own).max())):
+        return
+    said = f"its theta is {_shown(theta)}, and the plant's {_shown(own)}"
+    if known is None:
+        yield Departure(f"{said}; no known set is declared")
+    elif _contains(known, theta):
+        yield Departure(f"{said}; it lies in the known set", within=True)
+    else:
+        yield Departure(f"{said}; it lies outside the known set, {known}: projected estimates can't reach it")
+
+
+def _contains(known: KnownSet, values: Array) -> bool:
+    """Whether a set contains values, up to the roundings with which they were computed."""
+    beyond = np.abs(known.brought_in(values[None])[0] - values)
+    return bool((beyond <= SAME_TO * np.maximum(1.0, np.abs(values))).all())
+
+
+def _of_the_gain(problem: Problem, omega: Array) -> Iterator[Departure]:
+    own = np.array([path.gain for path in problem.plant.paths])
+    if np.abs(omega - own).max() <= SAME_TO * float(np.abs(own).max()):
+        return
+    said = f"its input gain is {_shown(omega)}, and the plant's {_shown(own)}"
+    gains = problem.known.gains
+    if gains is None:
+        yield Departure(f"{said}; the gain is declared as known")
+    elif _contains(gains, omega):
+        yield Departure(f"{said}; it lies in uncertainty.input_gain", within=True)
+    else:
+        yield Departure(f"{said}; it lies outside uncertainty.input_gain, {gains}")
+
+
+def _of_the_rests(problem: Problem, simulated: TruePlant, theta: Array) -> Iterator[Departure]:
+    plant, n = problem.plant, problem.plant.n
+    b = plant.b.reshape(n, -1)
+    g = projection(plant.b, np.ones(n) if plant.scale is None else plant.scale)
+    rest_A = simulated.A - plant.A_m - b @ theta.reshape(n, -1).T
+    rest_b = simulated.b.reshape(n, -1) - b * np.diag(g @ simulated.b.reshape(n, -1))
+    for name, rest, beside in (("A", rest_A, (simulated.A, plant.A_m)), ("b", rest_b, (simulated.b, plant.b))):
+        largest = max(1.0, *(float(np.abs(one).max()) for one in beside))
+        if np.abs(rest).max() > SAME_TO * largest:
+            yield Departure(
+                f"{name} has an unmatched rest of norm {np.linalg.norm(rest, 2):.3g}, which no theta and no gain give"
+            )
+
+
+def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
+    around = problem.surroundings
+    for own, true in zip(problem.plant.paths, around.paths, strict=True):
+        differs = [
+            one.name
+            for one in fields(PlantInput)
+            if one.name != "gain" and not _same(getattr(own, one.name), getattr(true, one.name))
+        ]
+        if differs:
+            said = ", ".join(f"{name} {_of(getattr(true, name))}, not {_of(getattr(own, name))}" for name in differs)
+            yield Departure(f"before its input there is another path: {said}")
+    if around.disturbance is not problem.disturbance:
+        yield Departure("another disturbance enters with u")
+    if problem.truth is not None and problem.truth.unmatched is not None:
+        yield Departure("other disturbances act on its states")
+    lag, noise = ([_lag(one), _noise(one)] for one in (around.sensor, problem.sensor))
+    if lag != noise:
+        yield Departure("its state is measured by another sensor")
+
+
+def _of(value: object) -> str:
+    return "none" if value is None else validate.show(value)
+
+
+def _same(one: object, other: object) -> bool:
+    if one is other or (one is None) != (other is None):
+        return one is other
+    if hasattr(one, "num") and hasattr(other, "num"):
+        return _equal(one.num, other.num) and _equal(one.den, other.den)  # type: ignore[attr-defined]
+    return _equal(one, other)
+
+
+def _equal(one: object, other: object) -> bool:
+    return bool(np.array_equal(np.asarray(one, dtype=float), np.asarray(other, dtype=float)))
+
+
+def _lag(sensor: Sensor | None) -> float:
+    return 0.0 if sensor is None else sensor.lag
+
+
+def _noise(sensor: Sensor | None) -> tuple[object, ...]:
+    noise = None if sensor is None else sensor.noise
+    return () if noise is None else (np.ravel(noise.std).tolist(), noise.sample_time, noise.seed)
+
+
+def _of_the_start(problem: Problem, simulated: TruePlant) -> Iterator[Departure]:
+    x0, own = (np.asarray(one, dtype=float) for one in (simulated.output(simulated.x0), problem.plant.x0))
+    if not np.allclose(x0, own, rtol=SAME_TO, atol=0.0):
+        yield Departure(f"it starts at {_shown(x0)}, and the model at {_shown(own)}")
+
+
+def _shown(values: Array) -> str:
+    text = ", ".join(f"{one:.4g}" for one in np.ravel(values))
+    return text if np.size(values) == 1 else f"[{text}]"

@@ -1,0 +1,388 @@
+"""What the ranges of physical parameters say of theta, of the input's gain and of what no theta matches, in ball arithmetic.
+
+With b = b(nominal), the model's A_m and weights W = diag(1/scale^2) of the states,
+
+    A(p) = A_m + b theta'(p) + rest_A(p),      theta' = g (A(p) - A_m),
+    b(p) gain(p) = b omega(p) + rest_b(p),     omega = g b(p) gain(p),
+
+with g = (b'W b)^-1 b'W: of all theta and omega those that leave the smallest rests in the weighted norm. Both equations hold
+exactly for the g that was computed, whatever its roundings; the ranges are cut until every enclosure is within 1.05 of what
+was seen at points. With several inputs omega is the diagonal, and what is beside it belongs to the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import numpy as np
+from flint import arb, fmpq
+
+from barbalat.linear.balls import Ball, as_arb
+from barbalat.linear.enclosure import float_above, float_below
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.laurent import ALONE, Product, Sum, added, multiplied, names_of, products_of, scaled, value_of
+from barbalat.problem.parameters import Symbolic
+from barbalat.problem.physical import PhysicalPlant, projection
+from barbalat.validate import Array, InputError, show
+
+TIGHTNESS = 1.05
+"""The width of an enclosure is at most this times the width that was seen, unless MOST_CELLS do not suffice."""
+MOST_CELLS = 3000
+"""Into which the ranges are cut at most; the enclosure holds after any number of them."""
+MOST_CORNERS = 256
+"""Of the ranges, or of a part of them, at which the quantities are evaluated; beyond, the centre alone."""
+DRAWN = 2000
+"""Points of the ranges at which the quantities are evaluated before anything is cut."""
+SMALLEST_PART = 2.0**-20
+"""Of a parameter's range, below which it is not cut further."""
+MATCHED_TO = 1e-9
+"""Of the largest entry of A, A_m or b: a rest below it is rounding, as for a plant that is given by its numbers."""
+BOX_NOTE = "a box holds {} independently of each other: it contains plants that no parameters of these ranges give"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FromRanges:
+    """What ranges of physical parameters were turned into.
+
+    theta           box that contains theta(p) for all parameters of the ranges
+    input_gain      pairs (lower, upper) that contain omega_i(p); None where b and the gains do not depend on uncertain parameters
+    rest_A, rest_b  (n, n) and (n, m): bounds of the entries' magnitudes that no theta and no omega match
+    scale           (n,) of the states, by whose squares they are weighted; ``scale_from`` says where it comes from
+    shares          by uncertain parameter, how much of the change of A and of b over its range is unmatched, as a part of the
+                    weighted norm; None where they do not change
+    width_ratio     the largest ratio of an enclosure's width to the width that was seen
+    cells           into which the ranges were cut
+    used            whether the known set of the problem is this one; otherwise the user's own stands in its place
+    """
+
+    theta: ParameterBox
+    input_gain: tuple[tuple[float, float], ...] | None
+    rest_A: Array
+    rest_b: Array
+    scale: Array
+    scale_from: str
+    shares: Mapping[str, Mapping[str, float | None]]
+    width_ratio: float
+    cells: int
+    nominal: Mapping[str, Any] = field(default_factory=dict)
+    used: bool = True
+
+    @property
+    def is_matched(self) -> bool:
+        """Whether theta and omega leave nothing."""
+        return not self.rest_A.any() and not self.rest_b.any()
+
+    @property
+    def sizes(self) -> tuple[float, float]:
+        """Bounds of the spectral norms of both rests: a matrix of bounds of magnitudes has the larger norm."""
+        return tuple(float(np.linalg.norm(one, 2)) * (1 + 1e-12) for one in (self.rest_A, self.rest_b))  # type: ignore[return-value]
+
+    @property
+    def unmatched(self) -> str:
+        """What is unmatched, in a few words; empty where nothing is."""
+        if self.is_matched:
+            return ""
+        size_A, size_b = self.sizes
+        parts = [f"{size:.3g} in {name}" for size, name in ((size_A, "A"), (size_b, "b")) if size > 0]
+        return f"the parameters' ranges leave unmatched rests of up to {' and '.join(parts)}"
+
+    @property
+    def sentences(self) -> list[str]:
+        """For people: the set, the rests, the weights and what a box loses."""
+        ends = zip(self.theta.lower, self.theta.upper, strict=True)
+        said = [f"theta_{i + 1} in [{low:.6g}, {high:.6g}]" for i, (low, high) in enumerate(ends)]
+        gains = self.input_gain or ()
+        said += [
+            f"omega{f'_{i + 1}' if len(gains) > 1 else ''} in [{low:.6g}, {high:.6g}]" for i, (low, high) in enumerate(gains)
+        ]
+        taken = "" if self.used else "; the case's own [uncertainty] stands in its place"
+        found = [f"from the parameters' ranges: {', '.join(said)}{taken}"]
+        if self.unmatched:
+            each = [
+                f"{100 * share:.0f} % of what {name} changes in {matrix}"
+                for name, by in self.shares.items()
+                for matrix, share in by.items()
+                if share is not None and share > MATCHED_TO
+            ]
+            found.append(f"{self.unmatched}; unmatched are {', '.join(each)}")
+        scale = ", ".join(f"{one:.3g}" for one in self.scale)
+        found.append(f"the states are weighted by their scales {scale}, {self.scale_from}")
+        if self.input_gain is not None or (self.theta.lower < self.theta.upper).sum() > 1:
+            found.append(BOX_NOTE.format("the entries of theta" if self.input_gain is None else "theta and omega"))
+        return found
+
+    def as_json(self) -> dict[str, Any]:
+        """Everything that was derived, with how tight it is."""
+        size_A, size_b = self.sizes
+        return {
+            "nominal": dict(self.nominal),
+            "theta": {"lower": self.theta.lower.tolist(), "upper": self.theta.upper.tolist()},
+            "input_gain": None if self.input_gain is None else [list(pair) for pair in self.input_gain],
+            "unmatched": {
+                "A": {"entries": self.rest_A.tolist(), "norm": size_A},
+                "b": {"entries": self.rest_b.tolist(), "norm": size_b},
+                "shares": {name: dict(by) for name, by in self.shares.items()},
+            },
+            "scale": self.scale.tolist(),
+            "scale_from": self.scale_from,
+            "width_ratio": self.width_ratio,
+            "cells": self.cells,
+            "used": self.used,
+            "sentences": self.sentences,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class _Quantities:
+    """theta, omega and the rests as linear combinations of products of parameters: of balls, and of many points at once.
+
+    sums      of each quantity, in the order theta row by row, omega, rest of A, rest of b
+    products  that occur in them
+    """
+
+    sums: list[Sum]
+    sizes: tuple[int, int, int, int]
+    b_bar: Array  # (n, m)
+
+    @classmethod
+    def of(cls, plant: PhysicalPlant, A_m: Array, b: Array, scale: Array) -> _Quantities:
+        n = len(A_m)
+        b_bar, g = b.reshape(n, -1), projection(b, scale)
+        m = b_bar.shape[1]
+        D = [[added(_products(plant.A[i][j]), _products(-float(A_m[i, j]))) for j in range(n)] for i in range(n)]
+        rows = [row if isinstance(row, (list, tuple)) else [row] for row in plant.b]
+        through = [[multiplied(_products(row[k]), _products(gain)) for k, gain in enumerate(plant.gains(m))] for row in rows]
+        theta = [[_combined(g[k], [D[i][j] for i in range(n)]) for k in range(m)] for j in range(n)]
+        omega = [_combined(g[k], [through[i][k] for i in range(n)]) for k in range(m)]
+        rest_A = [added(D[i][j], _combined(-b_bar[i], theta[j])) for i in range(n) for j in range(n)]
+        rest_b = [added(through[i][k], scaled(omega[k], -float(b_bar[i, k]))) for i in range(n) for k in range(m)]
+        return cls([*(one for row in theta for one in row), *omega, *rest_A, *rest_b], (n * m, m, n * n, n * m), b_bar)
+
+    @cached_property
+    def products(self) -> list[Product]:
+        return list(dict.fromkeys(product for one in self.sums for product in one))
+
+    @cached_property
+    def names(self) -> list[frozenset[str]]:
+        """The parameters that each quantity depends on."""
+        return [frozenset().union(*map(names_of, one)) for one in self.sums]
+
+    @cached_property
+    def factors(self) -> Array:
+        """(quantities, products), rounded."""
+        return np.array([[float(one.get(product, 0)) for product in self.products] for one in self.sums])
+
+    def at(self, values: Mapping[str, Array]) -> Array:
+        """(K, quantities) at K points."""
+        count = len(next(iter(values.values())))
+        with np.errstate(all="ignore"):
+            each = [np.broadcast_to(value_of(product, values), (count,)) for product in self.products]
+            return np.array(each).reshape(len(each), count).T @ self.factors.T
+
+    @cached_property
+    def _exact(self) -> list[list[tuple[int, arb]]]:
+        """Of each quantity the products with their factors, as balls of a rounding."""
+        places = {product: i for i, product in enumerate(self.products)}
+        return [[(places[p], arb(fmpq(f.numerator, f.denominator))) for p, f in one.items()] for one in self.sums]
+
+    def enclosed(self, low: Mapping[str, float], high: Mapping[str, float]) -> tuple[Array, Array]:
+        """(quantities,) each: bounds over a box of parameters."""
+        values = {name: Ball(arb(low[name]).union(arb(high[name]))) for name in low}
+        each = [as_arb(value_of(product, values)) for product in self.products]
+        found = [sum((factor * each[place] for place, factor in one), arb(0)) for one in self._exact]
+        finite = [one.is_finite() for one in found]
+        lows = [float_below(one) if known else -np.inf for one, known in zip(found, finite, strict=True)]
+        highs = [float_above(one) if known else np.inf for one, known in zip(found, finite, strict=True)]
+        return np.array(lows), np.array(highs)
+
+
+def _products(entry: Any) -> Sum:
+    if isinstance(entry, (str, Symbolic)):
+        return products_of(entry.text if isinstance(entry, Symbolic) else entry)
+    return scaled({ALONE: Fraction(1)}, float(entry))
+
+
+def _combined(factors: Array, sums: Sequence[Sum]) -> dict[Product, Fraction]:
+    """A linear combination in exact arithmetic: what cancels is gone."""
+    return added(*(scaled(one, float(factor)) for factor, one in zip(factors, sums, strict=True)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Enclosure:
+    low: Array
+    high: Array
+    seen_low: Array
+    seen_high: Array
+    cells: int
+
+    @property
+    def ratio(self) -> float:
+        """The largest of the widths against the widths that were seen, of what moves by more than rounding."""
+        widths, seen = self.high - self.low, self.seen_high - self.seen_low
+        moves = seen > MATCHED_TO * np.maximum(np.abs(self.seen_low), np.abs(self.seen_high))
+        return float((widths[moves] / seen[moves]).max(initial=1.0))
+
+
+_found: dict[Hashable, _Enclosure] = {}
+"""Enclosures by all that they follow from: the members of a study mostly share it, and some take half a second."""
+MOST_KEPT = 64
+
+
+def _enclosed_once(found: _Quantities, ranges: Mapping[str, tuple[float, float]], floor: Array) -> _Enclosure:
+    key = tuple(tuple(one.items()) for one in found.sums), tuple(ranges.items()), floor.tobytes()
+    if key not in _found:
+        if len(_found) >= MOST_KEPT:
+            _found.clear()
+        _found[key] = _enclosed(found, ranges, floor)
+    return _found[key]
+
+
+def _enclosed(found: _Quantities, ranges: Mapping[str, tuple[float, float]], floor: Array) -> _Enclosure:
+    """The quantities over the ranges, cut where an enclosure is too wide; ``floor`` (quantities,) is what counts as nothing."""
+    names = [name for name, (low, high) in ranges.items() if low < high]
+    low, high = ({name: ends[side] for name, ends in ranges.items()} for side in (0, 1))
+    depends = found.names
+    points = _points(names, low, high, DRAWN)
+    seen = found.at(_columns(points, names, ranges))
+    seen_low, seen_high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
+    boxes, bounds = [(low, high)], [found.enclosed(low, high)]
+    lows, highs = np.array([bounds[0][0]]), np.array([bounds[0][1]])
+    while len(boxes) < MOST_CELLS:
+        room = np.maximum((TIGHTNESS - 1) / 2 * (seen_high - seen_low), floor)
+        above, below = (highs.max(axis=0) - seen_high) / room, (seen_low - lows.min(axis=0)) / room
+        worst = int(np.argmax(np.maximum(above, below)))
+        if max(above[worst], below[worst]) <= 1 or not names:
+            break
+        cell = int(np.argmax(highs[:, worst]) if above[worst] > below[worst] else np.argmin(lows[:, worst]))
+        low, high = boxes[cell]
+        side = _widest(found, names, low, high, ranges, depends[worst], worst)
+        if high[side] - low[side] < SMALLEST_PART * (ranges[side][1] - ranges[side][0]):
+            break  # no bound is in sight: a pole lies in the ranges
+        middle = (low[side] + high[side]) / 2
+        halves = [(low, high | {side: middle}), (low | {side: middle}, high)]
+        made = [found.enclosed(*half) for half in halves]
+        for half in halves:
+            more = found.at(_columns(_points(names, *half, 0), names, ranges))
+            seen_low, seen_high = np.fmin(seen_low, np.nanmin(more, axis=0)), np.fmax(seen_high, np.nanmax(more, axis=0))
+        boxes[cell] = halves[0]
+        boxes.append(halves[1])
+        lows[cell], highs[cell] = made[0]
+        lows, highs = np.vstack([lows, made[1][0]]), np.vstack([highs, made[1][1]])
+    return _Enclosure(lows.min(axis=0), highs.max(axis=0), seen_low, seen_high, len(boxes))
+
+
+def _points(names: list[str], low: Mapping[str, float], high: Mapping[str, float], drawn: int) -> Array:
+    """(K, names): the centre, the corners where there are few, and points drawn evenly."""
+    a, b = (np.array([side[name] for name in names]) for side in (low, high))
+    corners = np.array(list(product(*zip(a, b, strict=True)))) if 2 ** len(names) <= MOST_CORNERS else np.array([a, b])
+    inside = np.random.default_rng(0).uniform(a, b, (drawn, len(names)))
+    return np.vstack([(a + b)[None] / 2, corners.reshape(-1, len(names)), inside])
+
+
+def _columns(points: Array, names: list[str], ranges: Mapping[str, tuple[float, float]]) -> dict[str, Array]:
+    fixed = {name: np.full(len(points), low) for name, (low, _) in ranges.items()}
+    return fixed | {name: points[:, i] for i, name in enumerate(names)}
+
+
+def _widest(
+    found: _Quantities,
+    names: list[str],
+    low: Mapping[str, float],
+    high: Mapping[str, float],
+    ranges: Mapping[str, tuple[float, float]],
+    concerned: frozenset[str],
+    quantity: int,
+) -> str:
+    """The parameter along which a quantity changes most in a cell, among those whose part of their range is not yet small."""
+    own = [name for name in names if name in concerned]
+    centre = np.array([(low[name] + high[name]) / 2 for name in names])
+    points = np.repeat(centre[None], 2 * len(own), axis=0)
+    for k, name in enumerate(own):
+        points[2 * k, names.index(name)], points[2 * k + 1, names.index(name)] = low[name], high[name]
+    values = found.at(_columns(points, names, ranges))[:, quantity].reshape(-1, 2)
+    change = np.abs(values[:, 1] - values[:, 0])
+    share = np.array([(high[name] - low[name]) / (ranges[name][1] - ranges[name][0]) for name in own])
+    # where a quantity changes little its enclosure may still be wide: then the widest part of a range
+    return own[
+        int(np.argmax(np.where(np.isfinite(change), change, 0.0) / (change.max(initial=0.0) or 1.0) * share + 0.25 * share))
+    ]
+
+
+def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_from: str, *, used: bool = True) -> FromRanges:
+    """The known set and the rests; ``b`` is that of the nominal plant.
+
+    Raises InputError where a formula has no bound over the ranges.
+    """
+    n, quantities = len(A_m), _Quantities.of(plant, A_m, b, scale)
+    m = quantities.b_bar.shape[1]
+    A, _ = plant.matrices(plant.nominal)
+    largest = max(1.0, float(np.abs(A).max()), float(np.abs(A_m).max())), max(1.0, float(np.abs(b).max()))
+    nothing = np.repeat([MATCHED_TO * largest[0], MATCHED_TO, MATCHED_TO * largest[0], MATCHED_TO * largest[1]], quantities.sizes)
+    found = _enclosed_once(quantities, plant.ranges, nothing)
+    _require_finite(plant, found)
+    nominal = quantities.at({name: np.array([value]) for name, value in plant.nominal.items()} or {"": np.zeros(1)})[0]
+    moves = np.array([any(low < high for low, high in (plant.ranges[name] for name in names)) for names in quantities.names])
+    low, high = np.where(moves, found.low, nominal), np.where(moves, found.high, nominal)
+    ends = np.cumsum(quantities.sizes)
+    largest_rest = np.maximum(np.abs(low), np.abs(high))
+    largest_rest = np.where(largest_rest <= nothing, 0.0, largest_rest)
+    uncertain_gain = moves[ends[0] : ends[1]].any()
+    gains = tuple(zip(low[ends[0] : ends[1]].tolist(), high[ends[0] : ends[1]].tolist(), strict=True))
+    for lower, _ in gains if uncertain_gain else ():
+        if not lower > 0:
+            raise InputError.of(
+                "parameters",
+                f"must leave the input's gain positive, but over their ranges it is as low as {lower:g} times nominal",
+            )
+    return FromRanges(
+        theta=ParameterBox(lower=low[: ends[0]], upper=high[: ends[0]]),
+        input_gain=gains if uncertain_gain else None,
+        rest_A=largest_rest[ends[1] : ends[2]].reshape(n, n),
+        rest_b=largest_rest[ends[2] :].reshape(n, m),
+        scale=scale,
+        scale_from=scale_from,
+        shares=_shares(plant, quantities, scale),
+        width_ratio=found.ratio,
+        cells=found.cells,
+        nominal={"parameters": plant.nominal, "A": A.tolist(), "b": np.asarray(b).tolist(), "theta": nominal[: ends[0]].tolist()},
+        used=used,
+    )
+
+
+def _require_finite(plant: PhysicalPlant, found: _Enclosure) -> None:
+    if np.isfinite(found.low).all() and np.isfinite(found.high).all():
+        return
+    ranges = ", ".join(f"{name} in [{low:g}, {high:g}]" for name, (low, high) in plant.ranges.items() if low < high)
+    raise InputError.of(
+        "parameters", f"must have ranges over which plant.A, plant.b and the gain are bounded, got {show(ranges)}"
+    )
+
+
+def _shares(plant: PhysicalPlant, quantities: _Quantities, scale: Array) -> dict[str, dict[str, float | None]]:
+    """By uncertain parameter the unmatched part of the change of A and of b from one end of its range to the other."""
+    n, m = quantities.b_bar.shape
+    found: dict[str, dict[str, float | None]] = {}
+    for name, ends in plant.ranges.items():
+        if ends[0] == ends[1]:
+            continue
+        values = {other: np.full(2, value) for other, value in plant.nominal.items()} | {name: np.array(ends)}
+        changes = np.diff(quantities.at(values), axis=0)[0]
+        theta, omega, rest_A, rest_b = np.split(changes, np.cumsum(quantities.sizes)[:-1])
+        rests = rest_A.reshape(n, n), rest_b.reshape(n, m)
+        wholes = rests[0] + quantities.b_bar @ theta.reshape(n, m).T, rests[1] + quantities.b_bar * omega
+        beside = scale, np.ones(m)
+        found[name] = {
+            matrix: _ratio(rest / scale[:, None] * column, whole / scale[:, None] * column)
+            for matrix, rest, whole, column in zip(("A", "b"), rests, wholes, beside, strict=True)
+        }
+    return found
+
+
+def _ratio(part: Array, whole: Array) -> float | None:
+    size = float(np.linalg.norm(whole))
+    return float(np.linalg.norm(part)) / size if size > 0 else None

@@ -1,0 +1,210 @@
+"""Physical parameters: a value with its range, and expressions of them, which are formulas of a case file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.problem.formulas import FUNCTION_NAMES, Formula, FormulaNames, formula
+from barbalat.settings import Settings
+from barbalat.validate import InputError, Vector, freeze
+
+NAMES = r"[A-Za-z_][A-Za-z0-9_]*"
+"""How a parameter may be called."""
+DISTRIBUTIONS = ("uniform", "loguniform", "normal")
+"""Of a parameter in a study."""
+
+
+class Symbolic:
+    """What arithmetic turns into an ``Expression``."""
+
+    text: str
+    parameters: Mapping[str, Parameter]
+
+    def _with(self, other: Any, pattern: str) -> Expression:
+        if isinstance(other, Symbolic):
+            return Expression(pattern.format(self.text, other.text), {**self.parameters, **other.parameters})
+        return Expression(pattern.format(self.text, repr(validate.number("a number in an expression", other))), self.parameters)
+
+    def _of(self, function: str) -> Expression:
+        return Expression(f"{function}({self.text})", self.parameters)
+
+    def __add__(self, other: Any) -> Expression:
+        return self._with(other, "({} + {})")
+
+    def __radd__(self, other: Any) -> Expression:
+        return self._with(other, "({1} + {0})")
+
+    def __sub__(self, other: Any) -> Expression:
+        return self._with(other, "({} - {})")
+
+    def __rsub__(self, other: Any) -> Expression:
+        return self._with(other, "({1} - {0})")
+
+    def __mul__(self, other: Any) -> Expression:
+        return self._with(other, "({} * {})")
+
+    def __rmul__(self, other: Any) -> Expression:
+        return self._with(other, "({1} * {0})")
+
+    def __truediv__(self, other: Any) -> Expression:
+        return self._with(other, "({} / {})")
+
+    def __rtruediv__(self, other: Any) -> Expression:
+        return self._with(other, "({1} / {0})")
+
+    def __pow__(self, exponent: float) -> Expression:
+        power = validate.number("an exponent", exponent)
+        raised = f"({self.text} ** {abs(power)!r})"
+        return Expression(f"(1 / {raised})" if power < 0 else raised, self.parameters)
+
+    def __neg__(self) -> Expression:
+        return Expression(f"(-{self.text})", self.parameters)
+
+    def __abs__(self) -> Expression:
+        return self._of("abs")
+
+    def exp(self) -> Expression:
+        """``np.exp`` of it; NumPy asks for a method of the function's name."""
+        return self._of("exp")
+
+    def sin(self) -> Expression:
+        """``np.sin`` of it."""
+        return self._of("sin")
+
+    def cos(self) -> Expression:
+        """``np.cos`` of it."""
+        return self._of("cos")
+
+    def sqrt(self) -> Expression:
+        """``np.sqrt`` of it."""
+        return self._of("sqrt")
+
+    def tanh(self) -> Expression:
+        """``np.tanh`` of it."""
+        return self._of("tanh")
+
+
+@dataclass(frozen=True, eq=False)
+class Expression(Symbolic):
+    """A formula in physical parameters, with these."""
+
+    text: str
+    parameters: Mapping[str, Parameter]
+
+    def __repr__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True, eq=False)
+class Parameter(Symbolic, Settings):
+    """A physical parameter; arithmetic with it, as k/J, makes formulas for the entries of a ``PhysicalPlant``.
+
+    name          letters, digits and underscores, as in the formulas
+    value         nominal: what controllers are designed for
+    between       [lower, upper], which contains the value; without it and ``tolerance`` the parameter is known exactly
+    tolerance     instead of ``between``: the range is value (1 - tolerance) to value (1 + tolerance), 0 < tolerance < 1
+    unit          such as "N m/rad"
+    distribution  in studies, over the range: "uniform", "loguniform", or "normal", whose three standard deviations are half of
+                  the range, around its middle, and which is cut off at its ends
+    """
+
+    name: str
+    value: float
+    _: KW_ONLY
+    between: Vector | None = None
+    tolerance: float | None = None
+    unit: str = ""
+    distribution: str = "uniform"
+
+    def __post_init__(self) -> None:
+        require_parameter_name(self.name)
+        place = f"parameters.{self.name}"
+        freeze(self, value=validate.number(f"{place}.value", self.value), unit=validate.line(f"{place}.unit", self.unit))
+        if self.between is not None and self.tolerance is not None:
+            raise InputError.of(f"{place}.tolerance", "and between are both given; one of them says the range")
+        if self.tolerance is not None:
+            freeze(self, tolerance=validate.positive(f"{place}.tolerance", self.tolerance))
+            if self.tolerance >= 1:
+                raise InputError.of(f"{place}.tolerance", f"must be below 1, a part of the value, got {self.tolerance:g}")
+        if self.between is not None:
+            low, high = validate.vector(f"{place}.between", self.between, 2)
+            if not low <= self.value <= high:
+                raise InputError.of(
+                    f"{place}.between", f"must contain the value, {self.value:g}, got {validate.show(self.between)}"
+                )
+            freeze(self, between=(float(low), float(high)))
+        if self.distribution not in DISTRIBUTIONS:
+            known = ", ".join(DISTRIBUTIONS)
+            raise InputError.of(f"{place}.distribution", f"must be one of {known}, got {validate.show(self.distribution)}")
+        if self.distribution == "loguniform" and self.range[0] <= 0:
+            raise InputError.of(f"{place}.distribution", f"must not be loguniform for a range from {self.range[0]:g}")
+
+    @property
+    def text(self) -> str:  # type: ignore[override]
+        return self.name
+
+    @property
+    def parameters(self) -> Mapping[str, Parameter]:  # type: ignore[override]
+        return {self.name: self}
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """The least and the largest value."""
+        if self.between is not None:
+            return self.between  # type: ignore[no-any-return]
+        reach = abs(self.value) * (self.tolerance or 0.0)
+        return self.value - reach, self.value + reach
+
+    @property
+    def is_exact(self) -> bool:
+        return self.range[0] == self.range[1]
+
+
+def require_parameter_name(name: object) -> None:
+    """InputError for what no formula could speak of."""
+    import re
+
+    if not isinstance(name, str) or not re.fullmatch(NAMES, name) or name in FUNCTION_NAMES:
+        raise InputError.of(
+            "parameters", f"must have names of letters, digits and underscores that are no function's, got {validate.show(name)}"
+        )
+
+
+def parsed(field: str, text: str | Symbolic, known: Sequence[str]) -> Formula:
+    """A formula of parameters; InputError, with the field, for what is none and for names that are not ``known``."""
+    shown = f"the parameters ({', '.join(known)})" if known else "parameters, of which there are none"
+    found = formula(field, text.text if isinstance(text, Symbolic) else text, FormulaNames(NAMES, shown))
+    for name in sorted(found.names - set(known)):
+        raise InputError.of(
+            field, f"speaks of {name}, which is no parameter; there are {', '.join(known) or 'none'}{validate.hint(name, known)}"
+        )
+    return found
+
+
+def evaluated(field: str, part: Any, values: Mapping[str, float]) -> Any:
+    """Numbers, texts, lists and tables with every text, a formula, replaced by its number for these values.
+
+    InputError, with the field, for what is no formula and for one without a finite real value there.
+    """
+    if isinstance(part, dict):
+        return {key: evaluated(f"{field}.{key}", value, values) for key, value in part.items()}
+    if isinstance(part, (list, tuple)):
+        return [evaluated(f"{field}[{i}]", value, values) for i, value in enumerate(part)]
+    if not isinstance(part, (str, Symbolic)):
+        return part
+    found = parsed(field, part, list(values))
+    try:
+        with np.errstate(all="ignore"):
+            number = found.evaluate(values)
+    except (ArithmeticError, ValueError):
+        number = np.nan
+    if isinstance(number, complex) or not np.isfinite(number):
+        at = ", ".join(f"{name} = {values[name]:g}" for name in sorted(found.names))
+        shown = part.text if isinstance(part, Symbolic) else part
+        raise InputError.of(field, f"= {validate.show(shown)} has no finite value at {at}")
+    return float(number)

@@ -1,0 +1,133 @@
+"""A plant as people know it: matrices whose entries are numbers or formulas of physical parameters with ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.linear.systems import TransferFunction
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.parameters import Parameter, Symbolic, evaluated
+from barbalat.settings import Settings
+from barbalat.validate import Array, InputError, freeze
+
+
+@dataclass(frozen=True, eq=False)
+class PhysicalPlant(Settings):
+    """x' = A x + b (u + d), whose entries are numbers or formulas of physical parameters.
+
+    A           n rows of n entries, each a number, a formula as text, or an expression of ``Parameter`` objects, as -k/J
+    b           n entries, or n rows of m for m inputs
+    parameters  those that stand in formulas as text; those of expressions are found there
+    x0          initial state, n entries; zero by default
+    input       keywords of PlantInput, any number in them a formula: dict(gain=..., delay=..., actuator=dict(num=, den=)); with
+                several inputs one for all, or a list
+    sensor      keywords of Sensor likewise: dict(lag=..., noise=dict(std=..., sample_time=...))
+
+    Raises InputError for names that no parameter has and formulas without a finite value at the nominal parameters.
+    """
+
+    A: Sequence[Sequence[Any]]
+    b: Sequence[Any]
+    parameters: Sequence[Parameter] = ()
+    x0: Sequence[Any] | None = None
+    input: Mapping[str, Any] | Sequence[Mapping[str, Any]] | None = None
+    sensor: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        found: dict[str, Parameter] = {}
+        for one in (*self.parameters, *_parameters_in((self.A, self.b, self.x0, self.input, self.sensor))):
+            validate.instance("parameters", one, Parameter)
+            if found.setdefault(one.name, one) is not one:
+                raise InputError.of("parameters", f"must have names of their own, but {one.name} stands there twice")
+        freeze(self, parameters=tuple(found.values()))
+        self.matrices(self.nominal)
+
+    @cached_property
+    def nominal(self) -> dict[str, float]:
+        """The parameters' values, by name."""
+        return {one.name: one.value for one in self.parameters}
+
+    @cached_property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """The least and the largest value of each, by name."""
+        return {one.name: one.range for one in self.parameters}
+
+    def with_values(self, changed: Mapping[str, float]) -> dict[str, float]:
+        """Values of all parameters, of which some differ from the nominal ones; InputError for a name that none has."""
+        for name in changed:
+            if name not in self.nominal:
+                known = ", ".join(self.nominal) or "none"
+                hint = validate.hint(name, self.nominal)
+                raise InputError.of("truth.parameters", f"names {name}, which is no parameter; there are {known}{hint}")
+        numbers = {name: validate.number(f"truth.parameters.{name}", value) for name, value in changed.items()}
+        return self.nominal | numbers
+
+    def matrices(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """A (n, n) and b, (n,) or (n, m), at these values."""
+        A = validate.square_matrix("plant.A", evaluated("plant.A", self.A, values))
+        return A, input_matrix("plant.b", evaluated("plant.b", self.b, values), len(A))
+
+    def initial(self, values: Mapping[str, float]) -> Any:
+        """x0 at these values; None where none is given."""
+        return None if self.x0 is None else evaluated("plant.x0", list(self.x0), values)
+
+    def inputs(self, values: Mapping[str, float]) -> Any:
+        """What lies before each input at these values: None, a PlantInput, or a list of them."""
+        if self.input is None:
+            return None
+        several = isinstance(self.input, (list, tuple))
+        found = [_input(evaluated("plant.input", one, values)) for one in (self.input if several else (self.input,))]
+        return found if several else found[0]
+
+    def sensing(self, values: Mapping[str, float]) -> Sensor | None:
+        """The sensor at these values."""
+        if self.sensor is None:
+            return None
+        given = evaluated("sensor", self.sensor, values)
+        noise = given.get("noise")
+        return Sensor(**{**given, "noise": Noise(**noise) if isinstance(noise, dict) else noise})
+
+    def gains(self, inputs: int) -> list[Any]:
+        """The effectiveness of each input, numbers or formulas."""
+        several: Sequence[Any] = self.input if isinstance(self.input, (list, tuple)) else [self.input or {}] * inputs
+        return [one.get("gain", 1.0) for one in several]
+
+
+def _input(given: dict[str, Any]) -> PlantInput:
+    parts = {
+        name: TransferFunction(**given[name]) for name in ("actuator", "multiplicative") if isinstance(given.get(name), dict)
+    }
+    return PlantInput(**(given | parts))
+
+
+def _parameters_in(part: Any) -> Iterator[Parameter]:
+    if isinstance(part, Symbolic):
+        yield from part.parameters.values()
+    for inner in part.values() if isinstance(part, Mapping) else part if isinstance(part, (list, tuple)) else ():
+        yield from _parameters_in(inner)
+
+
+def holds_formulas(part: Any) -> bool:
+    """Whether an expression of parameters stands anywhere in nested lists and dictionaries."""
+    return next(_parameters_in(part), None) is not None
+
+
+def input_matrix(field: str, b: Any, n: int) -> Array:
+    """b as (n,), or (n, m) for m > 1 inputs."""
+    if validate.dimensions(b) != 2:
+        return validate.vector(field, b, n)
+    matrix = validate.array(field, b, (n, None))
+    return validate.vector(field, matrix[:, 0], n) if matrix.shape[1] == 1 else matrix
+
+
+def projection(b: Array, scale: Array) -> Array:
+    """(b'W b)^-1 b'W with W = diag(1/scale^2), (m, n): of all theta = projection (A - A_m) the smallest rest in that norm."""
+    weighted = (b / np.square(scale).reshape(-1, *[1] * (b.ndim - 1))).reshape(len(scale), -1).T
+    return np.asarray(np.linalg.solve(weighted @ b.reshape(len(scale), -1), weighted))

@@ -1,0 +1,296 @@
+"""What is simulated, where it differs from what controllers are designed for: the truth apart from the design."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.formulas import BEND_OF_ABS, Formula
+from barbalat.problem.measurement import Sensor
+from barbalat.problem.parameters import evaluated, parsed
+from barbalat.problem.physical import input_matrix
+from barbalat.problem.plant import Plant
+from barbalat.problem.tracking import Disturbance
+from barbalat.protocols import Signal, Value
+from barbalat.settings import Settings, one_line
+from barbalat.validate import Array, InputError, Matrix, freeze
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Friction(Settings):
+    """Smooth Coulomb friction: -coulomb tanh(x/width) in the rate of a state, such as an angular rate.
+
+    state    the state, by its name, in whose rate the friction acts
+    coulomb  >= 0, the deceleration at large rates [unit of the state per s]
+    width    > 0, of the state around zero [its unit]: at that rate 76 % of the friction acts
+    """
+
+    state: str
+    coulomb: float
+    width: float
+
+    def __post_init__(self) -> None:
+        freeze(
+            self,
+            state=validate.line("truth.friction.state", self.state),
+            coulomb=validate.not_negative("truth.friction.coulomb", self.coulomb),
+            width=validate.positive("truth.friction.width", self.width),
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Truth(Settings):
+    """The plant that is simulated; what is not given is as in the plant that controllers are designed for.
+
+    parameters   physical parameters with other values than their nominal ones, by name
+    A            (N, N); with more states than the plant has, or other dynamics
+    b            (N,), or (N, m)
+    x0           (N,) initial state
+    input        what lies before the input, as ``plant.input``, which it replaces as a whole; with several inputs one for all, or
+                 a list
+    disturbance  matched: enters with u
+    unmatched    others: direction (N,) times the signal is added to x'; they replace the plant's
+    sensor       how the plant's state is measured, in place of the case's own sensor
+    states       names of its states, of which the first may be enough: the plant's states are those of the same names. Or a
+                 matrix (n, N) with which they follow from its states. Needed where N differs from the plant's n
+    friction     smooth Coulomb friction in the rates of states
+    terms        by a state's name a formula that is added to its rate, in x1, x2, ... of the truth, u (u1, u2, ... with several
+                 inputs), which is what reaches the plant, and the parameters: a saturating spring, a dead zone
+    """
+
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    A: Any = None
+    b: Any = None
+    x0: Any = None
+    input: Any = None
+    disturbance: Signal | None = None
+    unmatched: tuple[Disturbance, ...] | None = None
+    sensor: Sensor | None = None
+    states: tuple[str, ...] | Matrix | None = None
+    friction: tuple[Friction, ...] = ()
+    terms: Mapping[str, str] = field(default_factory=dict)
+    __repr__ = one_line
+
+    def __post_init__(self) -> None:
+        for friction in self.friction:
+            validate.instance("truth.friction", friction, Friction)
+        for disturbance in self.unmatched or ():
+            validate.instance("truth.unmatched", disturbance, Disturbance)
+        if self.sensor is not None:
+            validate.instance("truth.sensor", self.sensor, Sensor)
+        for name in ("parameters", "terms"):
+            if not isinstance(getattr(self, name), Mapping):
+                raise InputError.of(f"truth.{name}", f"must give values by names, got {validate.show(getattr(self, name))}")
+        freeze(self, friction=tuple(self.friction), unmatched=None if self.unmatched is None else tuple(self.unmatched))
+
+
+@dataclass(frozen=True, eq=False)
+class TruePlant:
+    """x' = A x + B v + terms, of which a controller is handed S x: what a loop integrates in the plant's place.
+
+    b_theta   (N, m) with the plant's regressor, where that is no state: the matched uncertainty enters there
+    S         (n, N); None where the states are the plant's own
+    friction  (row, coulomb, width) of each
+    terms     (row, formula) of each
+    values    of the parameters in the formulas
+    """
+
+    A: Array
+    b: Array
+    x0: Array
+    S: Array | None
+    friction: tuple[tuple[int, float, float], ...]
+    terms: tuple[tuple[int, str], ...]
+    values: Mapping[str, float]
+    names: tuple[str, ...]
+    nonlinear: Plant | None = None
+
+    @property
+    def outputs(self) -> int:
+        """The number of measured quantities: the plant's states."""
+        return len(self.x0) if self.S is None else len(self.S)
+
+    @property
+    def bend(self) -> str | None:
+        """The place where a term has a corner."""
+        return BEND_OF_ABS if any(self._formula(text).bends for _, text in self.terms) else None
+
+    def derivative(self, x: Value, v: Value) -> Value:
+        """x' for the input v: what reaches the plant of u, and d."""
+        rate = self.A @ x + np.dot(self.b, v)
+        if self.nonlinear is not None:
+            plant = self.nonlinear
+            rate = rate + plant.derivative(x, 0 * v) - plant.A_m @ x
+        if not self.friction and not self.terms:
+            return rate
+        given: dict[str, Value] = {f"x{i + 1}": x[i] for i in range(len(self.x0))} | dict(self.values)
+        given |= {"u": v} if self.b.ndim == 1 else {f"u{k + 1}": v[k] for k in range(self.b.shape[1])}
+        added = [0 * x[0]] * len(self.x0)
+        for row, coulomb, width in self.friction:
+            added[row] = added[row] - coulomb * np.tanh(x[row] / width)
+        for row, text in self.terms:
+            added[row] = added[row] + self._formula(text).evaluate(given)
+        return rate + np.concatenate([one.reshape(1) for one in added])
+
+    def output(self, x: Value) -> Value:
+        """What is measured: the plant's states."""
+        return x if self.S is None else self.S @ x
+
+    def _formula(self, text: str) -> Formula:
+        return parsed("truth.terms", text, self.known_names)
+
+    @property
+    def known_names(self) -> tuple[str, ...]:
+        """The names that a term may use."""
+        m = 1 if self.b.ndim == 1 else self.b.shape[1]
+        inputs = ("u",) if self.b.ndim == 1 else tuple(f"u{k + 1}" for k in range(m))
+        return (*(f"x{i + 1}" for i in range(len(self.x0))), *inputs, *self.values)
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether nothing but A and b acts."""
+        return not self.friction and not self.terms and self.nonlinear is None
+
+
+def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
+    """The dynamics that a truth gives to a plant, whose states are called ``labels``; InputError where the two do not fit."""
+    physical = plant.physical
+    values = {} if physical is None else physical.with_values(truth.parameters)
+    if physical is None and truth.parameters:
+        raise InputError.of("truth.parameters", f"needs [parameters]; got {', '.join(truth.parameters)}")
+    A, b = _matrices(truth, plant, values)
+    N, n = len(A), plant.n
+    if n != N and truth.states is None:
+        raise InputError.of(
+            "truth.states",
+            f"is missing: truth.A has {N} states and the plant {n}; name the truth's states, or give a matrix {n} x {N}",
+        )
+    names, S = _mapped(truth.states, labels, N, validate.hint)
+    x0 = _initial(truth, plant, values, S)
+    found = TruePlant(
+        A=A,
+        b=b,
+        x0=x0,
+        S=S,
+        friction=tuple((_row("truth.friction.state", one.state, names), one.coulomb, one.width) for one in truth.friction),
+        terms=tuple((_row(f"truth.terms.{state}", state, names), text) for state, text in truth.terms.items()),
+        values=values,
+        names=names,
+        nonlinear=None if plant.is_linear else plant,
+    )
+    for state, text in truth.terms.items():
+        parsed(f"truth.terms.{state}", text, found.known_names)
+    return found
+
+
+def _matrices(truth: Truth, plant: Plant, values: Mapping[str, float]) -> tuple[Array, Array]:
+    """A (N, N) and b, (N,) or (N, m)."""
+    if not plant.is_linear:
+        if truth.A is not None or truth.states is not None:
+            raise InputError.of("truth.A", "and truth.states need a plant whose regressor is the state")
+        A = plant.A_m
+    elif truth.A is not None:
+        A = validate.square_matrix("truth.A", evaluated("truth.A", _plain(truth.A), values))
+    elif plant.physical is not None:
+        A = plant.physical.matrices(values)[0]
+    else:
+        A = plant.A
+    if truth.b is not None:
+        b = input_matrix("truth.b", evaluated("truth.b", _plain(truth.b), values), len(A))
+    elif len(A) != plant.n:
+        raise InputError.of("truth.b", f"is missing: truth.A has {len(A)} states and plant.b is of {plant.n}")
+    else:
+        b = plant.b if plant.physical is None else plant.physical.matrices(values)[1]
+    if (1 if b.ndim == 1 else b.shape[1]) != plant.inputs:
+        raise InputError.of(
+            "truth.b", f"must be of {validate.counted(plant.inputs, 'input')}, as plant.b, got {validate.show(b)}"
+        )
+    return A, b
+
+
+def _plain(given: Any) -> Any:
+    return given.tolist() if isinstance(given, np.ndarray) else given
+
+
+def _mapped(states: Any, labels: Sequence[str], N: int, hint: Any) -> tuple[tuple[str, ...], Array | None]:
+    """The names of the truth's states, and the matrix that gives the plant's states; None where they are the same."""
+    n = len(labels)
+    if states is None:
+        return tuple(labels), None
+    if not all(isinstance(one, str) for one in states):
+        S = validate.array("truth.states", states, (n, N))
+        return tuple(labels) if n == N and (np.eye(n) == S).all() else tuple(f"x_{i + 1}" for i in range(N)), S
+    if len(states) > N:
+        raise InputError.of("truth.states", f"must name at most {N} states, as many as the truth has, got {len(states)}")
+    names = (*states, *(f"x_{i + 1}" for i in range(len(states), N)))
+    for label in labels:
+        if names.count(label) != 1:
+            raise InputError.of(
+                "truth.states",
+                f"must name the plant's states {', '.join(labels)} once each, got {', '.join(states)}{hint(label, states)}",
+            )
+    S = np.zeros((n, N))
+    S[np.arange(n), [names.index(label) for label in labels]] = 1.0
+    return names, None if n == N and (np.eye(n) == S).all() else S
+
+
+def _initial(truth: Truth, plant: Plant, values: Mapping[str, float], S: Array | None) -> Array:
+    """x(0), (N,): as given, or the smallest one of which the plant's states are its own x0."""
+    N = plant.n if S is None else S.shape[1]
+    if truth.x0 is not None:
+        return validate.vector("truth.x0", evaluated("truth.x0", _plain(truth.x0), values), N)
+    own = None if plant.physical is None else plant.physical.initial(values)
+    x0 = plant.x0 if own is None else validate.vector("plant.x0", own, plant.n)
+    return x0 if S is None else np.asarray(np.linalg.pinv(S) @ np.asarray(x0, dtype=float))
+
+
+def _row(field: str, state: str, names: tuple[str, ...]) -> int:
+    if state not in names:
+        raise InputError.of(
+            field, f"names no state, got {validate.show(state)}; there are {', '.join(names)}{validate.hint(state, names)}"
+        )
+    return names.index(state)
+
+
+def true_inputs(truth: Truth, plant: Plant) -> tuple[PlantInput, ...]:
+    """What lies before each input of what is simulated."""
+    from barbalat.problem.plant import inputs_of
+
+    given = truth.input
+    if given is None and plant.physical is not None:
+        given = plant.physical.inputs(plant.physical.with_values(truth.parameters))
+    if given is None:
+        return plant.paths
+    found = inputs_of("truth.input", given, plant.inputs)
+    return found if isinstance(found, tuple) else (found,)
+
+
+def true_sensor(truth: Truth, plant: Plant, sensor: Sensor | None) -> Sensor | None:
+    """How the state of what is simulated is measured."""
+    if truth.sensor is not None:
+        return truth.sensor
+    if plant.physical is None or plant.physical.sensor is None:
+        return sensor
+    return plant.physical.sensing(plant.physical.with_values(truth.parameters))
+
+
+def true_unmatched(truth: Truth, simulated: TruePlant, of_plant: tuple[Disturbance, ...]) -> tuple[Disturbance, ...]:
+    """The other disturbances, with directions among the truth's states."""
+    N, S = len(simulated.x0), simulated.S
+    if truth.unmatched is not None:
+        for one in truth.unmatched:
+            validate.vector("truth.unmatched.direction", one.direction, N)
+        return truth.unmatched
+    if S is None or not of_plant:
+        return of_plant
+    selects = ((S == 0) | (S == 1)).all() and (S.sum(axis=1) == 1).all()
+    if not selects:
+        raise InputError.of(
+            "truth.unmatched", "is missing: with a matrix of states the plant's directions say nothing of the truth's"
+        )
+    return tuple(Disturbance(direction=S.T @ one.direction, signal=one.signal) for one in of_plant)

@@ -1,0 +1,127 @@
+"""What ranges of parameters are turned into, against sampling, least squares by hand and python-control."""
+
+import control
+import numpy as np
+import pytest
+
+from barbalat import InputError, Plant, Problem, ReferenceModel
+from barbalat.plants import Parameter, PhysicalPlant
+from barbalat.problem.from_ranges import TIGHTNESS
+from barbalat.problem.laurent import products_of
+from barbalat.signals import Constant
+
+J_eq, B_eq, K_u = 0.00208, 0.0838, 0.1284
+
+
+def joint(**ranges):
+    """The rotary flexible joint with the stiffness and the arm's inertia as parameters."""
+    stiffness, inertia = Parameter("K_s", 1.3, **ranges), Parameter("J", 0.0038, between=(0.003, 0.006))
+    A = [
+        [0, 0, 1, 0],
+        [0, 0, 0, 1],
+        [0, stiffness / J_eq, -B_eq / J_eq, 0],
+        [0, -stiffness / J_eq - stiffness / inertia, B_eq / J_eq, 0],
+    ]
+    return Plant(A=A, b=[0, 0, K_u / J_eq, -K_u / J_eq], poles=[-8, -20, [-12, 22]], scale=[0.5, 0.2, 4.0, 3.0])
+
+
+def derived(plant):
+    return Problem(plant=plant, reference_model=ReferenceModel(), reference=Constant()).derived
+
+
+def by_least_squares(plant, A, b):
+    """theta and omega that leave the smallest weighted rests, and the rests, by NumPy's own least squares."""
+    W = 1 / np.asarray(plant.scale if plant.scale is not None else np.ones(plant.n))
+    column = (W * plant.b)[:, None]
+    theta = np.linalg.lstsq(column, W[:, None] * (A - plant.A_m), rcond=None)[0][0]
+    omega = np.linalg.lstsq(column, W * b, rcond=None)[0][0]
+    return theta, omega, A - plant.A_m - np.outer(plant.b, theta), b - omega * plant.b
+
+
+def sampled(plant, count=4000):
+    """Extremes of all four over parameters that are drawn evenly, with the corners of the ranges."""
+    physical, random = plant.physical, np.random.default_rng(5)
+    names, ends = list(physical.ranges), np.array(list(physical.ranges.values()))
+    corners = np.array(np.meshgrid(*ends)).reshape(len(names), -1).T
+    rows = np.vstack([corners, random.uniform(ends[:, 0], ends[:, 1], (count, len(names)))])
+    found = [by_least_squares(plant, *physical.matrices(dict(zip(names, row, strict=True)))) for row in rows]
+    return [np.array(part) for part in zip(*found, strict=True)]
+
+
+def pendulum():
+    m, length, J, d = (
+        Parameter(*one[:2], tolerance=one[2]) for one in (("m", 1.0, 0.5), ("l", 0.5, 0.2), ("J", 0.1, 0.3), ("d", 0.2, 0.5))
+    )
+    inertia = J + m * length**2
+    return Plant(A=[[0, 1], [m * 9.81 * length / inertia, -d / inertia]], b=[0, 1 / inertia], poles=[-3, -4])
+
+
+@pytest.mark.parametrize("plant", [joint(tolerance=0.3), pendulum()], ids=["joint", "pendulum"])
+def test_the_set_holds_what_sampling_finds_and_is_little_wider(plant):
+    found = derived(plant)
+    theta, omega, rest_A, rest_b = sampled(plant)
+    pairs = [(found.theta.lower, found.theta.upper, theta)]
+    if found.input_gain is not None:
+        pairs.append((*np.array(found.input_gain).T, omega[:, None]))
+    for low, high, seen in pairs:
+        width, room = seen.max(axis=0) - seen.min(axis=0), 1e-9 * np.abs(seen).max()
+        assert (low <= seen.min(axis=0) + room).all() and (seen.max(axis=0) <= high + room).all()
+        assert (high - low <= TIGHTNESS * width + room).all()
+    for bound, seen, size in ((found.rest_A, rest_A, 1000.0), (found.rest_b[:, 0], rest_b, 100.0)):
+        largest = np.abs(seen).max(axis=0)
+        assert (largest <= bound + 1e-9 * size).all()
+        assert (bound <= largest + (TIGHTNESS - 1) * (seen.max(axis=0) - seen.min(axis=0)) + 1e-9 * size).all()
+
+
+def test_of_the_joint_s_stiffness_change_21_percent_is_unmatched():
+    """The change acts along (1/J_eq, -1/J_eq - 1/J), b along (1, -1): the sine of the angle between them."""
+    plant = joint(tolerance=0.3)
+    found = derived(Plant(physical=plant.physical, A_m=plant.A_m)).shares["K_s"]["A"]
+    along, b = np.array([1 / J_eq, -1 / J_eq - 1 / 0.0038]), np.array([1.0, -1.0])
+    sine = np.sqrt(1 - (along @ b) ** 2 / (along @ along) / (b @ b))
+    assert found == pytest.approx(sine, rel=1e-12) and sine == pytest.approx(0.21, abs=1e-3)
+
+
+def test_the_pendulum_is_matched_and_its_gain_uncertain():
+    """Its torque enters where gravity acts; omega = (J + m l^2) nominal over itself, by hand at the corners."""
+    found = derived(pendulum())
+    assert found.is_matched and found.input_gain is not None
+    ends = [0.1 * j + 1.0 * m * (0.5 * x) ** 2 for j in (0.7, 1.3) for m in (0.5, 1.5) for x in (0.8, 1.2)]
+    assert found.input_gain[0] == pytest.approx((0.35 / max(ends), 0.35 / min(ends)), rel=0.05)
+
+
+def test_the_nominal_plant_is_python_control_s():
+    """The formulas' state space, with its output, against a transfer function that is multiplied out by hand."""
+    J, d, k = 0.02, 0.05, 1.3
+    plant = PhysicalPlant(
+        A=[[0, 1], ["-k/J", "-d/J"]], b=[0, "1/J"], parameters=[Parameter("k", k), Parameter("J", J), Parameter("d", d)]
+    )
+    A, b = plant.matrices(plant.nominal)
+    w = np.geomspace(0.1, 100, 20)
+    found = control.ss(A, b[:, None], [[1, 0]], 0)(1j * w)
+    np.testing.assert_allclose(found, control.tf([1], [J, d, k])(1j * w), rtol=1e-12)
+
+
+def test_what_cancels_between_formulas_cancels_before_ranges_are_put_in():
+    """k/J and -k/J along b = (1, -1): theta takes all of it, although each entry alone is uncertain by more than its half."""
+    k, J = Parameter("k", 1.0, tolerance=0.5), Parameter("J", 2.0, tolerance=0.5)
+    plant = Plant(A=[[k / J, 1], [-k / J, -3]], b=[1, -1], poles=[-1, -2])
+    assert derived(plant).is_matched
+    assert products_of("k/J - k/J") == {} and products_of("(a + b)*c/c**2") == products_of("a/c + b/c")
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Parameter("k", 1.0, between=(2.0, 3.0)), ["parameters.k.between", "contain the value"]),
+        (lambda: Parameter("k", 1.0, tolerance=1.5), ["parameters.k.tolerance", "below 1"]),
+        (lambda: PhysicalPlant(A=[["-K"]], b=[1], parameters=[Parameter("k", 1.0)]), ["plant.A[0][0]", "K", "did you mean 'k'"]),
+        (lambda: PhysicalPlant(A=[["1/k"]], b=[1], parameters=[Parameter("k", 0.0)]), ["plant.A[0][0]", "k = 0"]),
+        (lambda: derived(Plant(A=[[1 / Parameter("k", 1.0, between=(-1, 2))]], b=[1], poles=[-1])), ["parameters", "bounded"]),
+        (lambda: derived(Plant(A=[[1]], b=[Parameter("k", 1.0, between=(-1, 2))], poles=[-1])), ["input's gain positive"]),
+    ],
+)
+def test_bad_input_is_one_clear_sentence(make, words):
+    with pytest.raises(InputError) as caught:
+        make()
+    assert all(word in str(caught.value) for word in words), caught.value

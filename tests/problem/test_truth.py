@@ -1,0 +1,240 @@
+"""What is simulated apart from the design, against SciPy's own integration of the true plant with the same controller."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from barbalat import InputError, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation, certify, simulate
+from barbalat.cases.load import load_case, parse_case
+from barbalat.plants import Disturbance, Friction, Labels, Parameter, PlantInput, Truth
+from barbalat.problem.departures import departures
+from barbalat.signals import Sine, Step
+
+A_m, b = np.array([[0.0, 1.0], [-4.0, -3.0]]), np.array([0.0, 2.0])
+SIMULATION = Simulation(t_end=4.0, dt=1e-3)
+LAW = Mrac(gamma=3.0, projection=False)
+
+
+def designed(**more):
+    plant = Plant(A_m=A_m, b=b, theta=[1.0, -0.5], x0=[0.3, 0.0])
+    labels = Labels(names=("angle", "rate"))
+    return Problem(
+        plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Sine(amplitude=1.0, frequency=1.5), labels=labels, **more
+    )
+
+
+def by_scipy(problem, x0, rate, seen=lambda x: x):
+    """e at the end: MRAC (3)-(4) beside x' = rate(t, x, u), written out by hand; ``seen`` is what the controller measures."""
+    P, N = problem.known.P, len(x0)
+
+    def rates(t, z):
+        x, x_m, theta_hat = z[:N], z[N : N + 2], z[N + 2 :]
+        y, r = seen(x), np.sin(1.5 * t)
+        u = -theta_hat @ y + 2.0 * r
+        return [*rate(t, x, u), *(A_m @ x_m + b * 2.0 * r), *(LAW.gamma * ((y - x_m) @ P @ b) * y)]
+
+    z = solve_ivp(rates, (0, 4), [*x0, *problem.plant.x0, 0, 0], rtol=1e-10, atol=1e-12).y[:, -1]
+    return seen(z[:N]) - z[N : N + 2]
+
+
+def final_error(problem):
+    run = simulate(problem, [LAW], SIMULATION)["MRAC"]
+    return run.x[-1] - run.x_m[-1]
+
+
+A_TRUE = np.array([[0.0, 1.0], [-3.0, -1.0]])
+
+
+def test_another_plant_friction_a_disturbance_and_terms():
+    truth = Truth(
+        A=A_TRUE,
+        b=[0.1, 1.6],
+        x0=[0.0, 0.5],
+        disturbance=Sine(amplitude=0.2, frequency=3.0),
+        unmatched=[Disturbance(direction=[1.0, 0.0], signal=Sine(amplitude=0.1, frequency=2.0))],
+        friction=[Friction(state="rate", coulomb=0.4, width=0.2)],
+        terms={"rate": "-0.3*x1**3 + 0.1*u*abs(x2)", "angle": "0.05*sin(x2)"},
+    )
+
+    def rate(t, x, u):
+        v = u + 0.2 * np.sin(3 * t)
+        added = np.array([0.05 * np.sin(x[1]), -0.3 * x[0] ** 3 + 0.1 * v * abs(x[1]) - 0.4 * np.tanh(x[1] / 0.2)])
+        return A_TRUE @ x + np.array([0.1, 1.6]) * v + [0.1 * np.sin(2 * t), 0] + added
+
+    problem = designed(truth=truth)
+    np.testing.assert_allclose(final_error(problem), by_scipy(problem, [0.0, 0.5], rate), atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("states", "S"),
+    [
+        (("rate", "motor", "angle"), [[0, 0, 1], [1, 0, 0]]),
+        ([[0.0, 0.2, 1.0], [1.0, 0.0, 0.0]], [[0, 0.2, 1], [1, 0, 0]]),
+    ],
+    ids=["names", "matrix"],
+)
+def test_a_truth_with_a_further_state(states, S):
+    """A motor's lag before the input, in another order of states, or with what is measured a combination of them."""
+    A, B = np.array([[-1.0, 2.0, -3.0], [0.0, -20.0, 0.0], [1.0, 0.0, 0.0]]), np.array([0.0, 20.0, 0.0])
+    problem = designed(truth=Truth(A=A, b=B, x0=[0.0, 0.1, 0.3], states=states))
+    S = np.array(S, dtype=float)
+    expected = by_scipy(problem, [0.0, 0.1, 0.3], lambda t, x, u: A @ x + B * u, lambda x: S @ x)
+    np.testing.assert_allclose(final_error(problem), expected, atol=1e-7)
+    assert simulate(problem, [LAW], SIMULATION)["MRAC"].x.shape[1] == 2
+    assert "3 states, and the plant 2" in departures(problem)[0].sentence
+
+
+def test_parameters_of_the_truth_move_the_simulated_plant_and_no_controller():
+    k, J = Parameter("k", 1.0, between=(0.5, 2.0)), Parameter("J", 0.5, tolerance=0.2)
+    plant = Plant(A=[[0, 1], [-k / J, -0.1]], b=[0, 1 / J], A_m=A_m, x0=[0.3, 0.0])
+    nominal = Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Sine(amplitude=1.0, frequency=1.5))
+    moved = replace(nominal, truth=Truth(parameters={"k": 1.7, "J": 0.45}))
+    law = replace(LAW, theta_hat0=[0, 0, 1.0], gamma=0.1)  # so low that omega_hat stays off the ends of its interval
+    known, other = nominal.known, moved.known
+    assert (known.A_m == other.A_m).all() and (known.b == other.b).all() and known.estimate_set.contains(moved.true_parameters)
+    run = simulate(moved, [law], SIMULATION)["MRAC"]
+    P = nominal.known.P
+
+    def rates(t, z):
+        x, x_m, theta, omega = z[:2], z[2:4], z[4:6], z[6]
+        r = np.sin(1.5 * t)
+        u = (2.0 * r - theta @ x) / omega
+        s = (x - x_m) @ P @ [0, 2.0]
+        return [
+            x[1],
+            -1.7 / 0.45 * x[0] - 0.1 * x[1] + u / 0.45,
+            *(A_m @ x_m + b * 2 * r),
+            *(law.gamma * s * x),
+            law.gamma * s * u,
+        ]
+
+    z = solve_ivp(rates, (0, 4), [0.3, 0, 0.3, 0, 0, 0, 1], rtol=1e-10, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(run.x[-1] - run.x_m[-1], z[:2] - z[2:4], atol=1e-7)
+    np.testing.assert_allclose(moved.true_parameters, [(4 - 1.7 / 0.45) / 2, (3 - 0.1) / 2, 0.5 / 0.45], rtol=1e-12)
+
+
+def test_without_a_truth_nothing_changes_and_a_truth_that_is_the_plant_runs_alike():
+    plain, same = designed(), designed(truth=Truth())
+    assert plain.dynamics is plain.plant and departures(same) == []
+    one, two = (simulate(problem, [LAW], SIMULATION)["MRAC"] for problem in (plain, same))
+    np.testing.assert_allclose(one.x, two.x, rtol=0, atol=1e-12)
+
+
+def test_a_truth_of_several_inputs_and_of_a_nonlinear_regressor():
+    for name in ("mass-spring-damper", "wing-rock"):
+        case = load_case(name)
+        problem = case.problem
+        one, two = (
+            simulate(p, case.controllers[:1], Simulation(t_end=0.5, dt=1e-3)) for p in (problem, replace(problem, truth=Truth()))
+        )
+        for a, c in zip(one.values(), two.values(), strict=True):
+            np.testing.assert_allclose(a.x, c.x, rtol=1e-9, atol=1e-12)
+
+
+def voided(problem):
+    found = certify(problem, [replace(LAW, name="kept", projection=True)], SIMULATION)
+    return found.beside["truth"]["voids"]
+
+
+def test_what_a_truth_voids():
+    """theta elsewhere in the set: what holds for all of it stays. Outside, or with anything that acts: nothing stays."""
+    inside = designed(uncertainty=ParameterBox(lower=[-2.0, -2.0], upper=[2.0, 2.0]))
+    own = inside.plant.A
+
+    def at(theta):
+        return replace(inside, truth=Truth(A=A_m + np.outer(b, theta)))
+
+    assert voided(replace(inside, truth=Truth(A=own)))["kept"] == []
+    kept = voided(at([1.5, 1.0]))["kept"]
+    assert "error_bound" in kept and "error_bound_worst" not in kept
+    assert {"error_bound", "error_bound_worst"} <= set(voided(at([3.0, 0.0]))["kept"])
+    rest = np.array([[0.0, 0.1], [0.0, 0.0]])
+    for truth in (
+        Truth(A=own + rest),
+        Truth(input=PlantInput(delay=0.01)),
+        Truth(disturbance=Step(amplitude=1.0)),
+        Truth(friction=[Friction(state="rate", coulomb=0.1, width=0.1)]),
+        Truth(x0=[0.0, 0.0]),
+    ):
+        assert {"error_bound", "error_bound_worst"} <= set(voided(replace(inside, truth=truth))["kept"]), truth
+
+
+def test_certificates_come_from_the_plant_and_the_declared_sets_alone():
+    inside = designed(uncertainty=ParameterBox(lower=[-2.0, -2.0], upper=[2.0, 2.0]))
+    truth = Truth(A=A_TRUE, b=[0.0, 1.0], input=PlantInput(delay=0.05, saturation=[-1, 1]), disturbance=Step(amplitude=1.0))
+    one, two = (certify(p, [LAW], SIMULATION)["MRAC"] for p in (inside, replace(inside, truth=truth)))
+    assert one.values == two.values and one.entries == two.entries and len(two.notes) > len(one.notes)
+
+
+CASE = """
+name = "Joint"
+[parameters]
+k = { value = 1.3, between = [0.9, 1.7], unit = "N m/rad" }
+J = { value = 0.2, tolerance = 0.1 }
+[plant]
+A = [[0, 1], ["-k/J", -0.5]]
+b = [0, "1/J"]
+[plant.input]
+delay = "0.01*J/0.2"
+actuator = { num = ["20*J"], den = [1, "20*J"] }
+[sensor]
+lag = "0.01*J"
+[reference_model]
+poles = [-3, -4]
+follow = "angle"
+[reference]
+kind = "step"
+amplitude = 1.0
+[labels]
+names = ["angle", "rate"]
+[truth]
+parameters = { k = 1.6 }
+[simulation]
+t_end = 1.0
+dt = 1e-3
+[[controller]]
+scheme = "mrac"
+gamma = 1.0
+"""
+
+
+def test_a_case_file_says_all_that():
+    problem = parse_case(CASE.replace("parameters = { k = 1.6 }", "parameters = { k = 1.6, J = 0.22 }")).problem
+    np.testing.assert_allclose(problem.simulated.A, [[0, 1], [-1.6 / 0.22, -0.5]])
+    np.testing.assert_allclose(problem.plant.A, [[0, 1], [-1.3 / 0.2, -0.5]], atol=1e-12)
+    np.testing.assert_allclose([problem.plant.paths[0].delay, problem.delay], [0.01, 0.011])
+    np.testing.assert_allclose(problem.surroundings.paths[0].actuator.num, [20 * 0.22])
+    np.testing.assert_allclose([problem.sensor.lag, problem.surroundings.sensor.lag], [0.002, 0.0022])
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(problem.plant.A_m)), [-4, -3])
+    assert problem.input_gain[0] == pytest.approx(1 / 1.1) and problem.input_gain[1] == pytest.approx(1 / 0.9)
+    scale, x_m = problem.plant.scale, simulate(problem, [LAW], Simulation(t_end=1.0, dt=1e-3))["MRAC"].x_m
+    np.testing.assert_allclose(scale, np.abs(x_m).max(axis=0), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ('"-k/J"', '"-K/J"', ["plant.A[1][0]", "K", "did you mean 'k'"]),
+        ("parameters = { k = 1.6 }", "parameters = { K = 1.6 }", ["truth.parameters", "K", "there are k, J"]),
+        ("parameters = { k = 1.6 }", "parameter = { k = 1.6 }", ["truth.parameter", "did you mean"]),
+        ("value = 1.3, between", "valeu = 1.3, between", ["parameters.k.valeu", "value"]),
+        ("between = [0.9, 1.7]", "between = [1.7, 0.9]", ["parameters.k.between"]),
+        ("[truth]", "[truth]\nA = [[0, 1, 0], [0, 0, 1], [0, 0, 0]]\nb = [0, 0, 1]", ["truth.states", "3 states", "the plant 2"]),
+        (
+            "[truth]",
+            "[truth]\nfriction = [{ state = 'speed', coulomb = 1, width = 1 }]",
+            ["friction.state", "speed", "angle, rate"],
+        ),
+        ("[truth]", "[truth]\nterms = { rate = 'x3' }", ["truth.terms.rate", "x3"]),
+        ('b = [0, "1/J"]', "theta = [1, 2]\nb = [0, 1]", ["plant.theta", "parameters"]),
+        ("A = [[0, 1]", "transfer_function = { num = [1], den = [1, 1] }\nA = [[0, 1]", ["state space"]),
+        ("k = { value = 1.3,", "sin = { value = 1.3,", ["parameters", "sin"]),
+    ],
+)
+def test_bad_input_is_one_clear_sentence(old, new, words):
+    assert old in CASE
+    with pytest.raises(InputError) as caught:
+        parse_case(CASE.replace(old, new, 1))
+    assert all(word in str(caught.value) for word in words), caught.value

@@ -1,0 +1,141 @@
+"""A sweep varies what is simulated, and the design stays; --redesign makes both anew."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from barbalat import certify, simulate
+from barbalat.cases.load import CaseText, parse_case
+from barbalat.cli import main
+from barbalat.open_numbers.path import FieldPath
+from barbalat.open_numbers.varied import VariedCase, VariedObjects
+from barbalat.studies import sweep
+from barbalat.sweeps.known_set_draws import sampled
+
+CASE = """
+name = "spring"
+[parameters]
+k = { value = 1.3, between = [0.9, 1.7], distribution = "normal" }
+m = { value = 0.5, tolerance = 0.1 }
+d = 0.05
+[plant]
+A = [[0, 1], ["-k/m", "-d/m"]]
+b = [0, 2.0]
+x0 = [1.0, 0.0]
+[plant.input]
+gain = 0.9
+[reference_model]
+poles = [-3, -4]
+k_0 = 6.0
+[reference]
+kind = "constant"
+value = 0.0
+[simulation]
+t_end = 1.0
+dt = 1e-3
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 1e-9
+theta_hat0 = [4.5, 3.45]
+"""
+"""Its estimates stay where they start: the loop is linear, and known by an exponential."""
+PLAIN = CASE.replace('["-k/m", "-d/m"]', "[-2.6, -0.1]").split("[parameters]")
+PLAIN = PLAIN[0] + PLAIN[1][PLAIN[1].index("[plant]") :].replace("poles = [-3, -4]", "A_m = [[0, 1], [-12, -7]]")
+PLAIN += "[uncertainty]\nlower = [3.0, 3.0]\nupper = [6.0, 4.0]\n"
+
+
+def varied(text, path, **how):
+    return VariedCase(CaseText(text), (FieldPath.parse(path),), **how)
+
+
+def at_the_end(A, gain, theta_hat, b=(0.0, 2.0)):
+    """x(1) of x' = A x + gain b u under u = -theta_hat'x."""
+    return expm(np.asarray(A) - gain * np.outer(b, theta_hat)) @ [1.0, 0.0]
+
+
+def simulated_end(case):
+    return simulate(case.problem, case.controllers, case.simulation)["MRAC"].x[-1]
+
+
+def test_a_parameter_moves_the_simulated_plant_alone():
+    case = varied(CASE, "parameters.k", redesign=False).at([1.6])
+    base = parse_case(CASE)
+    assert np.array_equal(case.problem.known.A_m, base.problem.known.A_m)
+    assert np.array_equal(case.problem.uncertainty.lower, base.problem.uncertainty.lower)
+    A = [[0, 1], [-1.6 / 0.5, -0.1]]
+    np.testing.assert_allclose(simulated_end(case), at_the_end(A, 0.9, [4.5, 3.45]), rtol=1e-6)
+    anew = varied(CASE, "parameters.k", redesign=True).at([1.6]).problem
+    assert anew.plant.physical.nominal["k"] == 1.6
+    np.testing.assert_allclose(anew.plant.theta - base.problem.plant.theta, [-(1.6 - 1.3) / 0.5 / 2, 0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "A", "b"),
+    [
+        ("plant.A[1][0]", -4.0, [[0, 1], [-4.0, -0.1]], (0, 2)),
+        ("plant.A[0][0]", -0.5, [[-0.5, 1], [-2.6, -0.1]], (0, 2)),  # unmatched
+        ("plant.b[0]", 0.3, [[0, 1], [-2.6, -0.1]], (0.3, 2)),
+    ],
+)
+def test_the_plant_s_own_numbers_too_and_nothing_is_refused_as_unmatched(path, value, A, b):
+    for case in (
+        varied(PLAIN, path, redesign=False).at([value]),
+        VariedObjects(parse_case(PLAIN), (FieldPath.parse(path),), redesign=False).at([value]),
+    ):
+        assert np.array_equal(case.problem.known.b, [0, 2]) and np.array_equal(case.problem.known.A_m, [[0, 1], [-12, -7]])
+        np.testing.assert_allclose(simulated_end(case), at_the_end(A, 0.9, [4.5, 3.45], b), rtol=1e-6)
+
+
+def test_what_stands_before_the_input_is_the_truth_s_where_the_gain_s_interval_follows_from_it():
+    text = CASE.replace("b = [0, 2.0]", 'b = [0, "1/m"]').replace("[4.5, 3.45]", "[4.5, 3.45, 0.9]")
+    one, two = (varied(text, "plant.input.gain").at([gain]) for gain in (0.85, 0.95))
+    assert one.problem.input_gain == two.problem.input_gain
+    assert [case.problem.surroundings.paths[0].gain for case in (one, two)] == [0.85, 0.95]
+
+
+def test_draws_between_the_ends_of_a_range():
+    (k,) = sampled(CaseText(CASE), [("parameters.k", "between")]).values()
+    shares = np.linspace(0, 1, 1001)
+    values = k.at(shares)
+    assert values[0] == pytest.approx(0.9) and values[-1] == pytest.approx(1.7) and values[500] == pytest.approx(1.3)
+    assert np.interp(1.3 + 0.8 / 6, values, shares) == pytest.approx((0.8413447 - 0.00135) / 0.9973002, abs=1e-3)
+    assert [str(path) for path in sampled(CaseText(CASE), [("parameters", "between")])] == ["parameters.k", "parameters.m"]
+
+
+def test_a_sweep_over_all_ranges_stays_below_the_bound_for_the_whole_set():
+    text = CASE.replace("gain = 0.9", "gain = 1.0").replace("gamma = 1e-9", "gamma = 5.0")
+    case = parse_case(text)
+    found = sweep(case, sample={"parameters": "between"}, members=40, audit=0)
+    document = found.as_json()
+    assert document["redesign"] is False and document["redesigned"] == {}
+    worst = certify(case.problem, case.controllers, case.simulation)["MRAC"].values["error_bound_worst"]
+    largest = max(found.column(f"MRAC/max_abs_e[{i}]").max() for i in (0, 1))
+    assert largest <= worst and (found.column("MRAC/error_bound") == worst).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--sample", "parameters.K=between"], "there are k, m, d; did you mean 'k'?"),
+        (["--sample", "parameters.d=between"], "known exactly"),
+        (["--sample", "plant.theta=known-set"], "theta follows from the parameters"),
+        (["--sample", "plant.input.gain=between"], "goes with a physical parameter"),
+        (["--vary", "plant.A[1][0]=1:2:3"], "truth.A[1][0] is '-k/m', not a number"),
+    ],
+)
+def test_bad_input_is_one_clear_sentence(tmp_path, capsys, options, words):
+    (tmp_path / "case.toml").write_text(CASE)
+    assert main(["sweep", str(tmp_path / "case.toml"), *options, "--json"]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize("asked", [[], ["--redesign"]])
+def test_the_command_says_whether_it_redesigned(tmp_path, capsys, asked):
+    (tmp_path / "case.toml").write_text(CASE)
+    options = ["--vary", "parameters.k=1:1.6:3", "--audit", "0", "--no-bounds", "--json", *asked]
+    assert main(["sweep", str(tmp_path / "case.toml"), *options]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert document["redesign"] is bool(asked)
