@@ -108,19 +108,6 @@ def test_sobol_indices_of_any_sample():
     assert [one.first for one in found] == pytest.approx([0.3139, 0.4424, 0.0], abs=0.03)
 
 
-@pytest.mark.parametrize("draws", [200, 257])
-def test_random_balance_is_salibs(draws):
-    """The same indices and intervals, from the same resamples, to rounding."""
-    rbd_fast = pytest.importorskip("SALib.analyze.rbd_fast")
-    plan = Plan({}, ANGLES, draws, seed=3)
-    x = plan.values(0, draws)
-    problem = {"num_vars": 3, "names": list("abc"), "bounds": [[0.0, 1.0]] * 3}
-    exact = rbd_fast.analyze(problem, x, ishigami(x), num_resamples=sensitivity.RESAMPLES, conf_level=0.95, seed=3)
-    for one, first, half in zip(indices(plan), exact["S1"], exact["S1_conf"], strict=True):
-        cut = np.clip([first, first - half, first + half], 0, 1)
-        np.testing.assert_allclose([one.first, one.low, one.high], cut, rtol=1e-10, atol=1e-12)
-
-
 def test_main_effects_of_a_grid_and_of_draws_at_its_points():
     """2 x + 3 y + noise: the variances add up."""
     plan = Plan({PATHS[0]: Axis(0.0, 1.0, 5)}, {PATHS[1]: Uniform(0.0, 1.0), PATHS[2]: Uniform(0.0, 1.0)}, 2000)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from importlib.util import find_spec
 
 import numpy as np
-from scipy.special import ndtri
 
 from barbalat.open_numbers.path import FieldPath
 from barbalat.sweeps.chunks import Rows
@@ -19,9 +19,7 @@ from barbalat.validate import Array, counted
 MOST_DRAWS = 2**14
 """Draws that an estimate is made of: its interval is then about a hundredth wide, and it takes a tenth of a second."""
 FEWEST_DRAWS = 128
-"""Below them RBD-FAST's spectrum has too few points for its harmonics."""
-HARMONICS = 10
-"""Of RBD-FAST's spectrum, which are taken for what a number does."""
+"""Below them RBD-FAST's spectrum has too few points for its ten harmonics."""
 RESAMPLES = 50
 """Of the bootstrap."""
 SMALLEST_SHARE_OF_VARIANCE = 1e-20
@@ -55,7 +53,7 @@ class Sensitivity:
 
 SALTELLI, RBD_FAST, FACTORIAL = (
     "Saltelli 2010 by SciPy, bootstrap",
-    "RBD-FAST, bootstrap",
+    "RBD-FAST by SALib, bootstrap",
     "main effect on the grid, exact",
 )
 
@@ -64,8 +62,11 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
     """Sensitivities of the figures that all members have; and sentences on what has none."""
     found: list[Sensitivity] = []
     notes: list[str] = []
-    if plan.draws and plan.design is not Design.SALTELLI and plan.members < FEWEST_DRAWS:
-        notes.append(f"sensitivity to what is drawn needs {FEWEST_DRAWS} draws at least, and there are {plan.members}")
+    if plan.draws and plan.design is not Design.SALTELLI:
+        if plan.members < FEWEST_DRAWS:
+            notes.append(f"sensitivity to what is drawn needs {FEWEST_DRAWS} draws at least, and there are {plan.members}")
+        elif find_spec("SALib") is None:
+            notes.append("sensitivity to what is drawn needs the package SALib: pip install 'barbalat[study]'")
     if any(isinstance(one, InBall) for one in plan.draws.values()):
         notes.append("entries of a ball are not independent: their shares of a variance overlap and need not add up to the whole")
     for controller in controllers:
@@ -105,7 +106,7 @@ def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivi
         share = float(by_point.mean(axis=others).var()) / total
         share = 0.0 if share < SMALLEST_SHARE_OF_VARIANCE else share
         yield made(path=path, first=share, low=share, high=share, total=None, estimator=FACTORIAL)
-    if plan.draws and plan.members >= FEWEST_DRAWS:
+    if plan.members >= FEWEST_DRAWS and find_spec("SALib") is not None:
         yield from _drawn(rows, by_point, plan, total, made)
 
 
@@ -118,41 +119,21 @@ def _near_one(values: Array) -> Array:
 
 
 def _drawn(rows: Rows, by_point: Array, plan: Plan, total: float, made: Made) -> Iterator[Sensitivity]:
-    """The sensitivity to what is drawn, of the mean over the grid, whose variance is a part of the whole.
+    """The sensitivity to what is drawn, of the mean over the grid, whose variance is a part of the whole."""
+    from SALib.analyze import rbd_fast
 
-    The interval is that of a bootstrap of half of the draws, each number's with the generator's next resamples.
-    """
     mean = by_point.mean(axis=tuple(range(len(plan.axes)))) if plan.axes else by_point
     part = float(mean.var()) / total if plan.axes else 1.0
     count = min(plan.members, MOST_DRAWS)
     if mean[:count].min() == mean[:count].max():
         return
-    generator, wide = np.random.default_rng(plan.seed), float(ndtri(0.5 + CONFIDENCE_LEVEL / 2))
-    for path in plan.draws:
-        given = rows.column(str(path))[:count]
-        chosen = np.array([generator.choice(count, replace=True, size=count // 2) for _ in range(RESAMPLES)])
-        (first,) = random_balance(given[None], mean[None, :count])
-        half = wide * float(random_balance(given[chosen], mean[chosen]).std(ddof=1))
+    given = np.column_stack([rows.column(str(path))[:count].copy() for path in plan.draws])
+    names = [str(path) for path in plan.draws]
+    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
+    found = rbd_fast.analyze(problem, given, mean[:count], num_resamples=RESAMPLES, conf_level=CONFIDENCE_LEVEL, seed=plan.seed)
+    for path, first, half in zip(plan.draws, found["S1"], found["S1_conf"], strict=True):
         low, middle, high = (_cut(part * share) for share in (first - half, first, first + half))
         yield made(path=path, first=middle, low=low, high=high, total=None, estimator=RBD_FAST)
-
-
-def random_balance(given: Array, values: Array) -> Array:
-    """(K,) first-order indices of K samples of n values (K, n) by a number that was ``given`` (K, n), by RBD-FAST.
-
-    Values in the order of a number that rises and falls once show what it does in their first harmonics (Tarantola, Gatelli and
-    Mara, Reliability Engineering and System Safety 91, 2006; Plischke, same journal 95, 2010); what the others leave there by
-    chance is taken off (Tissot and Prieur, same journal 107, 2012). SALib does the same for one sample at a time, in forty
-    times as long: its bootstrap took a third of a sweep's time.
-    """
-    order = np.argsort(given, axis=1)
-    around = np.concatenate([order[:, ::2], order[:, 1::2][:, ::-1]], axis=1)
-    ordered = np.take_along_axis(values, around, axis=1)
-    power = np.abs(np.fft.rfft(ordered - ordered.mean(axis=1, keepdims=True), axis=1)[:, 1:]) ** 2
-    if values.shape[1] % 2 == 0:
-        power[:, -1] /= 2  # the highest frequency has no twin
-    share, by_chance = power[:, :HARMONICS].sum(axis=1) / power.sum(axis=1), 2 * HARMONICS / values.shape[1]
-    return np.asarray(share - by_chance / (1 - by_chance) * (1 - share))
 
 
 def _saltelli(values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
