@@ -59,7 +59,7 @@ def _halvable(result: Result) -> bool:
 
 def _affordable(result: Result, factor: float, afforded: int) -> bool:
     steps = result.simulation.steps * factor
-    if not np.isfinite(steps) or steps > afforded:
+    if not np.isfinite(steps) or steps > afforded or result.simulation.dt / factor == 0.0:  # below the least float
         return False
     return steps_within(result.problem, [result.loop], result.simulation, int(steps)) >= steps
 
