@@ -75,18 +75,24 @@ def drawn_here() -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def sample(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
-    """``sample(short, full)``: how many random problems a test draws, by the command that runs it."""
-    all_of_them = request.config.getoption("full") or request.config.getoption("rest")
-    return lambda short, full: full if all_of_them else short
+    """``sample(short, full)``: how many random problems a test draws; with --rest a quarter of all, and no fewer than in short.
+
+    Where ``full`` is the smaller one, it is the stride over a list, and --rest takes four times that.
+    """
+    if request.config.getoption("full"):
+        return lambda short, full: full
+    if request.config.getoption("rest"):
+        return lambda short, full: max(short, full // 4) if full > short else min(short, 4 * full)
+    return lambda short, full: short
 
 
 @pytest.fixture(scope="session")
 def by_turns(request: pytest.FixtureRequest) -> Callable[[Sequence[Any], int], list[Any]]:
-    """``by_turns(items, few)``: few in the short command, with --rest a quarter, which the commit draws, and all with --full."""
+    """``by_turns(items, few)``: few in the short command, with --rest a tenth, which the commit draws, and all with --full."""
     if request.config.getoption("full"):
         return lambda items, few: list(items)
     if request.config.getoption("rest"):
-        return lambda items, few: drawn(items, max(-(-len(items) // 4), few))
+        return lambda items, few: drawn(items, max(-(-len(items) // 10), few))
     return lambda items, few: list(items[:few])
 
 
