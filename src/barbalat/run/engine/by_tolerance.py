@@ -34,8 +34,8 @@ from barbalat.validate import Array, InputError
 
 MOST_ROWS = 1 << 15
 """Of a table of nodes, about: some megabytes."""
-FINER = 1e-2
-"""Of the tolerance, that of the second run, which measures the first one's error: its own is some 50 times smaller."""
+FINER = 1 / 32
+"""Of the tolerance, that of the second run, which measures the first one's error: its own is some 20 times smaller."""
 FINEST = 1e-14
 """Tolerance of a second run, at least: below it roundings decide."""
 

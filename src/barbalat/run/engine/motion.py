@@ -16,6 +16,7 @@ from barbalat.lowering.shape import LoopShape
 from barbalat.protocols import Signal
 from barbalat.run.kernel.attempt import ALL, DIVERGED, STALLED, Attempts, dense_output
 from barbalat.run.kernel.portable import run_times
+from barbalat.run.kernel.step import CompiledLoop
 from barbalat.run.kernel.time_signals import TimeSignals
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -31,8 +32,13 @@ WITHIN = 0.9
 
 
 @lru_cache(maxsize=64)
-def _compiled(program: Program, begin: Program, shape: LoopShape, *, quickly: bool) -> Kernel:
-    return Kernel(program, shape, (0.0,) * shape.accumulators, 1, begin, quickly=quickly)
+def _compiled(program: Program, begin: Program, shape: LoopShape) -> CompiledLoop:
+    """Its code, optimised once enough attempts were made: how many a run takes is not known before, and no bit depends on it."""
+
+    def make(quickly: bool) -> Kernel:
+        return Kernel(program, shape, (0.0,) * shape.accumulators, 1, begin, quickly=quickly)
+
+    return CompiledLoop(make)
 
 
 @dataclass(eq=False)
@@ -45,7 +51,7 @@ class Motion:
     """
 
     attempts: Attempts
-    kernel: Kernel
+    code: CompiledLoop
     state: Array
     tolerance: float
     begins: Array
@@ -62,9 +68,9 @@ class Motion:
         attempts = Attempts(loop, driven, fused=simulation.fused)
         tail = float(simulation.time(simulation.tail_start))
         begins = np.unique(np.concatenate([[0.0, tail, simulation.t_end], driven.breaks(simulation.t_end)]))
-        kernel = _compiled(attempts.program(), attempts.begin(), attempts.shape, quickly=False)
+        code = _compiled(attempts.program(), attempts.begin(), attempts.shape)
         state = attempts.carried.initial(loop.initial(), FIRST_STEP * simulation.t_end)
-        return cls(attempts, kernel, state, tolerance, begins, driven.rows(begins[:-1], begins[1:]))
+        return cls(attempts, code, state, tolerance, begins, driven.rows(begins[:-1], begins[1:]))
 
     def again(self, tolerance: float, t_end: float) -> Motion:
         """The same from t = 0 at another tolerance."""
@@ -110,10 +116,11 @@ class Motion:
         carried, t_stop = self.attempts.carried, float(self.begins[self.piece + 1])
         needed = (t_stop - self.t) / self.state[self._at("h")]
         blocks = int(min(max(1.25 * needed, FEWEST_ATTEMPTS), MOST_ATTEMPTS))
-        out = np.empty((blocks, carried.size + self.kernel.shape.accumulators))
+        kernel = self.code.for_steps(blocks)
+        out = np.empty((blocks, carried.size + kernel.shape.accumulators))
         numbers = self.attempts.numbers(np.empty(0), t_stop, self.tolerance, 0.0, self.numbers[self.piece])
         before = out[:, self._at("t")]
-        self.kernel(blocks, 1, self.state, numbers, np.empty(0), out, sample_every=1)
+        kernel(blocks, 1, self.state, numbers, np.empty(0), out, sample_every=1)
         written = out[:, carried.size :]
         good, tried = written[:, 0] > 0, before < t_stop
         self.steps += int(good.sum())

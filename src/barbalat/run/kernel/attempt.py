@@ -53,6 +53,8 @@ LOOKS = (5, 9, 10)
 """Stages at 0.33, 0.6 and 0.86 of a step, where it is looked whether a choice stands otherwise and comes back before the end."""
 NEAREST = 0.05
 """Part of an attempt, before which no choice is guessed: a secant from a place where one was just due says nothing."""
+LARGEST = 1e300
+"""That a number is while it is one; margins of what is infinite are not compared."""
 MOST_TRIES = 200
 """At one place; more is no motion between choices, but one that slides along them."""
 
@@ -309,30 +311,35 @@ class Attempts:
             return _Meeting(no, yes, ca.SX(np.inf), no, ca.SX(0, 1), ca.SX(0, 1), no)
         old = ca.vertsplit(parts["choices"])
         before = ca.vertsplit(parts["margins"])
-        crossed, place, first_try, earlier = [], [], parts["tries"] == 0, ca.SX(np.inf)
+        place, moved, first_try = [], [], parts["tries"] == 0
+        seen = [ca.SX(0.0)] * len(inside)
         for i, (one, chosen, was) in enumerate(zip(conditions, old, before, strict=True)):
-            other = _stands_otherwise(one, chosen)
+            least = ca.fmin(SAME * one.size, LARGEST)  # of what tells the sides apart; an infinite margin is beyond it
+            way = 1 - 2 * chosen  # a margin times this is above 0 where it stands otherwise
+            at_start = ca.logic_and(first_try, ca.fabs(was) <= least)
+            there = [way * conditions_there[i].margin > least for _, conditions_there in inside]
+            other = way * one.margin > least
+            seen = [
+                ca.logic_or(old_seen, ca.logic_and(now, ca.logic_not(at_start)))
+                for old_seen, now in zip(seen, there, strict=True)
+            ]
             share = was / (was - one.margin)
-            at_start = ca.logic_and(first_try, ca.fabs(was) <= SAME * one.size)
             share = ca.if_else(ca.logic_and(share > 0, share < 1), ca.fmax(share, NEAREST), 0.5)
-            for node, seen in inside:
-                there = _stands_otherwise(seen[i], chosen)
-                earlier = ca.if_else(ca.logic_and(there, ca.logic_not(at_start)), ca.fmin(earlier, node), earlier)
-                share, other = ca.if_else(there, ca.fmin(share, node), share), ca.logic_or(other, there)
-            share = ca.if_else(at_start, 0.0, share)
-            crossed.append(other)
-            place.append(ca.if_else(other, share, np.inf))
-        first = ca.mmin(ca.vertcat(*place))
-        due = ca.if_else(ca.mmax(ca.vertcat(*crossed)) > 0, 1.0, 0.0)
+            place.append(ca.if_else(other, ca.if_else(at_start, np.inf, share), np.inf))
+            moved.append(ca.logic_and(at_start, ca.logic_or(other, there[0])))
+        earlier = ca.SX(np.inf)
+        for (node, _), found_there in zip(reversed(inside), reversed(seen), strict=True):
+            earlier = ca.if_else(found_there, node, earlier)
+        at_once = ca.mmax(ca.vertcat(*moved)) > 0  # it stood there already when the step began
+        first = ca.fmin(ca.mmin(ca.vertcat(*place)), earlier)
+        due = ca.if_else(ca.logic_or(at_once, first < np.inf), 1.0, 0.0)
         near = MEETS / ca.fmax(ca.mmax(ca.fabs(slope) / scale), 1e-300)
         near = ca.fmax(near, LEAST_ROUNDINGS * ca.fabs(t))
-        at_once = ca.logic_and(due, first <= 0)  # it stood there already when the step began
         close = ca.logic_or(ca.logic_and((1 - first) * h <= near, earlier > 1), h <= near)
         ready = ca.logic_or(ca.logic_not(due), ca.logic_and(close, ca.logic_not(at_once)))
-        flipped = [ca.logic_and(at_once, ca.logic_and(one, share <= 0)) for one, share in zip(crossed, place, strict=True)]
         aim = first * h + 0.3 * near
         margins = ca.vertcat(*(one.margin for one in conditions))
-        return _Meeting(due, ready, aim, at_once, margins, ca.vertcat(*flipped), earlier <= 1)
+        return _Meeting(due, ready, aim, at_once, margins, ca.vertcat(*moved), earlier <= 1)
 
 
 @dataclass(frozen=True)
@@ -354,24 +361,6 @@ class _Meeting:
     margins: Any
     flipped: Any
     inside: Any
-
-
-def _stands_otherwise(condition: Any, chosen: ca.SX) -> ca.SX:
-    """Whether a condition would be chosen otherwise, and not by a rounding alone."""
-    import casadi as ca
-
-    other = ca.if_else(condition.truth, 1.0, 0.0) != chosen
-    found: ca.SX = ca.logic_and(other, _is_clear(condition))
-    return found
-
-
-def _is_clear(condition: Any) -> ca.SX:
-    """Whether what is compared differs by more than roundings."""
-    import casadi as ca
-
-    distance = ca.fabs(condition.margin)
-    found: ca.SX = ca.logic_or(distance > SAME * condition.size, distance == np.inf)
-    return found
 
 
 def _length(parts: dict[str, ca.SX], t_stop: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
