@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
@@ -54,8 +55,9 @@ def _turns(values: Array) -> int:
 
 def _without_ripple(values: list[float], half: float) -> list[float]:
     """What follows the values with so much play on either side."""
-    found, last = [], values[0]
-    for value in values:
-        last = max(min(last, value + half), value - half)
-        found.append(last)
-    return found
+
+    def followed(last: float, value: float) -> float:
+        low, high = value - half, value + half
+        return low if last < low else min(last, high)
+
+    return list(accumulate(values, followed))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
@@ -84,7 +85,7 @@ class Setting:
     def simulation(self) -> Simulation:
         return self.example.simulation
 
-    @property
+    @cached_property
     def terms(self) -> Terms:
         """What the members are judged by."""
         return Terms.of(self.example.problem, self.simulation, self.example.judge)

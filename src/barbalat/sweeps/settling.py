@@ -110,7 +110,7 @@ class Settling:
     def finer(self, step: Step) -> Study:
         """The same study with another step."""
         if step not in self._finer:
-            self._finer[step] = Study(Finer(self.study.varied, step), self.study.plan)
+            self._finer[step] = Study(Finer(self.study.varied, step), self.study.plan, motions=self.study.motions)
         return self._finer[step]
 
     def work(self, numbers: Array) -> Work:

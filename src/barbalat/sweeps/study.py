@@ -12,6 +12,7 @@ import numpy as np
 
 from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
+from barbalat.linear.driven_response import MOST_INSTANTS
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
@@ -115,7 +116,8 @@ class StudyPart:
 class Study:
     """The members of a plan on a case.
 
-    varied  the case, with other numbers at the plan's paths
+    varied   the case, with other numbers at the plan's paths
+    motions  of settings' models, by the settings' numbers and instants: studies of the same case with other steps may share them
     """
 
     varied: Varied
@@ -124,7 +126,7 @@ class Study:
     kinds: tuple[Kind, ...] = field(init=False)
     example: Case = field(init=False)
     settings: dict[bytes, Setting] = field(init=False, default_factory=dict)
-    _motions: dict[Setting, ReferenceMotion] = field(init=False, default_factory=dict)
+    motions: dict[tuple[bytes, int], ReferenceMotion] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.tried = _tried(self.plan)
@@ -221,11 +223,12 @@ class Study:
 
     def _motion(self, setting: Setting) -> ReferenceMotion:
         """The motion of a setting's model, computed once."""
-        if setting not in self._motions:
-            if len(self._motions) >= MOST_SETTINGS:
-                self._motions.clear()
-            self._motions[setting] = ReferenceMotion.of(setting.example.problem, setting.simulation)
-        return self._motions[setting]
+        key = setting.base.tobytes(), min(setting.simulation.steps, MOST_INSTANTS)
+        if key not in self.motions:
+            if len(self.motions) >= MOST_SETTINGS:
+                self.motions.clear()
+            self.motions[key] = ReferenceMotion.of(setting.example.problem, setting.simulation)
+        return self.motions[key]
 
     def oscillated(self, setting: Setting, metrics: Sequence[Metrics], first: int = 0) -> list[Array]:
         """Of controllers from number ``first`` on (M,): 1 where estimates swing, NaN where nothing says what is much."""
