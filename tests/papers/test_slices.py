@@ -69,6 +69,7 @@ def test_a_paper_is_one_folder_and_its_entry_point(tmp_path):
     assert [one["name"] for one in json.loads(barbalat_says("reproduce", "--list", "--json", path=tmp_path))["papers"]] == [
         "jafari_2013",
         "cao_2006",
+        "cao_hovakimyan_2006",
         "on_parity",
     ]
     document = json.loads(barbalat_says("reproduce", "on_parity", "--json", "--out", "report", path=tmp_path))
