@@ -7,7 +7,7 @@ import numpy as np
 
 from barbalat import Plant, Problem, ReferenceModel, Simulation
 from barbalat.plants import Noise, PlantInput, Sensor
-from barbalat.signals import Chirp, Constant, Sine, Square
+from barbalat.signals import Chirp, Constant, Sine, Sines, Square
 
 
 class Nothing(NamedTuple):
@@ -70,10 +70,10 @@ def oscillator(damping: float, x0: list[float], reference: Any = None, **more: A
     )
 
 
-def relay_problem(a: float, delay: float, noise: float = 0.0, reference: Any = None) -> Problem:
-    """x' = -a x + sat(u(t - delay)), limited to 1; a high gain makes a relay of the limits."""
+def relay_problem(a: float, delay: float, noise: float = 0.0, reference: Any = None, limit: float = 1.0) -> Problem:
+    """x' = -a x + sat(u(t - delay)), limited to 1 unless said; a high gain makes a relay of the limits."""
     return Problem(
-        plant=Plant(A_m=[[-1.0]], b=[1.0], theta=[1.0 - a], x0=[0.1], input=PlantInput(saturation=[-1, 1], delay=delay)),
+        plant=Plant(A_m=[[-1.0]], b=[1.0], theta=[1.0 - a], x0=[0.1], input=PlantInput(saturation=[-limit, limit], delay=delay)),
         reference_model=ReferenceModel(k_0=1.0),
         reference=Constant(0.0) if reference is None else reference,
         sensor=Sensor(noise=Noise(std=[noise], sample_time=0.01, seed=1)) if noise else None,
@@ -114,6 +114,13 @@ def labelled(rng: np.random.Generator, count: int) -> dict[str, Labelled]:
     fine, short = Simulation(t_end=20.0, dt=0.002), Simulation(t_end=8.0, dt=0.002)
     square, chirp, sine = Square(1.0, 0.7), Chirp(1.0, 0.2, 4.0, 60.0), Sine(1.0, 2.0)
 
+    def hidden(reference: Any) -> tuple:
+        """It follows within its band, and the command turns about as often as it cycles."""
+        return relay_problem(rng.uniform(0.8, 1.2), rng.uniform(0.008, 0.012), reference=reference, limit=1.3), fast
+
+    fast, rippling = Gain(k=np.array([1e3])), Sines(amplitudes=[1.0, 0.06], frequencies=[0.3, 100.0])
+    faster = Simulation(t_end=40.0, dt=1e-3)
+
     def pd(reference: Any, noise: float = 0.0) -> tuple:
         problem = Problem(
             plant=Plant(
@@ -131,6 +138,11 @@ def labelled(rng: np.random.Generator, count: int) -> dict[str, Labelled]:
 
     return {
         "van der Pol": Labelled(each(lambda: (oscillator(0.0, rotated()), VanDerPol(mu=rng.uniform(0.2, 3)))), usual, True),
+        "van der Pol, a large start": Labelled(
+            each(lambda: (oscillator(0.0, rotated(6.0)), VanDerPol(mu=rng.uniform(0.2, 1.2)))), usual, True
+        ),
+        "relay, fast command": Labelled(each(lambda: hidden(Square(0.8, 60.0))), faster, True),
+        "relay, rippling command": Labelled(each(lambda: hidden(rippling)), faster, True),
         "relay with delay": Labelled(
             each(lambda: (relay_problem(rng.uniform(0.3, 3), rng.uniform(0.05, 0.5)), Gain(k=np.array([RELAY_GAIN])))), fine, True
         ),
@@ -156,6 +168,7 @@ def labelled(rng: np.random.Generator, count: int) -> dict[str, Labelled]:
         "square command and noise": Labelled(each(lambda: pd(square, 0.05)), usual, False),
         "chirp": Labelled(each(lambda: pd(chirp)), usual, False),
         "sine": Labelled(each(lambda: pd(sine)), usual, False),
+        "sine and ripple": Labelled(each(lambda: pd(Sines(amplitudes=[1.0, 0.06], frequencies=[0.3, 20.0]))), usual, False),
         "noise alone": Labelled(each(lambda: pd(Constant(0.0), 0.1)), usual, False),
         "faintly damped": Labelled(
             each(lambda: (oscillator(rng.uniform(0.01, 0.05), rotated(), square), Gain(k=np.array([0.3, 0.0])))), usual, False

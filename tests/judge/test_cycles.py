@@ -24,7 +24,7 @@ from barbalat.judge.settings import Judge
 from barbalat.judge.verdict import Class
 from barbalat.open_numbers.varied import VariedCase
 from barbalat.run.engine.judging import tail_is_short
-from barbalat.signals import Constant, Recorded, Sine, Square, Step
+from barbalat.signals import Constant, Recorded, Sine, Sines, Square, Step
 from barbalat.signals.smooth import Clock
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Design, Plan
@@ -91,7 +91,7 @@ def test_van_der_pol_has_the_period_of_the_tables():
 
 
 def test_labels_known_beforehand():
-    """No cycle is missed that has three periods in the tail, and nothing else is called one: 13 kinds of runs, 20 of each."""
+    """No cycle is missed that has three periods in the tail, and nothing else is called one: 18 kinds of runs, 20 of each."""
     missed, false = {}, {}
     for name, (members, simulation, cycle) in labelled(np.random.default_rng(0), 20).items():
         judged = simulate_ensemble(members, simulation, judge=Judge()).judged
@@ -100,6 +100,23 @@ def test_labels_known_beforehand():
     missed.pop("one to three periods in the tail")
     assert set(missed.values()) == {0}, missed
     assert set(false.values()) == {0}, false
+
+
+def test_what_is_looked_at_in_runs_is_no_cycle_either():
+    """A run that follows what turns is not spared, as in a sweep: everything is held, and no label becomes false."""
+    for name, (members, simulation, cycle) in labelled(np.random.default_rng(2), 6).items():
+        if not cycle:
+            found = simulate_ensemble(members, simulation, judge=Judge(closely=True), frequencies=False).judged
+            assert not found.cycles.which.any(), name
+
+
+def test_a_run_that_cycles_where_its_command_turns_as_fast_is_a_limit_cycle():
+    """It stays within 5 % of the scale, goes from limit to limit, and reverses less than the command turns."""
+    problem = relay_problem(1.0, 0.01, reference=Sines(amplitudes=[1.0, 0.06], frequencies=[0.3, 100.0]), limit=1.3)
+    (result,) = simulate(problem, [Gain(k=np.array([1e3]))], Simulation(t_end=40.0, dt=1e-3)).values()
+    verdict = result.verdict
+    assert verdict.error < verdict.band and verdict.at_limit[0] > 0.8
+    assert verdict.kind is Class.CYCLE and verdict.cycle.amplitude == pytest.approx(1.25, abs=0.06)
 
 
 SLOW = """

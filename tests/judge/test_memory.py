@@ -6,6 +6,7 @@ import pytest
 from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation
 from barbalat.judge.along import along
 from barbalat.judge.beside import Watched
+from barbalat.judge.judged import Kept
 from barbalat.judge.memory import Memory, Sample
 from barbalat.judge.settings import Judge
 from barbalat.plants import Noise, PlantInput, Sensor
@@ -23,6 +24,12 @@ def problem(**given) -> Problem:
         uncertainty=ParameterBox(lower=[-3, -3], upper=[3, 3]),
         sensor=Sensor(noise=Noise(std=[0.01, 0.05], sample_time=0.01, seed=4)),
     )
+
+
+def largest_so_far(v: np.ndarray) -> np.ndarray:
+    """What v has covered, or its magnitude where that is larger, up to each instant."""
+    covered = np.maximum.accumulate(v) - np.minimum.accumulate(v)
+    return np.maximum(covered, np.maximum.accumulate(np.abs(v)))
 
 
 SIMULATION = Simulation(t_end=20.0, dt=0.005, record_points=4000)
@@ -80,8 +87,8 @@ def test_every_quantity_is_what_the_recorded_signals_give(recorded):
         "largest y_m": np.abs(result.x_m).max(axis=0),
         "largest y": np.abs(result.x).max(axis=0),
         "largest e": np.abs(result.e[tail]).max(axis=0),
-        "low": v.min(),
-        "high": v.max(),
+        "low": v[tail].min(),
+        "high": v[tail].max(),
         "path": np.abs(np.diff(v)).sum(),
         "steps": SIMULATION.steps + 1,
         "IAE": np.abs(result.e).sum(axis=0),
@@ -93,7 +100,8 @@ def test_every_quantity_is_what_the_recorded_signals_give(recorded):
         expected["at limit"] = at_limit_of(path, result.u, v).sum()
         widths = np.full(len(v), 0.025 * (high - low))
     else:
-        widths = 0.025 * (np.maximum.accumulate(v) - np.minimum.accumulate(v))
+        parts = v[: SIMULATION.tail_start], v[tail]
+        widths = 0.025 * np.concatenate([largest_so_far(part) for part in parts])
     if path is not None and path.rate_limit is not None:
         asked = np.clip(result.u, *path.saturation)
         expected["at rate limit"] = (np.abs(asked - v) >= path.rate_limit * SIMULATION.dt).sum()
@@ -136,7 +144,22 @@ def test_the_same_lines_in_numpy():
     for k in range(len(t)):
         kept = memory.update(kept, Sample(*(part[k] for part in samples))._replace(steps=1.0), np.ones(1))
     np.testing.assert_allclose(along(memory, samples, np.ones(1)), kept, rtol=1e-12)
-    assert kept[memory.places["reversals"]] == reversals(u[:, 0], 0.025 * np.ptp(u) * np.ones(len(t)))
+    assert kept[memory.places["reversals"]] == reversals(u[:, 0], 0.025 * largest_so_far(u[:, 0]))
+
+
+@pytest.mark.parametrize("offset", [0.0, 7.0])
+def test_swings_are_the_way_between_turns_of_the_tail(offset):
+    """By the extremes of the whole way, whatever the control moves about."""
+    memory, one = Memory(1, 1, 1, limited=(True,), rate_limited=(False,), hysteresis=0.025, weighed=True), np.ones((3000, 1))
+    t = np.linspace(0, 30, 3000)
+    u = (offset + np.sin(2 * t) + 0.3 * np.sin(9 * t))[:, None]
+    samples, ranges = Sample(u, u, u, u, u, 0 * one, 0 * one, u, one), np.array([4.0])
+    for start in (2000, 2040, 2090):  # with an odd and an even number of turns behind it
+        head, tail = (Sample(*(part[which] for part in samples)) for which in (slice(0, start), slice(start, None)))
+        before = along(memory, head, ranges)
+        whole = along(memory, tail, ranges, start=before, renewed=True)
+        kept = Kept(memory, before[:, None], whole[:, None])
+        assert kept.swings[0, 0] == pytest.approx(np.abs(np.diff(u[start:, 0])).sum() / 4.0, abs=1.0)
 
 
 def test_no_bit_of_a_run_depends_on_the_judge():

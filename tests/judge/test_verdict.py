@@ -10,10 +10,11 @@ from labelled_runs import Gain, oscillator, relay_problem
 
 from barbalat import InputError, Judge, Simulation, simulate
 from barbalat.cases.load import CaseText, load_case, parse_case
-from barbalat.judge.settings import scale_of
+from barbalat.judge.scale import Surroundings, scale_of
 from barbalat.judge.verdict import Class, Cycle, Verdict
 from barbalat.plants import Labels
 from barbalat.run.engine.settle import settle
+from barbalat.signals import Sine
 from barbalat.sweeps.sweep import sweep
 
 SECTION_V = """
@@ -54,7 +55,12 @@ def verdict(**given) -> Verdict:
         ({"at_limit": (0.12,)}, "follows within 3 %, at its limits 12 % of the time"),
         ({"kind": Class.OFF, "error": 0.4}, "off by 40 % in x_1"),
         ({"error": 1e-7}, "follows within 1e-05 %"),
-        ({"error": 0.5, "scale": 0.0, "unit": "rad"}, "follows within 0.5 rad in x_1"),
+        (
+            {"error": 0.5, "scale": 0.0, "band": 0.0, "kind": Class.OFF, "unit": "rad"},
+            "off by 0.5 rad in x_1 (nothing sets its scale)",
+        ),
+        ({"error": 0.04, "scale": 1.0, "band": 0.1, "unit": "rad"}, "follows within 0.04 rad (band 0.1 rad)"),
+        ({"at_rate_limit": (0.0005,)}, "follows within 3 %"),
         ({"kind": Class.LOST, "lost_at": 3.25, "error": None}, "lost at t = 3.25 s"),
         ({"settled": False}, "follows within 3 %, not settled by the solver"),
         (
@@ -74,10 +80,76 @@ def test_a_verdict_is_one_sentence(given, said):
     assert keys <= json.loads(json.dumps(verdict(**given).as_json(), allow_nan=False)).keys()
 
 
-def test_a_component_without_motion_has_the_initial_state_the_noise_or_its_own_motion_as_scale():
-    model = np.array([[4.0, 1e-12, 0.0, 0.0]])
-    found = scale_of(model, np.array([[9.0, -2.0, 0.0, 0.0]]), np.array([1.0, 1.0, 0.5, 0.0]), np.array([[1.0, 1.0, 1.0, 7.0]]))
-    np.testing.assert_array_equal(found, [[4.0, 2.0, 0.5, 7.0]])
+def test_a_component_without_motion_has_the_largest_of_what_else_moves_it_as_scale():
+    model = np.array([[4.0, 1e-12, 0.0, 0.0, 0.02]])
+    beside = Surroundings(np.array([1.0, 1.0, 0.0, 7.0, 3.0]), np.eye(5))
+    noise = np.array([1.0, 1.0, 0.5, 0.0, 0.0])
+    found = scale_of(model, np.array([[9.0, -2.0, 0.0, 0.0, 0.0]]), noise, beside)
+    np.testing.assert_array_equal(found, [[4.0, 2.0, 0.5, 7.0, 3.0]])
+    nothing = Surroundings(np.zeros(2), np.array([[1.0, 0.1], [2.0, 1.0]]))
+    np.testing.assert_allclose(scale_of(np.array([[3.0, 0.0]]), np.zeros((1, 2)), None, nothing), [[3.0, 6.0]])
+
+
+def test_the_models_answer_to_a_disturbance_is_the_exact_one():
+    """Of x'' + 2 x' + x = 3 sin t, at rest at first: x = 1.5 ((1 + t) e^-t - cos t). Let go at 1, x' comes to -1/e."""
+    problem = replace(oscillator(0.7, [0.0, 0.0]), disturbance=Sine(3.0, 1.0))
+    problem = replace(problem, plant=replace(problem.plant, A_m=np.array([[0.0, 1.0], [-1.0, -2.0]])))
+    found = Surroundings.of(problem, 40.0)
+    t = np.linspace(0.0, 40.0, 40001)
+    exact = 1.5 * ((1 + t) * np.exp(-t) - np.cos(t)), 1.5 * (np.sin(t) - t * np.exp(-t))
+    np.testing.assert_allclose(found.answer, np.abs(exact).max(axis=1), rtol=0.01)
+    assert found.spread[1, 0] == pytest.approx(np.exp(-1), rel=1e-5)
+
+
+RUNAWAY = """
+name = "Hold against a disturbance"
+[plant]
+A = [[0.0, 1.0], [2.0, -1.0]]
+b = [0.0, 2.0]
+[plant.input]
+saturation = [-10.0, 10.0]
+[plant.disturbance]
+kind = "constant"
+value = 12.0
+[reference_model]
+poles = [-2.0, -3.0]
+k_0 = 3.0
+[reference]
+kind = "constant"
+value = COMMAND
+[uncertainty]
+lower = [-5.0, -5.0]
+upper = [5.0, 5.0]
+[simulation]
+t_end = 6.0
+dt = 2e-3
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 10.0
+[[controller]]
+name = "ADRC"
+scheme = "adrc"
+bandwidth = 40.0
+"""
+
+
+@pytest.mark.parametrize("command", ["0.0", "1e-6"])
+def test_what_runs_away_beside_a_command_of_nothing_is_lost(command):
+    """Its own size was its scale, of which nothing is 100 times; and a command of 1e-6 makes no other run of it."""
+    case = parse_case(RUNAWAY.replace("COMMAND", command))
+    found = [one.verdict for one in simulate(case.problem, case.controllers, case.simulation).values()]
+    assert {one.kind for one in found} == {Class.LOST}
+    assert {one.bands for one in found} == {found[0].bands}  # one scale for all controllers
+    assert all(one.lost_at > 4.0 for one in found)
+    assert found[0].scale == pytest.approx(4.0 if found[0].component == "x_1" else 24 * (4 / 9 - 8 / 27), rel=1e-3)
+
+
+def test_labels_and_numbers_name_the_components():
+    problem = replace(oscillator(0.7, [1.0, 0.0]), labels=Labels(names=("angle", "rate")))
+    assert Judge(lost={"x_2": 3.0}, follows={"angle": 1.0}).named(problem) == Judge(lost={"rate": 3.0}, follows={"angle": 1.0})
+    with pytest.raises(InputError, match=r"judge.lost.x_2 is the band of rate, which has one already"):
+        Judge(lost={"rate": 1.0, "x_2": 3.0}).named(problem)
 
 
 def test_bands_in_the_plants_units_decide():

@@ -43,6 +43,12 @@ def test_it_flies_through_its_failures_and_has_its_pages(harbour):
     assert max(errors["ADRC"], errors["L1"]) < errors["Plain"] / 2
     # the open loop bears any delay that is tried
     assert document["delay_borne"]["Plain"] == pytest.approx(1.0)
+    plain, adaptive = (document["controllers"][name] for name in ("Plain", "L1"))
+    assert plain["none"]["verdict"]["class"] == adaptive["none"]["verdict"]["class"] == "follows"
+    plain = plain["rudder-50"]["verdict"]
+    assert plain["class"] == "off"
+    assert plain["error"] == pytest.approx(toy_boat.RATE / 2, rel=0.1) and plain["at_limit"] == [0.0] and "suspect" not in plain
+    assert "Plain: follows in 1, is off in 1 of 2 flights" in (harbour / "flown" / "report.html").read_text()
     left = {file.name for file in (harbour / "flown").iterdir()}
     assert left >= {"report.html", "flight.gif", "flight-rudder-50.csv", "path-rudder-50.png"}
 

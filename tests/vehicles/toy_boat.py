@@ -18,6 +18,7 @@ from barbalat.vehicles.flight import Flight, Timing
 from barbalat.vehicles.scene import attitudes
 from barbalat.vehicles.schemes import OnLoop, Scheme, adrc, l1
 from barbalat.vehicles.vehicle import DelaySearch, Drawing, Shown, Vehicle
+from barbalat.vehicles.verdicts import Followed
 
 SAMPLE, RATE, LARGEST = 0.05, 5.0, 30.0
 """[s]; the commanded yaw rate and the one at which the boat capsizes [deg/s]."""
@@ -70,6 +71,14 @@ class BoatFlight(Flight):
     @property
     def error(self):
         return self.column("rate") - self.column("model")
+
+    @property
+    def followed_by_judge(self):
+        rate, model, rudder = (self.column(name)[:, None] for name in ("rate", "model", "rudder"))
+        commands, limits = np.full_like(rate, RATE), np.array([[-40.0], [40.0]])
+        return Followed(
+            names=("rate",), units=("[deg/s]",), y=rate, y_m=model, u=rudder, limited=rudder, limits=limits, commands=commands
+        )
 
     def measured(self, after):
         travel = np.abs(np.diff(self.column("rudder")[after])).sum() / (after.sum() * SAMPLE)

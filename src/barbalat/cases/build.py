@@ -128,7 +128,7 @@ def build(
         return problem
 
     problem = parts.problem_of(posed, pose)
-    judge.require(problem)
+    judge = judge.named(problem)
     found = _controllers(case, base._replace(known=problem.known), problem, parts)
     found += [(controller, bound(problem, controller)) for controller in joining]
     made = replace(_assembled(problem, found, simulation, parts), judge=judge)

@@ -10,7 +10,9 @@ from barbalat.cases.build import Case
 from barbalat.explorer.encoded import doubles
 from barbalat.judge import cycles, held
 from barbalat.judge.memory import LEAST_RANGE, Begins
-from barbalat.judge.settings import FOLLOWS_SHARE, LOST_SHARE, ROUNDING, component_names
+from barbalat.judge.scale import RESTING, ROUNDING, Surroundings
+from barbalat.judge.settings import LOST_SHARE, component_names
+from barbalat.judge.verdict import FOLLOWS_SHARE, LEAST_SAID
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import unflatten
 from barbalat.run.engine.judging import SAMPLES_EACH_REVERSAL, watched_in_sweeps
@@ -19,12 +21,13 @@ from barbalat.signals.smooth import Clock
 
 def rules(case: Case) -> dict[str, Any]:
     """By the names that ``templates/judge.js`` has for them, with the case's bands and which signals are the time."""
-    judge = case.judge
+    judge, beside = case.judge, Surroundings.of(case.problem, case.simulation.t_end)
     return {
         "cycle": judge.cycle, "closely": judge.closely, "follows": dict(judge.follows), "lost": dict(judge.lost),
-        "followsShare": FOLLOWS_SHARE, "lostShare": LOST_SHARE, "rounding": ROUNDING, "instants": held.INSTANTS,
+        "followsShare": FOLLOWS_SHARE, "lostShare": LOST_SHARE, "leastSaid": LEAST_SAID, "rounding": ROUNDING, "resting": RESTING,
+        "answer": beside.answer.tolist(), "spread": beside.spread.tolist(), "instants": held.INSTANTS,
         "leastRange": LEAST_RANGE,
-        "ripple": held.RIPPLE, "fewestReversals": cycles.FEWEST_REVERSALS, "slowestPeriods": cycles.SLOWEST_PERIODS,
+        "fewestReversals": cycles.FEWEST_REVERSALS, "slowestPeriods": cycles.SLOWEST_PERIODS,
         "fewestCycles": cycles.FEWEST_CYCLES,
         "longestShare": cycles.LONGEST_SHARE, "keptShare": cycles.KEPT_SHARE, "steadyShare": cycles.STEADY_SHARE,
         "levellingShare": cycles.LEVELLING_SHARE, "fewestWindows": cycles.FEWEST_WINDOWS, "mostWindows": cycles.MOST_WINDOWS,

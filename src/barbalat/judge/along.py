@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from barbalat.judge.memory import Begins, Memory, Sample
@@ -19,23 +21,29 @@ def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None
     start    the memory before them; by default as it begins
     renewed  whether what is kept of a tail begins anew with these samples
     """
-    import casadi as ca
-
-    sizes = [np.asarray(part).reshape(len(samples.y), -1).shape[1] for part in samples]
-    row_column, row = symbols("row", sum(sizes))
-    memory_column, old = symbols("memory", len(memory.begins))
-    ends = np.cumsum(sizes).tolist()
-    parts = [row[end - size : end] for end, size in zip(ends, sizes, strict=True)]
-    sample = Sample(*parts)._replace(steps=parts[-1][0])
-    nothing = ca.SX(0, 1)
-    new = column(memory.update(old, sample, ranges))
-    step = ca.Function("judge", [memory_column, nothing, nothing, row_column], [new, nothing, nothing], {"cse": True})
+    sizes = tuple(np.asarray(part).reshape(len(samples.y), -1).shape[1] for part in samples)
+    kernel = _kernel(memory, sizes, tuple(np.asarray(ranges, dtype=float).tolist()))
     begins = np.array(memory.begins)
     state = begins.copy() if start is None else start.copy()
     if renewed:
         anew = memory.renewed(Begins.TAIL)
         state[anew] = begins[anew]
     rows = np.ascontiguousarray(np.column_stack([np.asarray(part).reshape(len(samples.y), -1) for part in samples]), dtype=float)
-    kernel = Kernel(optimize(read(step), fused=False), LoopShape(len(begins), 0, 0, rows.shape[1]), (), lanes=1)
     kernel(1, len(rows), state, np.empty(0), rows, np.empty(len(begins)))
     return state
+
+
+@lru_cache(maxsize=16)  # the flights of a vehicle have one
+def _kernel(memory: Memory, sizes: tuple[int, ...], ranges: tuple[float, ...]) -> Kernel:
+    """The list as machine code, for rows of the parts of a sample with these sizes."""
+    import casadi as ca
+
+    row_column, row = symbols("row", sum(sizes))
+    memory_column, old = symbols("memory", len(memory.begins))
+    ends = np.cumsum(sizes).tolist()
+    parts = [row[end - size : end] for end, size in zip(ends, sizes, strict=True)]
+    sample = Sample(*parts)._replace(steps=parts[-1][0])
+    nothing = ca.SX(0, 1)
+    new = column(memory.update(old, sample, np.array(ranges)))
+    step = ca.Function("judge", [memory_column, nothing, nothing, row_column], [new, nothing, nothing], {"cse": True})
+    return Kernel(optimize(read(step), fused=False), LoopShape(len(memory.begins), 0, 0, sum(sizes)), (), lanes=1)

@@ -45,6 +45,7 @@ class Watched:
     """What is kept of a run, as far as the loop does not say; see ``Memory``."""
 
     hysteresis: float
+    weighed: bool = False
     detailed: bool = False
     gains: tuple[tuple[float, ...], ...] = ()
     bands: tuple[float, ...] = ()

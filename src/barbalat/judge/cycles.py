@@ -6,11 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.judge.held import Held
 from barbalat.validate import Array
 
 FEWEST_REVERSALS = 2
-"""In the tail, with two more for each turn of the command where the run follows: a suspect reverses more often, one and a half
-periods at least."""
+"""In the tail: a suspect reverses more often, one and a half periods at least."""
+TURNS_EXPLAIN = 2
+"""Reversals, for each turn of the commands and disturbances; and of a control's way, as a multiple of its range, for theirs."""
+LIMITED_SHARE = 0.25
+"""Of the tail: a control that is for longer at a limit, or at a limited rate, answers to that and not to the command."""
 SLOWEST_PERIODS = 3.0
 """A window of a continuation lasts so many periods of the model's slowest mode, as far as the run is not shorter."""
 FEWEST_CYCLES = 4.0
@@ -30,13 +34,21 @@ FIRST_PIECES = 3
 MOST_WINDOWS = 7
 
 
-def suspects(reversals: Array, turns: int, follows: Array) -> Array:
-    """(M,) which members reverse a control more often in the tail than the command asks; ``reversals`` (M, m) there.
+def suspects(reversals: Array) -> Array:
+    """(M,) which members reverse a control too often in the tail; ``reversals`` (M, m) there."""
+    return np.asarray((reversals > FEWEST_REVERSALS).any(axis=1))
 
-    The command's turns explain the reversals of a member that ``follows``, (M,), and of no other.
+
+def explained(reversals: Array, swings: Array, limited: Array, held: Held) -> Array:
+    """(M,) of which members what drives them explains the reversals, as far as counts can tell, if they follow.
+
+    No control reverses more often than twice for each turn of the commands and disturbances, its way from turn to turn is not
+    longer than twice theirs, and none is at its limits for long: ``reversals``, ``swings`` and ``limited``, the share of the
+    tail, are (M, m). A cycle that is smaller, or slower, than what the command makes of the control may hide in that.
     """
-    explained = np.where(follows, 2 * turns, 0)[:, None]
-    return np.asarray((reversals > FEWEST_REVERSALS + explained).any(axis=1))
+    often = reversals > FEWEST_REVERSALS + TURNS_EXPLAIN * held.turns
+    far = swings > FEWEST_REVERSALS + TURNS_EXPLAIN * held.swings
+    return np.asarray(~(often | far | (limited > LIMITED_SHARE)).any(axis=1))
 
 
 def window(slowest: float, tail: float, reversals: float, t_end: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 
@@ -24,33 +24,44 @@ class Held:
 
     values  (k,) of each signal where its magnitude is the largest there, with the sign; NaN for the time itself, which goes on
     turns   how often they jump from rest, or turn back
+    swings  their way between these turns, each as a multiple of its range
     """
 
     values: Array
     turns: int
+    swings: float
 
     @classmethod
     def of(cls, signals: Sequence[Signal], begin: float, end: float) -> Held:
         """Held at their largest and not at their last values: a regressor that dies would end any cycle of adaptation."""
         t = np.linspace(begin, end, INSTANTS)
-        found, turns = [], 0
-        for signal in signals:
-            if isinstance(signal, Clock):
+        return cls.along([None if isinstance(one, Clock) else np.asarray(one(t), dtype=float) for one in signals])
+
+    @classmethod
+    def along(cls, signals: Iterable[Array | None]) -> Held:
+        """Of signals by their values (K,) in the tail; None stands for the time itself."""
+        found, turns, swings = [], 0, 0.0
+        for values in signals:
+            if values is None:
                 found.append(np.nan)
                 continue
-            values = np.asarray(signal(t), dtype=float)
             found.append(float(values[np.abs(values).argmax()]))
-            turns += _turns(values)
-        return cls(np.array(found), turns)
+            own_turns, own_swings = _turns(values)
+            turns, swings = turns + own_turns, swings + own_swings
+        return cls(np.array(found), turns, swings)
 
 
-def _turns(values: Array) -> int:
-    width = RIPPLE * float(np.ptp(values))
+def _turns(values: Array) -> tuple[int, float]:
+    """How often it jumps or turns back, and its way as a multiple of its range."""
+    full = float(np.ptp(values))
+    width = RIPPLE * full
     steps = np.diff(values)
-    jumps = (np.abs(steps[1:]) > width) & (steps[:-1] == 0)
-    moves = np.sign(np.diff(_without_ripple(values.tolist(), 0.5 * width)))
-    moves = moves[moves != 0]
-    return int(jumps.sum()) + int((moves[1:] != moves[:-1]).sum())
+    jumps = int(((np.abs(steps[1:]) > width) & (steps[:-1] == 0)).sum())
+    moves = np.diff(_without_ripple(values.tolist(), 0.5 * width))
+    ways = np.sign(moves[moves != 0])
+    turns = int((ways[1:] != ways[:-1]).sum())
+    way = float(np.abs(moves).sum()) + width * turns  # the play takes its width of each turn
+    return jumps + turns, way / full if full > 0 else 0.0
 
 
 def _without_ripple(values: list[float], half: float) -> list[float]:

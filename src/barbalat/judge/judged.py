@@ -44,13 +44,28 @@ class Kept:
         return np.where(self.of("range") > self._roundings, self.in_tail("reversals"), 0.0)
 
     @property
-    def _roundings(self) -> Array:
-        return LEAST_RANGE * np.maximum(np.abs(self.of("low")), np.abs(self.of("high")))
+    def swings(self) -> Array:
+        """(M, m) the control's way between its turns in the tail, as a multiple of its range, to within one.
 
-    def of_inputs(self, name: str, which: tuple[bool, ...]) -> Array:
+        Along the direction of each turn, the farthest points of two that follow each other add up to the way between them. Where
+        the number of turns is odd, the middle of the range stands twice for the first and the last one.
+        """
+        direction = self.before_tail[self.memory.places["direction"]].T
+        with np.errstate(invalid="ignore", divide="ignore"):
+            odd = np.where(self.in_tail("reversals") % 2 == 1, direction * (self.of("low") + self.of("high")), 0.0)
+            return np.asarray(np.where(self.reversals > 0, (2 * self.in_tail("turned at") - odd) / self.ranges, 0.0))
+
+    @property
+    def _roundings(self) -> Array:
+        """(M, m) of the whole run."""
+        extrema = [part[self.memory.places[name]] for part in (self.before_tail, self.whole) for name in ("low", "high")]
+        magnitudes = np.abs(np.where(np.isfinite(extrema), extrema, 0.0))
+        return np.asarray(LEAST_RANGE * magnitudes.max(axis=0).T)
+
+    def of_inputs(self, name: str, which: tuple[bool, ...], *, in_tail: bool = False) -> Array:
         """(M, m) of inputs that have it; 0 for the others."""
         found = np.zeros((self.whole.shape[1], self.memory.inputs))
-        found[:, np.flatnonzero(which)] = self.of(name)
+        found[:, np.flatnonzero(which)] = self.in_tail(name) if in_tail else self.of(name)
         return found
 
 

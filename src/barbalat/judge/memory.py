@@ -72,8 +72,10 @@ class Rows(NamedTuple):
 class Memory:
     """What is kept of a loop with n components of e, m inputs and q commands.
 
-    limited     (m,) whether each input has limits, which are its range; else its range is what it has covered so far
+    limited     (m,) whether each input has limits, which are its range; else its range is what it has covered of the tail, or of
+                the run so far, and its largest magnitude there at least
     hysteresis  a reversal counts when the control moves back by this share of its range
+    weighed     also the sum of the farthest points at which each control turned back, see ``Kept.swings``
     detailed    also what sweeps do without: IAE, ITAE, the control's path, and the responses to steps of the command
     gains       (n, q) at which the model's components come to rest at a command, where responses are wanted; else empty
     bands       (n,) into which a response settles, NaN for the share ``settles`` of the model's largest motion so far
@@ -85,6 +87,7 @@ class Memory:
     limited: tuple[bool, ...]
     rate_limited: tuple[bool, ...]
     hysteresis: float
+    weighed: bool = False
     detailed: bool = False
     gains: tuple[tuple[float, ...], ...] = ()
     bands: tuple[float, ...] = ()
@@ -97,9 +100,12 @@ class Memory:
         found = [
             Rows("largest y_m", n), Rows("largest y", n), Rows("largest e", n, renewed=Begins.TAIL),
             Rows("farthest", m, -inf), Rows("direction", m, 1.0), Rows("reversals", m),
-            Rows("low", m, inf, renewed=Begins.WINDOW), Rows("high", m, -inf, renewed=Begins.WINDOW), Rows("range", m),
+            Rows("low", m, inf, renewed=Begins.TAIL), Rows("high", m, -inf, renewed=Begins.TAIL),
+            Rows("range", m, renewed=Begins.TAIL),
             Rows("at limit", sum(self.limited)), Rows("at rate limit", sum(self.rate_limited)),
         ]  # fmt: skip
+        if self.weighed:
+            found += [Rows("turned at", m)]
         if self.detailed:
             found += [Rows("before", m), Rows("path", m), Rows("steps", 1), Rows("IAE", n), Rows("ITAE", n)]
         if self.gains:
@@ -165,12 +171,14 @@ class Memory:
         All is seen along the direction in which it moves: what counts as farther is larger. A fall at the start is a turn, too.
         """
         free = tuple(not limited for limited in self.limited)
-        covered = np.maximum(_chosen(old["range"], free), _chosen(new["high"] - new["low"], free))
+        moved, far = _chosen(new["high"] - new["low"], free), _chosen(np.abs(sample.limited), free)
+        covered = np.maximum(np.maximum(_chosen(old["range"], free), moved), far)
         width = _merged(ranges, covered, self.limited)
         along = old["direction"] * sample.limited
         farthest = np.maximum(old["farthest"], along)
         back = along - farthest < -self.hysteresis * width
-        return {
+        turned = {"turned at": old["turned at"] + np.where(back, farthest, 0.0 * along)} if self.weighed else {}
+        return turned | {
             "farthest": np.where(back, -along, farthest),
             "direction": np.where(back, -old["direction"], old["direction"]),
             "reversals": old["reversals"] + np.where(back, 1.0, 0.0 * along),

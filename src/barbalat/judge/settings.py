@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from barbalat import validate
+from barbalat.judge.verdict import FOLLOWS_SHARE
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError
 
-FOLLOWS_SHARE = 0.05
-"""The default band of the tail's error, as a part of a component's scale."""
 LOST_SHARE = 100.0
 """A component beyond so many times its scale is lost by default: 40 dB above all that was asked for."""
 CYCLE_SHARE = 0.025
 """Of the control's range. On the flexible joint, with noise, every hysteresis from 1 to 5 % separates cycles from the rest."""
-ROUNDING = 1e-9
-"""A model's component that moves by less than this part of the largest one rests; what is seen of it are roundings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -27,7 +24,8 @@ class Judge(Settings):
     """What counts as following, as lost, and as a limit cycle; nothing needs to be given.
 
     follows  by components, the largest |error| of the tail with which a run follows, in the plant's units; 5 % of the component's
-             scale unless given. The scale is the model's largest motion; where the model rests, the initial state, else the noise
+             scale unless given. The scale is the model's largest motion; where the model rests, the largest of initial state,
+             noise and the model's answer to the disturbances
     lost     by components, the magnitude beyond which a run is lost, in the plant's units; 100 times the scale unless given
     cycle    the hysteresis of a reversal of the limited control and the least swing of a limit cycle, as a share of the control's
              range: of its limits, or of what it covers where there are none
@@ -57,20 +55,31 @@ class Judge(Settings):
             raise InputError.of("judge.closely", f"must be true or false, got {validate.show(self.closely)}")
         object.__setattr__(self, "closely", bool(self.closely))
 
-    def require(self, problem: TrackingProblem) -> None:
-        """InputError for a component that the problem does not have."""
+    def named(self, problem: TrackingProblem) -> Judge:
+        """The same with each band by its component's label; InputError for a component that the problem does not have.
+
+        Beside labels, x_1, x_2, ..., or y where an output is fed back, are names of the components too.
+        """
         names = component_names(problem)
-        for bands in ("follows", "lost"):
-            for key in getattr(self, bands):
-                if key not in names:
+        numbered = tuple(f"x_{i + 1}" for i in range(len(names))) if problem.feedback == "state" else ("y",)
+        also = {other: name for other, name in zip(numbered, names, strict=True) if other not in names}
+        found: dict[str, dict[str, float]] = {"follows": {}, "lost": {}}
+        for bands, by_name in found.items():
+            for key, value in getattr(self, bands).items():
+                name = also.get(key, key)
+                if name not in names:
                     raise InputError.of(f"judge.{bands}.{key}", f"names no component; there are {', '.join(names)}")
+                if name in by_name:
+                    raise InputError.of(f"judge.{bands}.{key}", f"is the band of {name}, which has one already; give it once")
+                by_name[name] = value
+        return replace(self, follows=found["follows"], lost=found["lost"])
 
     def bands(self, names: tuple[str, ...], units: tuple[str, ...], scale: Array) -> Bands:
         """Of components with these names and units; ``scale`` (..., n)."""
         given = [
             np.array([found.get(name, np.nan) for name in names]) * np.ones_like(scale) for found in (self.follows, self.lost)
         ]
-        defaults = FOLLOWS_SHARE * scale, LOST_SHARE * scale
+        defaults = FOLLOWS_SHARE * scale, np.where(scale > 0, LOST_SHARE * scale, np.inf)
         follows, lost = (np.where(np.isnan(own), usual, own) for own, usual in zip(given, defaults, strict=True))
         return Bands(names, units, scale, follows, lost)
 
@@ -94,7 +103,12 @@ class Bands:
         """Of the i-th run: "theta follows within 0.025 rad and is lost beyond 50 rad; ..."."""
         each = zip(self.names, self.units, self.follows[i], self.lost[i], strict=True)
         return "; ".join(
-            f"{name} follows within {follows:.3g}{_unit(unit)} and is lost beyond {lost:.3g}{_unit(unit)}"
+            f"{name} follows within {follows:.3g}{_unit(unit)} and "
+            + (
+                f"is lost beyond {lost:.3g}{_unit(unit)}"
+                if np.isfinite(lost)
+                else "has no scale of which 100 times would be lost"
+            )
             for name, unit, follows, lost in each
         )
 
@@ -106,15 +120,3 @@ def _unit(bracketed: str) -> str:
 def component_names(problem: TrackingProblem) -> tuple[str, ...]:
     """What the components of the error are called: by the labels, else x_1, x_2, ..., or y."""
     return problem.measured_names
-
-
-def scale_of(model: Array, initial: Array, noise: Array | None, reached: Array) -> Array:
-    """The scale of each component, (M, n).
-
-    The largest |y_m| of the run; where the model rests, |y| at t = 0, else the noise's standard deviation, else the largest |y|
-    itself: what a disturbance did before it was rejected.
-    """
-    found = np.where(model > ROUNDING * model.max(axis=-1, keepdims=True, initial=0.0), model, 0.0)
-    for other in (np.abs(initial), 0.0 * found if noise is None else noise, reached):
-        found = np.where(found > 0, found, other)
-    return np.asarray(found)

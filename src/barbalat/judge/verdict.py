@@ -8,6 +8,11 @@ from typing import Any
 
 import numpy as np
 
+LEAST_SAID = 0.001
+"""Of the time: what a control spends less of at its limits is no matter of the sentence."""
+FOLLOWS_SHARE = 0.05
+"""The default band of the tail's error, as a part of a component's scale."""
+
 
 class Class(StrEnum):
     """What a run did; the first of these that holds."""
@@ -97,6 +102,7 @@ class Verdict:
     lost_at        when the run was lost [s]; None where it was not
     figures        IAE and the like; None where they were not asked for
     bands          of all components, as they are said
+    suspect        what looks like a limit cycle where no run can be taken further, as beside a flight model; else empty
     """
 
     kind: Class
@@ -113,10 +119,11 @@ class Verdict:
     lost_at: float | None = None
     figures: Figures | None = None
     bands: str = ""
+    suspect: str = ""
 
     def __str__(self) -> str:
         """Such as "follows within 3 %, at its limits 12 % of the time"."""
-        said = [self._said, *self._limits]
+        said = [self._said, *self._limits, *([self.suspect] if self.suspect else [])]
         if self.settled is False:
             said.append("not settled by the solver")
         return ", ".join(said)
@@ -135,18 +142,21 @@ class Verdict:
 
     @property
     def _error(self) -> str:
-        """As a part of the scale where there is one, and in the unit where the band was given in it."""
+        """As a part of the scale; in the plant's unit where the band was given in it, or where nothing sets a scale."""
         assert self.error is not None
+        unit, where = f" {self.unit}" if self.unit else "", "" if self.kind is Class.FOLLOWS else f" in {self.component}"
+        if self.band != FOLLOWS_SHARE * self.scale:
+            return f"{self.error:.3g}{unit}{where} (band {self.band:.3g}{unit})"
         if not self.scale > 0:
-            return f"{self.error:.3g}{f' {self.unit}' if self.unit else ''} in {self.component}"
-        return percent(self.error / self.scale) + ("" if self.kind is Class.FOLLOWS else f" in {self.component}")
+            return f"{self.error:.3g}{unit} in {self.component}" + (" (nothing sets its scale)" if self.error > 0 else "")
+        return percent(self.error / self.scale) + where
 
     @property
     def _limits(self) -> list[str]:
         said = []
         for shares, what in ((self.at_limit, "limits"), (self.at_rate_limit, "rate limit")):
             share = max(shares, default=0.0)
-            if share > 0:
+            if share >= LEAST_SAID:
                 said.append(f"at its {what} {percent(share)} of the time")
         return said
 
@@ -165,6 +175,7 @@ class Verdict:
             "lost_at": self.lost_at,
             "bands": self.bands,
             "sentence": str(self),
+            **({"suspect": self.suspect} if self.suspect else {}),
         }
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from barbalat.judge.verdict import Class, percent
 from barbalat.report.terminal.layout import Screen
 from barbalat.run.kernel.sampled_controller import Agreement
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.flight import Failing, Flight
+from barbalat.vehicles.verdicts import said_of
 
 CSV_EVERY = 10
 """Samples from one row of a CSV to the next: ten rows a second, so that a failure's flights are some 100 kB."""
@@ -30,9 +33,49 @@ def title(found: FlightComparison) -> str:
     return f"{found.name} through {failing} failures{', and without one' if failing < len(names) else ''}"
 
 
+def verdicts(found: FlightComparison) -> list[str]:
+    """What the judge says of each controller's flights, a sentence each; none of a vehicle that shows it nothing."""
+    return [f"{several[0].controller}: {said}" for several in found.flights if (said := _judged_flights(several))]
+
+
+def _judged_flights(several: Sequence[Flight]) -> str:
+    judged = [one.verdict for one in several if one.verdict is not None]
+    return said_of(judged) if judged else ""
+
+
+def headings(found: FlightComparison) -> tuple[str, ...]:
+    """The heads of the tables of figures."""
+    return ("controller", *(["judged"] if _is_judged(found) else []), *found.vehicle.headings)
+
+
+def _is_judged(found: FlightComparison) -> bool:
+    return any(one.verdict is not None for several in found.flights for one in several)
+
+
 def rows(found: FlightComparison, failure: Failing) -> list[list[str]]:
-    """The controllers through one failure, the best first: name, then figures, or why control was lost."""
-    return [[flight.controller, *_cells(found, flight)] for flight in found.through(failure)]
+    """The controllers through one failure, the best first: name, verdict, then figures, or why control was lost."""
+    judged = _is_judged(found)
+    return [[one.controller, *([_verdict(one)] if judged else []), *_cells(found, one)] for one in found.through(failure)]
+
+
+def _verdict(flight: Flight) -> str:
+    """The class, and the error as a part of the scale."""
+    one = flight.verdict
+    if one is None or one.error is None or one.kind is Class.LOST:
+        return "-" if one is None else str(one.kind)
+    return f"{one.kind} {percent(one.error / one.scale)}" if one.scale > 0 else str(one.kind)
+
+
+def suspects(found: FlightComparison, failure: Failing) -> list[str]:
+    """What looks like a limit cycle, in sentences."""
+    judged = [(one.controller, one.verdict.suspect) for one in found.through(failure) if one.verdict is not None]
+    return [f"{name} {said}" for name, said in judged if said]
+
+
+NOT_TAKEN_FURTHER = (
+    "the judge's classes are those of run, over the last quarter of each flight; no flight model is taken further with its "
+    "command held, so that a limit cycle is suspected here and never confirmed"
+)
 
 
 def _cells(found: FlightComparison, flight: Flight) -> list[str]:
@@ -119,10 +162,14 @@ def as_document(found: FlightComparison) -> dict[str, Any]:
         **({} if found.delays is None else {"delay_borne": found.delays}),
         **_as_c(found),
         "controllers": {
-            several[0].controller: {flight.failure.name: flight.figures | {"lost": flight.lost or None} for flight in several}
-            for several in found.flights
+            several[0].controller: {flight.failure.name: _flight(flight) for flight in several} for several in found.flights
         },
     }
+
+
+def _flight(flight: Flight) -> dict[str, Any]:
+    verdict = flight.verdict
+    return flight.figures | {"lost": flight.lost or None} | ({} if verdict is None else {"verdict": verdict.as_json()})
 
 
 def _as_c(found: FlightComparison) -> dict[str, Any]:
@@ -153,11 +200,18 @@ def table_of(found: FlightComparison, failure: Failing) -> str:
     return buffer.getvalue()
 
 
+def notes(found: FlightComparison) -> list[str]:
+    """What a reader of the tables has to know."""
+    return [*found.vehicle.notes, *([NOT_TAKEN_FURTHER] if _is_judged(found) else [])]
+
+
 def show(screen: Screen, found: FlightComparison) -> None:
     """Print the comparison, losses first."""
     screen.line(title(found), "bold")
     for label, text in facts(found):
         screen.fact(label, text, 8)
+    for sentence in verdicts(found):
+        screen.line(f"{sentence}.")
     screen.line("")
     lost = [[screen.name(name), *cells] for name, *cells in losses(found)]
     screen.table(loss_headings(found), lost)
@@ -165,9 +219,9 @@ def show(screen: Screen, found: FlightComparison) -> None:
         screen.title(f"{failure.name}: {failure.meaning}")
         screen.line(f"{best_and_worst(found, failure)}.")
         body = [[screen.name(name), *cells] for name, *cells in rows(found, failure)]
-        screen.table(("controller", *found.vehicle.headings), body)
-        for reason in reasons(found, failure):
+        screen.table(headings(found), body)
+        for reason in [*suspects(found, failure), *reasons(found, failure)]:
             screen.line(f"{reason}.", indent="    ", start="  ")
     screen.line("")
-    for note in found.vehicle.notes:
+    for note in notes(found):
         screen.line(f"Note: {note}.")

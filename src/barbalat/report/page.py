@@ -182,13 +182,16 @@ def flight(
         "reasons": flights.reasons,
         "losses": flights.losses,
         "best_and_worst": flights.best_and_worst,
+        "suspects": flights.suspects,
     }
-    headings = ("controller", *(heading.replace("\n", " ") for heading in found.vehicle.headings))
+    headings = tuple(heading.replace("\n", " ") for heading in flights.headings(found))
     values = {
         "headings": headings,
         "loss_headings": tuple(one.replace("\n", " ") for one in flights.loss_headings(found)),
         "paths": paths,
         "film": film,
+        "verdicts": flights.verdicts(found),
+        "notes": flights.notes(found),
     }
     return _render("flights.html", found=found, pictures=pictures, **told, **values)
 

@@ -358,7 +358,7 @@ def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | N
     resolved = ~(needed > 0)
     return Figured(
         batch.metrics(simulation),
-        judged(batch, simulation, terms, among=resolved, frequencies=False, threads=threads).kinds,
+        judged(batch, simulation, terms, among=resolved, frequencies=False, excused=True, threads=threads).kinds,
         needed,
     )
 

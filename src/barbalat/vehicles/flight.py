@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
+from barbalat.judge.verdict import Verdict
 from barbalat.run.kernel.sampled_controller import Agreement
 from barbalat.validate import Array, Named
+from barbalat.vehicles.verdicts import Followed, verdict_of
 
 NO_NUMBER = "its controller gave a command that is no number"
 """Why control was lost, where a flight's controller overflowed and its simulator did not."""
@@ -82,6 +85,17 @@ class Flight(ABC):
     def target(self) -> Array | None:
         """(K, 3): where it should have been; None where no place is commanded."""
         return None
+
+    @property
+    def followed_by_judge(self) -> Followed | None:
+        """What the judge sees of it; None where its class says nothing."""
+        return None
+
+    @cached_property
+    def verdict(self) -> Verdict | None:
+        """What the judge says of it, the vehicle's own reasons for being lost included; None where it sees nothing."""
+        seen = self.followed_by_judge
+        return None if seen is None else verdict_of(seen, self.record[:, 0], self.timing.duration, self.lost)
 
     @property
     def since(self) -> float:

@@ -30,7 +30,8 @@ export class Kept {
   }
 
   roundings(j) {
-    return this.judge.leastRange * Math.max(Math.abs(this.of("low")[j]), Math.abs(this.of("high")[j]));
+    const whole = (name) => [this.beforeTail, this.whole].map((kept) => kept[this.places[name][0] + j]);
+    return this.judge.leastRange * Math.max(0, ...[...whole("low"), ...whole("high")].map(Math.abs).filter(Number.isFinite));
   }
 }
 
@@ -44,29 +45,34 @@ export function renew(judge, memory, rows) {
   for (const row of rows) memory[row] = judge.begins[row];
 }
 
-// Of each component, as judge.settings.scale_of; initial: the rows of the states that are the components, if any.
+// Of each component, as judge/scale.py, with the answer to the disturbances that the case was written with.
+// initial: the rows of the states that are the components, if any.
 function scaleOf({ judge, states }, kept) {
   const model = Array.from(kept.of("largest y_m"));
   const most = Math.max(0, ...model);
-  return model.map((moved, i) => [moved > judge.rounding * most ? moved : 0, Math.abs(states[judge.initial[i]] ?? 0), judge.noise[i], kept.of("largest y")[i]].find((one) => one > 0) ?? 0);
+  const found = model.map((one, i) => {
+    const moves = one > judge.rounding * most ? one : 0;
+    const other = Math.max(Math.abs(states[judge.initial[i]] ?? 0), judge.noise[i], judge.answer[i]);
+    return moves > judge.resting * other ? moves : other;
+  });
+  return found.map((one, i) => (one > 0 ? one : found.reduce((sum, other, j) => sum + judge.spread[i][j] * other, 0)));
 }
 
-// tail: {values, turns} of the signals there. cyclesOf(band, held) is asked for suspects alone.
-export function verdictOf(task, kept, diverged, recorded, tail, cyclesOf) {
+// held: the signals' values when everything is held. cyclesOf(band, held) is asked for suspects alone.
+export function verdictOf(task, kept, diverged, recorded, held, cyclesOf) {
   const { judge, grid } = task;
   const scale = scaleOf(task, kept);
   const follows = judge.names.map((name, i) => judge.follows[name] ?? judge.followsShare * scale[i]);
-  const limits = judge.names.map((name, i) => judge.lost[name] ?? judge.lostShare * scale[i]);
+  const limits = judge.names.map((name, i) => judge.lost[name] ?? (scale[i] > 0 ? judge.lostShare * scale[i] : Infinity));
   const lost = diverged !== null || !limits.every((limit, i) => kept.of("largest y")[i] <= limit);
   const error = Array.from(kept.of("largest e"));
   const within = error.every((one, i) => one <= follows[i]);
-  const turns = within ? tail.turns : 0;
-  const suspect = !lost && (judge.closely || kept.reversals().some((count) => count > judge.fewestReversals + 2 * turns));
-  const cycle = suspect ? cyclesOf(kept.ranges().map((one) => judge.cycle * one), tail.values) : null;
+  const suspect = !lost && (judge.closely || kept.reversals().some((count) => count > judge.fewestReversals));
+  const cycle = suspect ? cyclesOf(kept.ranges().map((one) => judge.cycle * one), held) : null;
   const kind = lost ? "lost" : cycle ? "limit cycle" : within ? "follows" : "off";
   const worst = worstOf(error, follows);
   const found = {
-    kind, cycle, worst, component: judge.names[worst], unit: judge.units[worst], error: error[worst], band: follows[worst], scale: scale[worst],
+    leastSaid: judge.leastSaid, followsShare: judge.followsShare, kind, cycle, worst, component: judge.names[worst], unit: judge.units[worst], error: error[worst], band: follows[worst], scale: scale[worst],
     atLimit: sharesOf(kept, "at limit", judge.limited, grid.steps + 1), atRateLimit: sharesOf(kept, "at rate limit", judge.rateLimited, grid.steps + 1),
     lostAt: lost ? earliest([diverged, lostAt(task, kept, recorded, limits)]) : null,
   };
@@ -100,33 +106,16 @@ function lostAt({ shape, judge, grid, own }, kept, { rows, starts }, limits) {
 }
 
 // As judge/held.py, at steps of the tail; a clock is not held.
-export function tailOf(task, commands) {
+export function heldIn(task, commands) {
   const { judge, grid } = task;
   const begin = tailStart(grid.steps);
   const count = Math.min(judge.instants, grid.steps - begin + 1);
   const steps = Array.from({ length: count }, (_, i) => begin + Math.round((i * (grid.steps - begin)) / Math.max(count - 1, 1)));
   const values = commands.at(steps);
-  const found = { values: [], turns: 0 };
-  for (let j = 0; j < commands.count; j++) {
+  return Array.from({ length: commands.count }, (_, j) => {
     const own = steps.map((_, i) => values[i * commands.count + j]);
-    found.values.push(judge.clock[j] ? NaN : own.reduce((most, one) => (Math.abs(one) > Math.abs(most) ? one : most)));
-    if (!judge.clock[j]) found.turns += turnsOf(own, judge.ripple);
-  }
-  return found;
-}
-
-// Jumps from rest and turns, as judge/held.py: ripple is no turn.
-function turnsOf(values, ripple) {
-  const width = ripple * (values.reduce((most, one) => Math.max(most, one)) - values.reduce((least, one) => Math.min(least, one)));
-  const steps = values.slice(1).map((value, i) => value - values[i]);
-  let last = values[0];
-  const moves = values.map((value) => {
-    const before = last;
-    last = Math.max(Math.min(last, value + 0.5 * width), value - 0.5 * width);
-    return Math.sign(last - before);
-  }).filter(Boolean);
-  const jumps = steps.filter((one, i) => i && Math.abs(one) > width && steps[i - 1] === 0).length;
-  return jumps + moves.filter((one, i) => i && one !== moves[i - 1]).length;
+    return judge.clock[j] ? NaN : own.reduce((most, one) => (Math.abs(one) > Math.abs(most) ? one : most));
+  });
 }
 
 // The longest period of the model's modes [s], 0 where it has none; its matrix stands in the loop's Jacobian.
@@ -315,15 +304,17 @@ export function sentenceOf(verdict) {
   const said = [saidOf(verdict)];
   for (const [shares, what] of [[verdict.atLimit, "limits"], [verdict.atRateLimit, "rate limit"]]) {
     const share = Math.max(0, ...shares);
-    if (share > 0) said.push(`at its ${what} ${percent(share)} of the time`);
+    if (share >= verdict.leastSaid) said.push(`at its ${what} ${percent(share)} of the time`);
   }
   return said.join(", ");
 }
 
-function saidOf({ kind, cycle, component, unit, inputUnit, error, scale, lostAt: at }) {
+function saidOf({ kind, cycle, component, unit, inputUnit, error, band, followsShare, scale, lostAt: at }) {
   if (kind === "lost") return at === null ? "lost" : `lost at t = ${brief(at, 4)} s`;
   if (cycle) return `limit cycle, u swings by ±${brief(cycle.amplitude)}${inputUnit ? ` ${inputUnit}` : ""}${cycle.frequency ? ` at ${brief(cycle.frequency)} rad/s` : ""}`;
   const how = kind === "follows" ? "follows within" : "off by";
-  if (!(scale > 0)) return `${how} ${brief(error)}${unit ? ` ${unit}` : ""} in ${component}`;
-  return `${how} ${percent(error / scale)}${kind === "follows" ? "" : ` in ${component}`}`;
+  const [found, where] = [`${how} ${brief(error)}${unit ? ` ${unit}` : ""}`, kind === "follows" ? "" : ` in ${component}`];
+  if (band !== followsShare * scale) return `${found}${where} (band ${brief(band)}${unit ? ` ${unit}` : ""})`;
+  if (!(scale > 0)) return `${found} in ${component}${error > 0 ? " (nothing sets its scale)" : ""}`;
+  return `${how} ${percent(error / scale)}${where}`;
 }

@@ -5,7 +5,7 @@ import { CHUNK_STEPS, segmentsOf, Table } from "./grid.js";
 import { computedValues, Kernel, ringRows } from "./kernel.js";
 import { Noise } from "./noise.js";
 import { Totals } from "./figures.js";
-import { Continued, cycleOf, Kept, renew, slowestPeriod, tailOf, verdictOf } from "./judge.js";
+import { Continued, cycleOf, heldIn, Kept, renew, slowestPeriod, verdictOf } from "./judge.js";
 import { conditionOf } from "./impulse.js";
 import { stabilityOf, Watch } from "./stability.js";
 
@@ -253,7 +253,7 @@ function verdictFor(task, kernel, commands, totals, kept, recorded, { state, rin
     const going = new Continued(task, held, state.slice(), totals.rows["good steps"][0], furtherOf(task, kernel, ring));
     return cycleOf(task, kept, slowestPeriod(task, jacobian), going, band);
   };
-  return verdictOf(task, kept, diverged, recorded, tailOf(task, commands), cyclesOf);
+  return verdictOf(task, kept, diverged, recorded, heldIn(task, commands), cyclesOf);
 }
 
 // Takes a loop further with a table of its own and without noise; what is on its way is kept from call to call.

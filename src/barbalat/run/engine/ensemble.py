@@ -140,7 +140,7 @@ def simulate_ensemble(
         found.append((batch.metrics(simulation), _quarters(batch, blocks) if quarters else None))
         if judge is not None and read.problem is not None:
             terms = Terms.of(read.problem, simulation, judge)
-            verdicts.append(judged(batch, simulation, terms, frequencies=frequencies, threads=threads))
+            verdicts.append(judged(batch, simulation, terms, frequencies=frequencies, excused=True, threads=threads))
     metrics, by_quarters = zip(*found, strict=True)
     largest = np.concatenate([part.max_abs_u.reshape(len(part.max_abs_u), -1) for part in metrics])
     lost = lost_order(read.signals, simulation, delayed=read.loop.delayed, bends=delay.brings_bends(read.loop))

@@ -19,6 +19,7 @@ from barbalat.judge.cycles import (
     SLOWEST_PERIODS,
     Windows,
     enough_windows,
+    explained,
     frequency_of,
     quiet,
     slowest_period,
@@ -28,7 +29,9 @@ from barbalat.judge.cycles import (
 from barbalat.judge.held import Held
 from barbalat.judge.judged import Cycles, Judged, Kept
 from barbalat.judge.memory import Begins
-from barbalat.judge.settings import FOLLOWS_SHARE, Judge, component_names, scale_of
+from barbalat.judge.scale import Surroundings, scale_of
+from barbalat.judge.settings import Judge, component_names
+from barbalat.judge.verdict import FOLLOWS_SHARE
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function
 from barbalat.loop.packing import flatten
@@ -44,7 +47,7 @@ from barbalat.validate import Array
 
 def watched_in_sweeps(judge: Judge) -> Watched:
     """What is kept of members of which nothing but the verdict is asked."""
-    return Watched(judge.cycle)
+    return Watched(judge.cycle, weighed=True)
 
 
 def watched_in_runs(judge: Judge, problem: TrackingProblem) -> Watched:
@@ -77,12 +80,12 @@ class Terms:
     input_units: tuple[str, ...]
     held: Held
     slowest: float
+    beside: Surroundings
 
     @classmethod
     def of(cls, problem: TrackingProblem, simulation: Simulation, judge: Judge) -> Terms:
         """InputError for a band of a component that the problem does not have."""
-        judge.require(problem)
-        names, labels = component_names(problem), problem.labels
+        judge, names, labels = judge.named(problem), component_names(problem), problem.labels
         return cls(
             judge,
             names,
@@ -90,6 +93,7 @@ class Terms:
             () if labels is None else tuple(labels.input_units),
             Held.of(problem.signals, float(simulation.time(simulation.tail_start)), simulation.t_end),
             slowest_period(problem.model.matrices[0]),
+            Surroundings.of(problem, simulation.t_end),
         )
 
 
@@ -100,21 +104,26 @@ def judged(
     *,
     among: Array | None = None,
     frequencies: bool = True,
+    excused: bool = False,
     threads: int | None = None,
 ) -> Judged:
     """The verdicts on a batch whose run is over.
 
     among        (M,) members whose limit cycles are looked for; by default all are
+    excused      spares members that follow what is looked at for long, where their commands explain that they reverse
     frequencies  of limit cycles, each of which takes another window or more of the run
     """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
-    scale = scale_of(kept.of("largest y_m"), _initial(batch), _noise(loop), kept.of("largest y"))
+    scale = scale_of(kept.of("largest y_m"), _initial(batch), _noise(loop), terms.beside)
     bands = judge.bands(terms.names, terms.units, scale)
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
-        follows = (kept.of("largest e") <= bands.follows).all(axis=1)
-        suspect = (suspects(kept.reversals, held.turns, follows) | judge.closely) & ~lost
+        suspect = suspects(kept.reversals)
+        if excused:
+            follows = (kept.of("largest e") <= bands.follows).all(axis=1)
+            suspect &= ~(follows & explained(kept.reversals, kept.swings, _limited(kept, simulation), held))
+        suspect = (suspect | judge.closely) & ~lost
     if among is not None:
         suspect &= among
     cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, frequencies=frequencies)
@@ -147,6 +156,13 @@ def kept_of(batch: Batch) -> Kept:
         whole.append(group.judged[:, :count])
         before.append((group.judged if group.before_tail is None else group.before_tail)[:, :count])
     return Kept(memory, np.concatenate(before, axis=1), np.concatenate(whole, axis=1))
+
+
+def _limited(kept: Kept, simulation: Simulation) -> Array:
+    """(M, m) for which share of the tail each control is at a limit, or at its rate limit."""
+    memory, tail = kept.memory, simulation.steps - simulation.tail_start
+    at_limit = kept.of_inputs("at limit", memory.limited, in_tail=True)
+    return (at_limit + kept.of_inputs("at rate limit", memory.rate_limited, in_tail=True)) / tail
 
 
 def _initial(batch: Batch) -> Array:

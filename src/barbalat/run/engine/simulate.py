@@ -54,7 +54,7 @@ def simulate(
     validate.instance("simulation", simulation, Simulation)
     controllers, judge = numbered(controllers), Judge() if judge is None else judge
     validate.instance("judge", judge, Judge)
-    judge.require(problem)
+    judge = judge.named(problem)
     if simulation.tolerance is not None:
         return simulate_by_tolerance(problem, controllers, simulation, judge, threads=threads, progress=progress)
     delay.require_memory(problem.delay, len(problem.history), len(controllers), simulation.dt)

@@ -11,6 +11,7 @@ from barbalat.vehicles.f16.axis import SAMPLE_TIME, Followed
 from barbalat.vehicles.f16.failures import FAILS_AT
 from barbalat.vehicles.flight import Flight, Timing
 from barbalat.vehicles.scene import attitudes
+from barbalat.vehicles.verdicts import Followed as Judged
 
 TIMING = Timing(duration=30.0, fails_at=FAILS_AT)
 
@@ -65,6 +66,16 @@ class AxisFlight(Flight):
     def error(self) -> Array:
         """The followed rate less the model's, at the samples [deg/s]."""
         return np.asarray(self.record[:, RATE] - self.record[:, MODEL])
+
+    @property
+    def followed_by_judge(self) -> Judged:
+        """The rate, and the surface that makes it."""
+        followed, record, limit = self.followed, self.record, self.followed.equipment.limit
+        rate, model, command, surface, asked = (record[:, [place]] for place in (RATE, MODEL, COMMAND, SURFACE, COMMANDED))
+        return Judged(
+            names=(followed.rate,), units=("[deg/s]",), y=rate, y_m=model, u=command, limited=surface,
+            limits=np.array([[-limit], [limit]]), commands=asked, input_unit="deg",
+        )  # fmt: skip
 
     def measured(self, after: Array) -> tuple[float, ...]:
         rows, error = self.record[after], self.error[after]

@@ -6,11 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.judge.beside import ARRIVED
 from barbalat.validate import Array
 from barbalat.vehicles.flight import Flight, Timing
+from barbalat.vehicles.quadrotor.body import Quadrotor
 from barbalat.vehicles.quadrotor.failures import Failure
 from barbalat.vehicles.quadrotor.simulator import ROTORS
 from barbalat.vehicles.scene import attitudes
+from barbalat.vehicles.verdicts import Followed
 
 TIMING = Timing(duration=20.0, fails_at=10.0)
 COLUMNS = {
@@ -57,6 +60,18 @@ class QuadrotorFlight(Flight):
     def error(self) -> Array:
         """Distance from where it should be, at the samples [m]."""
         return np.asarray(np.linalg.norm(self.path - self.target, axis=1))
+
+    @property
+    def followed_by_judge(self) -> Followed:
+        """The place, and the thrusts of the rotors of the vehicle that the controllers are designed for."""
+        thrusts = self.record[:, 13 : 13 + ROTORS]
+        most = Quadrotor().thrust
+        near = ARRIVED * most  # a motor's lag approaches the ends of its range
+        return Followed(
+            names=("x", "y", "z"), units=("[m]",) * 3, y=self.path, y_m=self.target, limited=thrusts,
+            u=np.where(thrusts >= most - near, most, np.where(thrusts <= near, 0.0, thrusts)),
+            limits=np.array([[0.0] * ROTORS, [most] * ROTORS]), commands=self.target, input_unit="N",
+        )  # fmt: skip
 
     def measured(self, after: Array) -> tuple[float, ...]:
         thrusts = self.record[after, 13 : 13 + ROTORS]

@@ -1,0 +1,125 @@
+"""The judge beside a flight model: its list over a flight's record, sample by sample.
+
+What a vehicle calls lost is its own: an envelope, a ground. No flight model is taken further with its command held, nor without
+its gusts and its sensors' noise, so that a limit cycle can be suspected here and not confirmed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from barbalat.judge.along import along
+from barbalat.judge.cycles import explained, suspects
+from barbalat.judge.held import Held
+from barbalat.judge.judged import Cycles, Judged, Kept
+from barbalat.judge.memory import Memory, Sample
+from barbalat.judge.scale import ROUNDING
+from barbalat.judge.settings import CYCLE_SHARE, Judge
+from barbalat.judge.verdict import Class, Verdict, percent
+from barbalat.validate import Array
+
+TAIL_SHARE = 0.75
+"""Of a flight's duration, before its tail."""
+WHOLE_SWING = 0.8
+"""Of a control's range: one that moves by more from turn to turn, on average, goes from limit to limit."""
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """What the judge sees of a flight of K samples: n components that follow, m controls with limits, q commands.
+
+    names, units  of the components; unit of the controls
+    y, y_m        (K, n) what follows, and what is to be followed
+    u             (K, m) the controls as demanded, and ``limited`` (K, m) as they are
+    limits        (2, m) the ends of their ranges
+    commands      (K, q)
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    y: Array
+    y_m: Array
+    u: Array
+    limited: Array
+    limits: Array
+    commands: Array
+    input_unit: str = ""
+
+    @property
+    def samples(self) -> Sample:
+        """By the instants."""
+        low, high = self.limits
+        at_limit, nothing = ((self.u >= high) | (self.u <= low)).astype(float), np.zeros_like(self.u)
+        steps = np.ones((len(self.y), 1))
+        return Sample(self.y, self.y_m, self.y - self.y_m, self.u, self.limited, at_limit, nothing, self.commands, steps)
+
+
+def verdict_of(seen: Followed, t: Array, duration: float, lost: str) -> Verdict:
+    """The verdict on a flight with its samples at t (K,) [s], planned for so long [s], and lost where a reason is given."""
+    inputs, tail = seen.u.shape[1], int(np.searchsorted(t, TAIL_SHARE * duration))
+    memory = Memory(
+        components=seen.y.shape[1],
+        inputs=inputs,
+        commands=seen.commands.shape[1],
+        limited=(True,) * inputs,
+        rate_limited=(False,) * inputs,
+        hysteresis=CYCLE_SHARE,
+        weighed=True,
+    )
+    head, rest = (Sample(*(part[which] for part in seen.samples)) for which in (slice(0, tail), slice(tail, None)))
+    ranges = np.diff(seen.limits, axis=0)[0]
+    before = along(memory, head, ranges)
+    whole = along(memory, rest, ranges, start=before, renewed=True) if len(rest.y) else before
+    kept = Kept(memory, before[:, None], whole[:, None])
+    model = kept.of("largest y_m")
+    scale = np.where(model > ROUNDING * model.max(), model, model.max())
+    bands = replace(Judge().bands(seen.names, seen.units, scale), lost=np.full_like(scale, np.inf))
+    suspect = suspects(kept.reversals)
+    found = Judged.of(
+        kept,
+        bands,
+        Cycles.none(1, inputs, suspect),
+        lost_at=t[-1:],
+        diverged=np.array([bool(lost)]),
+        dt=float(t[-1]) / max(len(t) - 1, 1),
+        steps=len(t) - 1,
+    )
+    verdict = found.verdict(0)
+    return verdict if verdict.kind is Class.LOST else replace(verdict, suspect=_suspected(seen, kept, tail, t))
+
+
+def _suspected(seen: Followed, kept: Kept, tail: int, t: Array) -> str:
+    """What the controls do in the tail that no command explains, in words; empty where nothing is."""
+    if tail >= len(t):
+        return ""
+    reversals, swings = kept.reversals, kept.swings
+    limited = kept.in_tail("at limit") / (len(t) - tail)
+    held = Held.along(seen.commands[tail:].T)
+    if not suspects(reversals)[0] or explained(reversals, swings, limited, held)[0]:
+        return ""
+    worst = int(swings[0].argmax())
+    count = int(reversals[0, worst])
+    each = swings[0, worst] / count if count else 0.0
+    if each > WHOLE_SWING:
+        return f"swings from limit to limit in the tail, {count} times"
+    return f"its control turns {count} times in the tail, by {percent(each)} of its range"
+
+
+def said_of(verdicts: Sequence[Verdict]) -> str:
+    """A controller's flights in one sentence: "follows in 7 of 11 flights, is off in 3 and lost in 1; ..."."""
+    counts = {kind: sum(one.kind is kind for one in verdicts) for kind in (Class.FOLLOWS, Class.OFF, Class.LOST)}
+    words = {Class.FOLLOWS: "follows in", Class.OFF: "is off in", Class.LOST: "is lost in"}
+    said = ", ".join(f"{words[kind]} {count}" for kind, count in counts.items() if count)
+    parts = [f"{said} of {len(verdicts)} flight{'s' if len(verdicts) > 1 else ''}"]
+    errors = [one.error / one.scale for one in verdicts if one.kind is not Class.LOST and one.error is not None and one.scale > 0]
+    if errors:
+        parts.append(f"its largest error {percent(max(errors))}")
+    most = max((max(one.at_limit, default=0.0) for one in verdicts), default=0.0)
+    if most > 0:
+        parts.append(f"at its limits up to {percent(most)} of the time")
+    if swinging := sum("limit to limit" in one.suspect for one in verdicts):
+        parts.append(f"it swings from limit to limit in {swinging}")
+    return ", ".join(parts)
