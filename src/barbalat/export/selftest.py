@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.export.contents import FEWEST_VECTORS, Contents
+from barbalat.export.evidence import PRIME, chosen_tests, digest_calls, digests, number_rows
 from barbalat.export.shell import members
 from barbalat.export.shell_selftest import shell_tests
 from barbalat.export.texts import Printed, filled, indented
@@ -31,10 +32,17 @@ def selftest(printed: Printed) -> str:
     estimates = vectors.states[:, list(layout.theta_hat.rows)]
     lossy, standstill = with_losses(contents), _standstill(printed)
     longest = None if contents.around is None else contents.around.longest
-    table = f"static const {printed.real} estimates[SAMPLES][{macro}_ESTIMATES] = {{\n{_rows(printed, estimates)}}};\n"
+    table = f"static const {printed.real} estimates[SAMPLES][{macro}_ESTIMATES] = {{\n{number_rows(printed, estimates)}}};\n"
     differ = f"\n            || !same(out.theta_hat, estimates[k], {macro}_ESTIMATES)"
+    chosen = chosen_tests(printed)
     return filled(
         "selftest.c",
+        digests=digests(printed),
+        digest_calls=digest_calls(printed),
+        width=64 if contents.real is c99.DOUBLE else 32,
+        prime=f"{PRIME:#x}ULL",
+        chosen_tests=chosen,
+        run_chosen=indented(["test_chosen();"]) if chosen else "",
         origin=printed.origin,
         guard=printed.guard,
         name=printed.name,
@@ -42,14 +50,14 @@ def selftest(printed: Printed) -> str:
         real=printed.real,
         samples=len(vectors.states),
         measured=printed.measured,
-        measured_rows=_rows(printed, vectors.measured),
-        command_rows=_rows(printed, vectors.commands),
-        control_rows=_rows(printed, vectors.states[:, list(layout.u.rows)]),
+        measured_rows=number_rows(printed, vectors.measured),
+        command_rows=number_rows(printed, vectors.commands),
+        control_rows=number_rows(printed, vectors.states[:, list(layout.u.rows)]),
         estimate_table=table if contents.sizes[3] else "",
         estimates_differ=differ if contents.sizes[3] else "",
         limit_rows=_limit_rows(printed),
         losses=", ".join(map(str, LOSSES[: len(lossy)])),
-        lossy_rows=_rows(printed, lossy[:, list(layout.u.rows)]),
+        lossy_rows=number_rows(printed, lossy[:, list(layout.u.rows)]),
         same_state=_same_state(printed),
         state_tests=indented(_state_is(printed, vectors.states[-1])),
         lossy_tests=indented(_state_is(printed, lossy[-1])),
@@ -140,18 +148,13 @@ def _surrounded(contents: Contents, around: Around, state: Array, after: Array, 
     return np.asarray(flatten(acted._replace(held=acted.held._replace(around=()))), dtype=float), acted.held.around
 
 
-def _rows(printed: Printed, values: Array) -> str:
-    real = printed.contents.real
-    return indented(f"{{ {', '.join(c99.constant(value, real) for value in row)} }}," for row in values)
-
-
 def _limit_rows(printed: Printed) -> str:
     """For each input the actuator's limits; those of one without are never reached."""
     contents = printed.contents
     beyond = 4 * contents.range
     limits = contents.saturation
     found = np.full((2, contents.sizes[2]), np.inf) * [[-1.0], [1.0]] if limits is None else limits
-    return _rows(printed, np.clip(found, -beyond, beyond).T)
+    return number_rows(printed, np.clip(found, -beyond, beyond).T)
 
 
 def _same_state(printed: Printed) -> str:

@@ -66,20 +66,26 @@ def _initial(printed: Printed, row: int, value: float) -> str:
 def _operations(printed: Printed) -> str:
     """One constant for each operation, then the assignments."""
     contents, program = printed.contents, printed.contents.step
-    y, q, _, _ = contents.sizes
-    inputs = {(STATE, row): text for row, text in contents.layout.entries().items()}
-    inputs |= {(MEASURED, i): f"in->{printed.measured}[{i}]" for i in range(y)} | {(COMMAND, i): f"in->r[{i}]" for i in range(q)}
-    one, zero = (c99.constant(value, contents.real) for value in (1.0, 0.0))
-    read = sorted(at for kind, at in sources(program) if kind == PARAMETER)
-    inputs |= {(PARAMETER, at): printed.parameter(contents.fed(at)) for at in read}
-    inputs[FREEZE, 0] = f"in->freeze != 0 ? {one} : {zero}"
     printer = c99.Printer(program, contents.real)
-    lines = c99.statements(program, inputs, contents.real)
+    lines = c99.statements(program, inputs(printed), contents.real)
     results = iter(program.outputs[0])
     for part in contents.layout.parts:
         lines.append(f"/* {part.meaning} */")
         lines += [f"{part.entry(row)} = {printer.number(next(results))};" for row in part.rows]
     return indented(lines)
+
+
+def inputs(printed: Printed) -> dict[tuple[int, int], str]:
+    """C text of what the list reads, by (argument, component)."""
+    contents, program = printed.contents, printed.contents.step
+    y, q, _, _ = contents.sizes
+    found = {(STATE, row): text for row, text in contents.layout.entries().items()}
+    found |= {(MEASURED, i): f"in->{printed.measured}[{i}]" for i in range(y)} | {(COMMAND, i): f"in->r[{i}]" for i in range(q)}
+    one, zero = (c99.constant(value, contents.real) for value in (1.0, 0.0))
+    read = sorted(at for kind, at in sources(program) if kind == PARAMETER)
+    found |= {(PARAMETER, at): printed.parameter(contents.fed(at)) for at in read}
+    found[FREEZE, 0] = f"in->freeze != 0 ? {one} : {zero}"
+    return found
 
 
 def _usable(printed: Printed) -> str:

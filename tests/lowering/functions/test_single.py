@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtri
 
-from barbalat.export.contents import evaluate
+from barbalat.export.evaluation import evaluate
 from barbalat.lowering import c99
 from barbalat.lowering.functions import FUNCTIONS, function
 from barbalat.lowering.functions.formats import SINGLE
@@ -102,10 +102,10 @@ def test_c_and_numpy_compute_the_same_bits(name, library, sample) -> None:
     x = [random.permutation(part)[: sample(30, 1000)] for part in points(name, 40009)]
     x = [np.concatenate([part, random.uniform(-5, 5, sample(30, 1000)).astype(F32)]) for part in x]
     program = calling(name)
-    expected = [evaluate(program, {(0, i): v for i, v in enumerate(values)}, c99.FLOAT)[0] for values in zip(*x, strict=True)]
+    expected = evaluate(program, {(0, i): part for i, part in enumerate(x)}, c99.FLOAT)[0]
     found = computed(library, name, *x)
-    assert np.array_equal(found.view(np.int32)[~np.isnan(found)], np.array(expected, F32).view(np.int32)[~np.isnan(found)])
-    assert np.isnan(np.array(expected)[np.isnan(found)]).all()
+    assert np.array_equal(found.view(np.int32)[~np.isnan(found)], expected.view(np.int32)[~np.isnan(found)])
+    assert np.isnan(expected[np.isnan(found)]).all()
 
 
 @needs_gcc

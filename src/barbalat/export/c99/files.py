@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from barbalat.controllers.settings import PatentNamed
 from barbalat.export.contents import Contents, is_explicit
+from barbalat.export.evidence import readme_evidence
 from barbalat.export.parameters import Opened
 from barbalat.export.plant import PlantContents
 from barbalat.export.plant_source import PrintedPlant, plant_header, plant_source
@@ -76,6 +77,7 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
         else OTHER_TIME.format(contents.sample_time),
         decide=DECIDE if contents.around is None or contents.around.longest is None else "Here it ends with the longest outage.",
         members=members,
+        evidence=readme_evidence(printed),
         loop=filled("README_loop.md", library=" -lm").rstrip() + "\n" if closed_loop else "",
         patent=_patent(printed),
     )

@@ -3,6 +3,7 @@
  * Exit code 0: the ${samples} test vectors agree in every bit, and everything else behaves as README.md says.
  */
 #include "controller.h"
+#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 ${guard}
@@ -14,7 +15,10 @@ static const ${real} commands[SAMPLES][${macro}_COMMANDS] = {
 ${command_rows}};
 static const ${real} controls[SAMPLES][${macro}_INPUTS] = {
 ${control_rows}};
-${estimate_table}static const ${real} limits[${macro}_INPUTS][2] = {
+${estimate_table}/* Of everything that is kept after each sample. */
+static const uint64_t digests[SAMPLES] = {
+    ${digests} };
+static const ${real} limits[${macro}_INPUTS][2] = {
 ${limit_rows}};
 /* A run in which samples are lost: 1 the measurement, 2 the command; 4 frozen. */
 static const int losses[] = { ${losses} };
@@ -75,6 +79,24 @@ static int is_limited(const ${name}_output *out)
     return 1;
 }
 
+/* The bits of these numbers mixed into a digest, which tells every single difference. */
+static uint64_t mixed(uint64_t digest, const ${real} *numbers, int count)
+{
+    int i;
+    for (i = 0; i < count; ++i) {
+        uint${width}_t bits;
+        memcpy(&bits, &numbers[i], sizeof bits);
+        digest = (digest ^ bits) * ${prime};
+    }
+    return digest;
+}
+
+static uint64_t digest_of(const ${name}_controller *c)
+{
+    uint64_t found = 0U;
+${digest_calls}    return found;
+}
+
 /* Samples 0 to count - 1 from a fresh state; the first that differs from the simulation. */
 static int replay(${name}_controller *c, int count)
 {
@@ -83,14 +105,14 @@ static int replay(${name}_controller *c, int count)
         const ${name}_input in = sample(k);
         ${name}_output out;
         if (${name}_step(c, &in, &out) != ${macro}_OK || out.status != ${macro}_OK || !is_limited(&out)
-            || !same(out.u, controls[k], ${macro}_INPUTS)${estimates_differ}) {
+            || !same(out.u, controls[k], ${macro}_INPUTS)${estimates_differ} || digest_of(c) != digests[k]) {
             return k;
         }
     }
     return count;
 }
 
-static void test_vectors(void)
+${chosen_tests}static void test_vectors(void)
 {
     ${name}_controller c, fresh;
     int k;
@@ -360,7 +382,7 @@ int main(void)
 {
     const ${real} nothing = ${zero};
     test_vectors();
-    test_losses();
+${run_chosen}    test_losses();
 ${refused_tests}    test_result();
 ${stands_still}    test_limits();
     test_hard_inputs();

@@ -1,0 +1,397 @@
+"""Proofs that a mutant of an exported list is no fault: after every usable state and input it leaves the list's own bits.
+
+Both lists are taken over all numbers at once: each value is a term with the interval that it lies in. Rounding is monotone, so an
+operation's ends are the rounded ends. Where a comparison is open, both of its sides and the tie are followed, each with what it
+says of the two numbers. Proven is a mutant whose outputs are the list's own terms in every case.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat.export.evaluation import value
+from barbalat.export.mutants import Mutant
+from barbalat.lowering.c99 import DOUBLE, Real
+from barbalat.lowering.operations import COMPARISONS, Operation, Program
+
+CASES = 30
+"""That a proof may have: the stated budget for one mutant."""
+MOST = 1e30
+"""In size, of a number on the way, where nothing is shown for all of them: far beyond the range in which a result is taken."""
+WORK = 500_000
+"""Operations in the cases of all proofs of one export together."""
+NEAR = 3
+"""Operations behind a comparison in which choices are looked for: it is divided by what they hang on first."""
+
+
+class Interval(NamedTuple):
+    """Whose numbers a value may be, and whether it may be none."""
+
+    low: float
+    high: float
+    none: bool = False
+
+
+EXACT = {"add": operator.add, "sub": operator.sub, "mul": operator.mul, "div": operator.truediv}
+LIMITED = dict.fromkeys(("sin", "cos", "tanh"), (-1.000001, 1.000001)) | {"atan": (-1.6, 1.6)}
+"""Ranges of functions, a little wider than they are."""
+MOST_EXPONENT = 80.0
+"""exp of it is a float still."""
+ANY = Interval(-math.inf, math.inf, True)
+Term = int
+Truth = bool | None
+
+
+@dataclass(frozen=True)
+class Assumed:
+    """A case: intervals of terms, by their numbers, what comparisons "a < b" say, and terms that have another's bits."""
+
+    within: dict[Term, Interval] = field(default_factory=dict)
+    less: dict[tuple[Term, Term], bool] = field(default_factory=dict)
+    same: dict[Term, Term] = field(default_factory=dict)
+
+
+@dataclass(eq=False)
+class Prover:
+    """Of one list. ``inputs``: the interval of each input, by (argument, component)."""
+
+    program: Program
+    inputs: dict[tuple[int, int], Interval]
+    real: Real
+    nodes: dict[tuple[object, ...], Term] = field(default_factory=dict)
+    names: list[tuple[object, ...]] = field(default_factory=list)
+    work: int = 0
+    unbounded: bool = False
+    constants: dict[Term, float] = field(default_factory=dict)
+
+    def proof(self, mutant: Mutant) -> str:
+        """A phrase that says how many cases it took; empty where there is no proof within the budget."""
+        if mutant.operation is None:
+            return ""
+        touched = {mutant.place}
+        for i, op in enumerate(self.program.operations):
+            if not touched.isdisjoint(op.operands):
+                touched.add(i)
+        outputs, cases, assumed = dict.fromkeys(i for i in self.program.outputs[0] if i in touched), 0, ""
+        for output in outputs:
+            self.unbounded = False
+            ways = ((near, most) for most in (math.inf, MOST) for near in (0, NEAR) if most == math.inf or self.unbounded)
+            found, most = next(((found, way[1]) for way in ways if (found := self._cases(mutant, output, *way))), (0, 0.0))
+            if not found:
+                return ""
+            cases, assumed = (
+                max(cases, found),
+                assumed or ("" if most == math.inf else f", while all on the way are numbers of at most {MOST:g}"),
+            )
+        return (f"the same terms in each of {cases} cases" if cases > 1 else "the same terms for all numbers") + assumed
+
+    def _cases(self, mutant: Mutant, output: int, near: int, most: float) -> int:
+        """In how many cases this output is the same; 0 where that is not shown."""
+        needed, waiting, cases = self._needed(mutant, output), [Assumed()], 0
+        while waiting:
+            cases += 1
+            if cases + len(waiting) > CASES or self.work > WORK:
+                return 0
+            case = waiting.pop()
+            walk = _Walk(self, case, mutant, near, most)
+            self.work += len(needed)
+            if (pair := walk.run(needed)) is None:
+                continue
+            if pair == (-1, -1):
+                return 0
+            waiting += self._divided(case, walk, *pair)
+        return cases
+
+    def _needed(self, mutant: Mutant, output: int) -> list[int]:
+        """The places of what an output needs, the output's own as the last."""
+        alive, operations = {output}, self.program.operations
+        for i in range(output, -1, -1):
+            if i in alive:
+                alive.update(operations[i].operands)
+                if i == mutant.place and mutant.operation is not None:
+                    alive.update(mutant.operation.operands)
+        return sorted(alive)
+
+    def _divided(self, case: Assumed, walk: _Walk, a: Term, b: Term) -> list[Assumed]:
+        """The case with a < b, with b < a, with a = b, and with one that is no number."""
+        first, second = walk.interval(a), walk.interval(b)
+        found = []
+        for low, high, one, two in ((a, b, first, second), (b, a, second, first)):
+            up, down = self._next(one.low, math.inf), self._next(two.high, -math.inf)
+            below, above = Interval(one.low, min(one.high, down)), Interval(max(two.low, up), two.high)
+            if below.low <= below.high and above.low <= above.high:
+                found.append(_with(case, {low: below, high: above}, {(low, high): True, (high, low): False}))
+        both = Interval(max(first.low, second.low), min(first.high, second.high))
+        if both.low <= both.high:
+            never_zero = both.low > 0 or both.high < 0
+            equal = _with(case, {a: both, b: both}, {(a, b): False, (b, a): False})
+            kept, other = (b, a) if b in self.constants else (a, b)
+            found.append(replace(equal, same={**case.same, other: kept}) if never_zero else equal)
+        if first.none or second.none:
+            found.append(_with(case, {}, {(a, b): False, (b, a): False}))
+        return found
+
+    def term(self, *node: object) -> Term:
+        if (found := self.nodes.get(node)) is None:
+            found = self.nodes[node] = len(self.names)
+            self.names.append(node)
+        return found
+
+    def constant(self, number: float) -> Term:
+        made = self.term("constant", float(number).hex())
+        self.constants[made] = float(number)
+        return made
+
+    def rounded(self, number: float) -> float:
+        """A sum, product or quotient of two numbers of the target: of 24 bits correctly, after it was rounded to 53."""
+        if self.real is DOUBLE:
+            return number
+        with np.errstate(over="ignore"):
+            return float(self.real.numbers(number))
+
+    def _next(self, number: float, towards: float) -> float:
+        with np.errstate(over="ignore"):
+            return float(np.nextafter(self.real.numbers(number), self.real.numbers(towards)))
+
+
+def _with(case: Assumed, within: dict[Term, Interval], less: dict[tuple[Term, Term], bool]) -> Assumed:
+    return Assumed({**case.within, **within}, {**case.less, **less}, case.same)
+
+
+class _Walk:
+    """Both lists in one case. A number is a term; a truth value True, False, or None with the comparison that it hangs on."""
+
+    def __init__(self, prover: Prover, case: Assumed, mutant: Mutant, near: int, most: float) -> None:
+        self.prover, self.case, self.mutant, self.near, self.most = prover, case, mutant, near, most
+        self.names, self._positives = prover.names, dict[Term, bool]()
+        self.truths: dict[Term, Truth] = {}
+        self.found: dict[Term, Interval] = {}
+        self.of_open: dict[Term, tuple[Term, Term]] = {}
+
+    def run(self, needed: list[int]) -> tuple[int, int] | None:
+        """None where the last value is the same; else a comparison that is open, (-1, -1) where none is left."""
+        prover, mutant = self.prover, self.mutant
+        plain: dict[int, Term] = {}
+        other: dict[int, Term] = {}
+        for i in needed:
+            op = prover.program.operations[i]
+            plain[i] = self._value(op, [plain[j] for j in op.operands])
+            if i == mutant.place:
+                assert mutant.operation is not None
+                x = [plain[j] for j in mutant.operation.operands]
+                made = x[0] if mutant.operation.name == "copy" else self._value(mutant.operation, x)
+                other[i] = self._not(made) if mutant.denied else made
+            elif any(other.get(j, plain[j]) != plain[j] for j in op.operands):
+                other[i] = self._value(op, [other.get(j, plain[j]) for j in op.operands])
+        one, two = plain[needed[-1]], other.get(needed[-1], plain[needed[-1]])
+        if one == two:
+            return None
+        return self._between(one, two) or (-1, -1)
+
+    def _between(self, one: Term, other: Term) -> tuple[int, int] | None:
+        """An open comparison on the way from two terms to where they differ."""
+        for term in (one, other):
+            if self.names[term][0] in ("choice", "add", "sub") and (found := self._guard(term)) is not None:
+                return found
+        x, y = ([part for part in self.names[term][1:] if isinstance(part, int)] for term in (one, other))
+        if self.names[one][0] == self.names[other][0] and len(x) == len(y):
+            return next(
+                (found for pair in zip(x, y, strict=True) if pair[0] != pair[1] and (found := self._between(*pair))), None
+            )
+        return next((found for part in (*x, *y) if (found := self._guard(part)) is not None), None)
+
+    def _guard(self, term: Term) -> tuple[int, int] | None:
+        """The comparison that a choice hangs on; of its own sides first, where one is a choice."""
+        name, *parts = self.names[term]
+        if term in self.of_open:
+            inner = (self._guard(choice) for side in self.of_open[term] for choice in self._choices(side, self.near))
+            return next((found for found in inner if found is not None), self.of_open[term])
+        below = parts[:1] if name == "choice" else parts if name in ("not", "and", "or") else []
+        found = (self._guard(part) for part in below if isinstance(part, int))
+        return next((one for one in found if one is not None), None)
+
+    def _choices(self, term: Term, depth: int) -> Iterator[Term]:
+        """The choices among the last operations that a term is made of."""
+        name, *parts = self.names[term]
+        if name == "choice":
+            yield term
+        elif depth:
+            for part in parts:
+                if isinstance(part, int):
+                    yield from self._choices(part, depth - 1)
+
+    def interval(self, term: Term) -> Interval:
+        return self.case.within.get(term) or self.found.get(term, ANY)
+
+    def _is(self, *node: object, within: Interval) -> Term:
+        """The term with this interval; a constant where it can be but one number that is not zero."""
+        prover, most = self.prover, self.most
+        if most < math.inf and within.low < most and within.high > -most:  # and a number it is
+            within = Interval(max(within.low, -most), min(within.high, most))
+        elif most == math.inf and (within.none or math.isinf(within.high - within.low)):
+            prover.unbounded = True
+        made = prover.term(*node)
+        made = self.case.same.get(made, made)
+        known = self.case.within.get(made)
+        if known is not None:
+            low, high = max(known.low, within.low), min(known.high, within.high)
+            within = Interval(low, high, known.none and within.none) if low <= high else within
+        if within.low == within.high != 0 and not within.none and made not in prover.constants:
+            return self._constant(within.low)
+        self.found[made] = within
+        return made
+
+    def _constant(self, number: float) -> Term:
+        made = self.prover.constant(number)
+        self.found[made] = Interval(number, number, math.isnan(number))
+        return made
+
+    def _value(self, op: Operation, x: list[Term]) -> Term:
+        name, prover = op.name, self.prover
+        if name == "constant":
+            return self._constant(float(prover.real.numbers(op.value)))
+        if name == "input":
+            return self._is("input", *map(str, op.source), within=prover.inputs.get(op.source, ANY))
+        if name in COMPARISONS:
+            return self._compared(name, x)
+        if name in ("fmin", "fmax"):
+            a, b = (self._number(one) for one in x)
+            swapped = self._less(a, b) if name == "fmax" else self._less(b, a)
+            return self._chosen(swapped, b, a)
+        if name in ("select", "if_else_zero"):
+            other = self._number(x[2]) if name == "select" else self._constant(0.0)
+            return self._chosen(x[0], self._number(x[1]), other)
+        return self._computed(name, [self._number(one) for one in x])
+
+    def _number(self, x: Term) -> Term:
+        """A truth value as 1 or 0."""
+        return self._chosen(x, self._constant(1.0), self._constant(0.0)) if self._is_truth(x) else x
+
+    def _is_truth(self, x: Term) -> bool:
+        return x in self.truths
+
+    def _truth(self, known: Truth, *node: object) -> Term:
+        made = self.prover.term("truth", str(known)) if known is not None else self.prover.term(*node)
+        self.truths[made] = known
+        return made
+
+    def _less(self, a: Term, b: Term) -> Term:
+        """a < b."""
+        first, second = self.interval(a), self.interval(b)
+        known: Truth = self.case.less.get((a, b))
+        if a == b or first.low >= second.high:
+            known = False
+        elif first.high < second.low and not (first.none or second.none):
+            known = True
+        made = self._truth(known, "lt", a, b)
+        if known is None:
+            self.of_open.setdefault(made, (a, b))
+        return made
+
+    def _not(self, x: Term) -> Term:
+        known = self.truths[x]
+        return self._truth(None if known is None else not known, "not", x)
+
+    def _compared(self, name: str, x: list[Term]) -> Term:
+        if name == "not":
+            return self._not(self._as_truth(x[0]))
+        if name in ("and", "or"):
+            return self._both(name, *(self._as_truth(one) for one in x))
+        a, b = (self._number(one) for one in x)
+        if name == "lt":
+            return self._less(a, b)
+        if self.interval(a).none or self.interval(b).none:
+            return self._truth(None, name, a, b)
+        if name == "le":
+            return self._not(self._less(b, a))
+        differ = self._both("or", self._less(a, b), self._less(b, a))
+        return differ if name == "ne" else self._not(differ)
+
+    def _as_truth(self, x: Term) -> Term:
+        if self._is_truth(x):
+            return x
+        return self._both("or", self._less(x, self._constant(0.0)), self._less(self._constant(0.0), x))
+
+    def _both(self, name: str, a: Term, b: Term) -> Term:
+        deciding = name == "or"  # the truth of one that decides
+        first, second = self.truths[a], self.truths[b]
+        if deciding in (first, second):
+            return self._truth(deciding)
+        if first is not None and second is not None:
+            return self._truth(not deciding)
+        return self._truth(None, name, a, b)
+
+    def _chosen(self, condition: Term, yes: Term, no: Term) -> Term:
+        condition = self._as_truth(condition)
+        known = self.truths[condition]
+        if known is not None or yes == no:
+            return yes if known is not False else no
+        one, two = self.interval(yes), self.interval(no)
+        hull = Interval(min(one.low, two.low), max(one.high, two.high), one.none or two.none)
+        return self._is("choice", condition, yes, no, within=hull)
+
+    def _computed(self, name: str, x: list[Term]) -> Term:
+        constants, prover = self.prover.constants, self.prover
+        if all(one in constants for one in x) and name != "lookup":
+            with np.errstate(all="ignore"):
+                given = [prover.real.numbers(constants[one]) for one in x]
+                return self._constant(float(value(Operation(name), given, {}, prover.real)))
+        within = [self.interval(one) for one in x]
+        sure = not any(one.none for one in within) and all(map(math.isfinite, (end for one in within for end in one[:2])))
+        if name == "sub" and x[0] == x[1] and sure:
+            return self._constant(0.0)
+        zero = constants.get(x[-1])
+        if zero == 0 and name in ("add", "sub") and (math.copysign(1, zero) > 0) == (name == "sub"):
+            return x[0]
+        for at, other in ((0, 1), (1, 0)) if name == "add" else ((0, 1),) if name == "sub" else ():
+            if within[other][:2] == (0.0, 0.0) and not within[other].none:  # of either sign
+                if within[at].low > 0 or within[at].high < 0:
+                    return x[at]
+                made = self._is(name, *x, within=Interval(*within[at]))
+                if (self._constant(0.0), x[at]) not in self.case.less:
+                    self.of_open.setdefault(made, (self._constant(0.0), x[at]))
+                return made
+        if (name in ("mul", "div") and zero == 1) or (name == "fabs" and self._positive(x[0])):
+            return x[0]
+        return self._is(name, *x, within=self._range(name, x, within, sure))
+
+    def _positive(self, term: Term) -> bool:
+        """Whether the sign is never set, as of squares and sizes, and of sums and products of such."""
+        if (found := self._positives.get(term)) is None:
+            name, *x = self.names[term]
+            if name in ("add", "mul"):
+                found = (name == "mul" and x[0] == x[1]) or all(self._positive(one) for one in x if isinstance(one, int))
+            else:
+                found = name in ("fabs", "sqrt") or self.interval(term).low > 0
+            self._positives[term] = found
+        return found
+
+    def _range(self, name: str, x: list[Term], within: list[Interval], sure: bool) -> Interval:
+        none = any(one.none for one in within)
+        a = within[0]
+        if name == "neg":
+            return Interval(-a.high, -a.low, none)
+        if name == "fabs":
+            return Interval(max(0.0, a.low, -a.high), max(-a.low, a.high), none)
+        if name in LIMITED:
+            return Interval(*LIMITED[name], none or not sure)
+        if name == "exp" and a.high < MOST_EXPONENT:
+            return Interval(0.0, math.exp(a.high) * (1 + 1e-6), none)
+        if name == "sqrt":
+            return Interval(math.sqrt(max(a.low, 0.0)), math.sqrt(max(a.high, 0.0)) * (1 + 1e-6), none or a.low < 0)
+        if name not in ("add", "sub", "mul", "div") or (name == "div" and within[1].low <= 0 <= within[1].high):
+            return ANY
+        b = within[1]
+        pairs = [(a.low, b.low), (a.low, b.high), (a.high, b.low), (a.high, b.high)]
+        if name == "mul" and x[0] == x[1]:
+            pairs = [(a.low, a.low), (a.high, a.high), *([(0.0, 0.0)] if a.low <= 0 <= a.high else [])]
+        ends = [self.prover.rounded(EXACT[name](float(p), float(q))) for p, q in pairs]
+        if any(map(math.isnan, ends)):
+            return ANY
+        return Interval(min(ends), max(ends), none or not (sure or (name == "mul" and min(a.low, b.low) > 0)))

@@ -1,0 +1,108 @@
+"""What an export's test vectors are worth, in its self-test and for its reader: chosen samples, digests, mutants told and not."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.export.mutants import Mutant
+from barbalat.export.texts import Printed, filled, indented
+from barbalat.export.vectors import CANDIDATES, ROUNDS, chosen
+from barbalat.lowering import c99
+from barbalat.validate import Array
+
+PRIME = 0x100000001B3
+"""Odd, so that a product by it, modulo 2^64, is another one for each number: a digest tells every single difference."""
+MOST_SHOWN = 12
+"""Mutants of one kind that a README lists one by one."""
+
+
+def chosen_tests(printed: Printed) -> str:
+    """The text of ``test_chosen``; empty where the run of the simulation tells everything."""
+    contents, vectors = printed.contents, chosen(printed.contents)
+    layout, rows = contents.layout, contents.layout.rows
+    if not vectors.states.shape[1]:
+        return ""
+    at, places = 0, []
+    for part in layout.parts:
+        places.append((part.name, part.size, at))
+        at += part.size
+    same = [f"same(c.{name}, chosen_after[k] + {at}, {size})" for name, size, at in places]
+    return filled(
+        "selftest_chosen.c",
+        name=printed.name,
+        macro=printed.macro,
+        real=printed.real,
+        measured=printed.measured,
+        u=layout.u.name,
+        count=vectors.states.shape[1],
+        numbers=len(rows),
+        before_rows=number_rows(printed, vectors.states[rows].T),
+        measured_rows=number_rows(printed, vectors.measured.T),
+        command_rows=number_rows(printed, vectors.commands.T),
+        freeze=", ".join(str(int(value)) for value in vectors.freeze),
+        after_rows=number_rows(printed, vectors.after[rows].T),
+        set=indented((f"memcpy(c.{name}, chosen_before[k] + {at}, sizeof c.{name});" for name, _, at in places), 8),
+        has="\n                && ".join(same),
+        estimates=f" && same(out.theta_hat, c.{layout.theta_hat.name}, {printed.macro}_ESTIMATES)" if contents.sizes[3] else "",
+    )
+
+
+def number_rows(printed: Printed, values: Array) -> str:
+    """Rows of a table in C."""
+    real = printed.contents.real
+    return indented(f"{{ {', '.join(c99.constant(value, real) for value in row)} }}," for row in values)
+
+
+def digests(printed: Printed) -> str:
+    """Of the state after each sample of the simulation, as numbers of C: its bits one after another, each time times PRIME."""
+    contents = printed.contents
+    states = contents.vectors.states[:, contents.layout.rows].astype(contents.real.numbers)
+    bits = np.ascontiguousarray(states).view(np.uint64 if states.itemsize == 8 else np.uint32)
+    found = np.zeros(len(states), dtype=np.uint64)
+    for column in bits.T:
+        found = (found ^ column) * np.uint64(PRIME)
+    return ",\n    ".join(", ".join(f"0x{value:016x}ULL" for value in found[i : i + 4]) for i in range(0, len(found), 4))
+
+
+def digest_calls(printed: Printed) -> str:
+    """C that takes the digest ``found`` of all that ``c`` keeps."""
+    return indented(f"found = mixed(found, c->{part.name}, {part.size});" for part in printed.contents.layout.parts)
+
+
+def readme_evidence(printed: Printed) -> str:
+    """The section of README.md."""
+    vectors, contents = chosen(printed.contents), printed.contents
+    count, told, proven = vectors.counted(ties=False)
+    ties, ties_told, ties_proven = vectors.counted(ties=True)
+    nominal = sum(not one.tie for one in vectors.mutants) - sum(not one.tie for one in vectors.missed_by_the_run)
+    share = told / max(count - proven, 1)
+    return filled(
+        "README_evidence.md",
+        samples=len(contents.vectors.states),
+        chosen=vectors.states.shape[1],
+        count=count,
+        nominal=nominal,
+        told=told,
+        proven=proven,
+        undecided=count - told - proven,
+        share=f"{100 * share:.1f}",
+        ties=ties,
+        ties_told=ties_told,
+        ties_proven=ties_proven,
+        rounds=ROUNDS,
+        candidates=CANDIDATES,
+        listed=_listed(vectors.missed),
+    )
+
+
+def _listed(missed: dict[Mutant, str]) -> str:
+    """The undecided ones and the proven ones, a line each."""
+    undecided = [_line(one, "undecided") for one, proof in missed.items() if not proof and not one.tie]
+    shown = [_line(one, proof) for one, proof in missed.items() if proof]
+    more = len(undecided) - MOST_SHOWN
+    lines = [*undecided[:MOST_SHOWN], *([f"| | and {more} more | undecided |"] if more > 0 else []), *shown]
+    return "\n".join(["", "| operation | mutant | |", "|---|---|---|", *lines, ""]) if lines else ""
+
+
+def _line(one: Mutant, said: str) -> str:
+    return f"| `t{one.place}` | {one.said} | {said} |"

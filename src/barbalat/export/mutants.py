@@ -1,0 +1,147 @@
+"""Mutants of an exported step: the list with one small fault in it, and which test vectors tell it from the list.
+
+Every operation, constant, selection, load and store has at least one. What tells a mutant is a vector after which any bit of the
+state is another one: the self-test compares all of them.
+"""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from barbalat.export.evaluation import Inputs, value, values
+from barbalat.lowering.c99 import Real
+from barbalat.lowering.operations import Operation, Program
+from barbalat.problem.known_set import UNREACHED_BOUND
+from barbalat.run.kernel.sampled_controller import STATE
+from barbalat.validate import Array
+
+OTHER = {"add": "sub", "sub": "add", "mul": "div", "div": "mul", "lt": "le", "le": "lt", "eq": "ne", "ne": "eq", "and": "or",
+         "or": "and"}  # fmt: skip
+"""The operation that stands in the place of another, with the same operands."""
+NEGATED = ("lt", "le")
+"""Comparisons that are turned around as well."""
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One fault.
+
+    place      the operation's place in the list, or the state's row that is stored
+    said       what becomes of it
+    operation  stands in its place; None where the row is not stored, and keeps its value
+    denied     whether the comparison is turned around
+    tie        whether it differs only where two numbers are equal: < in the place of <=
+    """
+
+    place: int
+    said: str
+    operation: Operation | None
+    denied: bool = False
+    tie: bool = False
+
+
+def mutants(program: Program, rows: Sequence[int], real: Real) -> tuple[Mutant, ...]:
+    """All of a list whose outputs are these rows of the state, in the list's order."""
+    loads: dict[int, list[int]] = {}
+    for op in program.operations:
+        if op.name == "input":
+            loads.setdefault(op.source[0], []).append(op.source[1])
+    found = [
+        Mutant(i, said, *made, tie={op.name, made[0].name} == {"lt", "le"})
+        for i, op in enumerate(program.operations)
+        for said, made in _of(op, loads, real)
+    ]
+    return (*found, *(Mutant(row, "is not stored", None) for row in rows))
+
+
+def _of(op: Operation, loads: dict[int, list[int]], real: Real) -> Iterator[tuple[str, tuple[Operation, bool]]]:
+    """What one operation may become."""
+    if op.name in OTHER:
+        yield f"{op.name} becomes {OTHER[op.name]}", (op._replace(name=OTHER[op.name]), False)
+    if op.name in NEGATED:
+        yield f"{op.name} is turned around", (op, True)
+    if op.name == "constant":
+        with np.errstate(over="ignore"):
+            number = real.numbers(op.value)
+        as_a_number = 0 < abs(float(number)) < UNREACHED_BOUND  # else it bounds nothing, or is none: another constant
+        moved = np.nextafter(number, real.numbers(np.inf)) if as_a_number else real.numbers(1.0)
+        yield f"{op.value!r} becomes {float(moved)!r}", (op._replace(value=float(moved)), False)
+    elif op.name == "input":
+        argument, component = op.source
+        others = sorted(loads[argument])
+        other = others[(others.index(component) + 1) % len(others)]
+        made = op._replace(source=(argument, other)) if other != component else Operation("constant")
+        yield "another entry is loaded" if other != component else "0 is loaded", (made, False)
+    elif op.name in ("select", "fmin", "fmax"):
+        for which, operand in zip(("first", "second"), op.operands[-2:], strict=True):
+            yield f"{op.name} takes the {which} always", (Operation("copy", (operand,)), False)
+    elif op.name == "if_else_zero":
+        yield "takes the value always", (Operation("copy", op.operands[1:]), False)
+        yield "takes zero always", (Operation("constant"), False)
+    elif len(op.operands) == 1 and op.name not in OTHER:
+        yield f"{op.name} is left out", (Operation("copy", op.operands), False)
+
+
+class Judge:
+    """A list with vectors; tells which of them a mutant fails."""
+
+    def __init__(self, program: Program, rows: Sequence[int], inputs: Inputs, real: Real) -> None:
+        self.program, self.inputs, self.real = program, inputs, real
+        self.values = values(program, inputs, real)
+        self.before = {row: np.asarray(inputs[STATE, row], dtype=real.numbers) for row in rows}
+        self.stored: dict[int, list[int]] = {}
+        for row, i in zip(rows, program.outputs[0], strict=True):
+            self.stored.setdefault(i, []).append(row)
+        self.of_row = dict(zip(rows, program.outputs[0], strict=True))
+        self.readers: list[list[int]] = [[] for _ in program.operations]
+        for i, op in enumerate(program.operations):
+            for operand in set(op.operands):
+                self.readers[operand].append(i)
+        self.count = max((one.size for one in map(np.asarray, self.values)), default=1)
+
+    def tell(self, mutant: Mutant) -> Array:
+        """(K,) the vectors after which a bit differs."""
+        if mutant.operation is None:
+            return np.broadcast_to(self._apart(self.before[mutant.place], self.values[self.of_row[mutant.place]]), self.count)
+        found = np.zeros(self.count, dtype=bool)
+        changed = {mutant.place: self._mutated(mutant)}
+        waiting = [mutant.place]
+        with np.errstate(all="ignore"):
+            while waiting:
+                i = heapq.heappop(waiting)
+                if i != mutant.place:
+                    op = self.program.operations[i]
+                    changed[i] = value(op, [changed.get(j, self.values[j]) for j in op.operands], self.inputs, self.real)
+                apart = self._apart(changed[i], self.values[i])
+                if not apart.any():
+                    del changed[i]
+                    continue
+                if i in self.stored:
+                    found = found | apart
+                for reader in self.readers[i]:
+                    if reader not in waiting:
+                        heapq.heappush(waiting, reader)
+        return np.broadcast_to(found, self.count)
+
+    def _mutated(self, mutant: Mutant) -> Any:
+        op = mutant.operation
+        assert op is not None
+        x = [self.values[i] for i in op.operands]
+        if op.name == "copy":
+            return np.asarray(x[0], dtype=self.real.numbers)
+        with np.errstate(all="ignore"):
+            found = value(op, x, self.inputs, self.real)
+        return np.logical_not(found) if mutant.denied else found
+
+    def _apart(self, a: Any, b: Any) -> Array:
+        """Where two values differ in a bit; one that is no number is like another."""
+        a, b = np.asarray(a), np.asarray(b)
+        if a.dtype == bool and b.dtype == bool:
+            return a != b
+        a, b = a.astype(self.real.numbers), b.astype(self.real.numbers)
+        return ((a != b) | (np.signbit(a) != np.signbit(b))) & ~(np.isnan(a) & np.isnan(b))

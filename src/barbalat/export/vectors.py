@@ -1,0 +1,323 @@
+"""Test vectors that are chosen for what they tell: single samples from states that a simulation may never come to.
+
+Candidates are drawn around the simulation's samples: states scaled, at rest, partly zero of either sign, estimates on the faces
+of the known set, frozen, before the first sample; and for each comparison of the list the places where its sides are equal or
+neighbours, found by bisection. Of them those are kept that tell a mutant of the list which no vector told before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from barbalat.export.contents import Contents
+from barbalat.export.equivalence import Interval, Prover
+from barbalat.export.evaluation import evaluate, values
+from barbalat.export.mutants import Judge, Mutant, mutants
+from barbalat.loop.true_values import estimate_set
+from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
+from barbalat.validate import Array
+
+ROUNDS = 40
+"""Of candidates at the most; the stated budget of the search, with the next ones."""
+WORK = 6000
+"""Operations of the list times rounds, after which the search of a long list ends, but not before the tenth round."""
+FRUITLESS = 8
+"""Rounds without a mutant more that end the search."""
+PROVEN_AFTER = 2
+"""Rounds after which proofs are tried of what is left: mutants that are told by nothing."""
+CANDIDATES = 384
+"""In a round."""
+PAIRS = 6
+"""Between which a comparison's sides are brought together, in every second round."""
+HALVINGS = 64
+"""Of the way between two of a pair: more than the bits of a number."""
+TOLERATED = 5e-7
+"""By how much, relatively, an estimate lies outside of its set here: half of what the exported C takes."""
+COMPARED = {"lt", "le", "eq", "ne", "fmin", "fmax"}
+
+
+@dataclass(frozen=True, eq=False)
+class Vectors:
+    """Single samples, a column each, and what they are worth.
+
+    states    (S, D) flat states before
+    measured, commands  (y, D), (q, D)
+    freeze    (D,)
+    after     (S, D) flat states after
+    mutants   of the list
+    missed    those that neither these nor the simulation's samples tell, each with the proof that it is none, or empty
+    missed_by_the_run  those that the simulation's samples do not tell
+    """
+
+    states: Array
+    measured: Array
+    commands: Array
+    freeze: Array
+    after: Array
+    mutants: tuple[Mutant, ...]
+    missed: dict[Mutant, str]
+    missed_by_the_run: tuple[Mutant, ...]
+
+    def counted(self, *, ties: bool) -> tuple[int, int, int]:
+        """Mutants, those told, those proven to be none: of those that differ at ties alone, or of all others."""
+        missed = {mutant: proof for mutant, proof in self.missed.items() if mutant.tie == ties}
+        count = sum(mutant.tie == ties for mutant in self.mutants)
+        return count, count - len(missed), sum(map(bool, missed.values()))
+
+
+@lru_cache(maxsize=2)
+def chosen(contents: Contents) -> Vectors:
+    """The vectors of one export, the same every time."""
+    return _Search(contents).run()
+
+
+def _faults(left: Sequence[Mutant]) -> int:
+    """How many there are that differ elsewhere than at ties."""
+    return sum(not one.tie for one in left)
+
+
+class _Search:
+    def __init__(self, contents: Contents) -> None:
+        self.contents, self.random = contents, np.random.default_rng(0)
+        self.rows, self.numbers = contents.layout.rows, contents.real.numbers
+        vectors = contents.vectors
+        before = np.vstack([contents.initial, vectors.states[:-1]])[:, self.rows]
+        self.nominal = np.vstack([before.T, vectors.measured.T, vectors.commands.T, np.zeros(len(before))])
+        self.found = self.nominal[:, :0]
+        y, q, _, _ = contents.sizes
+        s = len(self.rows)
+        self.ends = s, s + y, s + y + q
+        self.place = {row: i for i, row in enumerate(self.rows)}
+        self.sizes = np.abs(self.nominal).max(axis=1, keepdims=True) + 1e-3
+
+    def _split(self, columns: Array) -> tuple[Array, Array, Array, Array]:
+        s, y, q = self.ends
+        states = np.zeros((len(self.contents.initial), columns.shape[1]))
+        states[self.rows] = columns[:s]
+        return states, columns[s:y], columns[y:q], columns[q]
+
+    def _judge(self, columns: Array) -> Judge:
+        contents = self.contents
+        return Judge(contents.step, self.rows, contents.inputs(*self._split(columns)), contents.real)
+
+    def run(self) -> Vectors:
+        contents = self.contents
+        every = mutants(contents.step, self.rows, contents.real)
+        judge = self._judge(self.nominal)
+        left = [one for one in every if not judge.tell(one).any()]
+        at_first, kept, proofs = tuple(left), [np.zeros((len(self.nominal), 0))], dict[Mutant, str]()
+        number = fruitless = 0
+        most = min(ROUNDS, max(10, WORK // len(contents.step.operations)))
+        while _faults(left) and number < most and fruitless < FRUITLESS:
+            pool = self._usable(self._drawn() if number else self._special())
+            if number % 2:
+                pool = np.hstack([pool, self._usable(self._bisected(pool))])
+            best, rest = self._covering(pool, left)
+            kept.append(best)
+            self.found = np.hstack(kept)
+            number, fruitless, left = number + 1, 0 if _faults(rest) < _faults(left) else fruitless + 1, rest
+            if number == PROVEN_AFTER:
+                proofs = self._proofs(left)
+                left = [one for one in left if one not in proofs]
+        columns = np.hstack(kept)
+        states, measured, commands, freeze = self._split(columns)
+        after = np.zeros_like(states)
+        after[self.rows] = evaluate(contents.step, contents.inputs(states, measured, commands, freeze), contents.real)
+        missed = proofs | dict.fromkeys(left, "")
+        return Vectors(states, measured, commands, freeze, after, every, missed, at_first)
+
+    def _proofs(self, left: Sequence[Mutant]) -> dict[Mutant, str]:
+        """Of these mutants, those that are shown to be none."""
+        contents, most = self.contents, self.contents.range
+        y, q, _, _ = contents.sizes
+        anything = Interval(-most, most)
+        within = {(STATE, row): anything for row in self.rows} | {(FREEZE, 0): Interval(0.0, 1.0)}
+        within |= {(MEASURED, i): anything for i in range(y)} | {(COMMAND, i): anything for i in range(q)}
+        if contents.checked_limits is not None:
+            for row, low, high in zip(
+                contents.layout.theta_hat.rows, *map(np.ndarray.tolist, contents.checked_limits), strict=True
+            ):
+                ends = low - 2 * TOLERATED * (1 + abs(low)), high + 2 * TOLERATED * (1 + abs(high))
+                within[STATE, row] = Interval(max(-most, ends[0]), min(most, ends[1]))
+        if contents.opened is not None:
+            within |= {(PARAMETER, i): Interval(value, value) for i, value in enumerate(contents.opened.values.tolist())}
+        prover = Prover(contents.step, within, contents.real)
+        return {one: proof for one in left if (proof := prover.proof(one))}
+
+    def _covering(self, pool: Array, left: Sequence[Mutant]) -> tuple[Array, list[Mutant]]:
+        """Few columns that tell all of these mutants that the pool tells, and the others."""
+        judge = self._judge(pool)
+        told = np.array([judge.tell(one) for one in left])
+        rest = [one for one, row in zip(left, told, strict=True) if not row.any()]
+        told, picked = told[told.any(axis=1)], []
+        while len(told):
+            at = int(np.argmax(told.sum(axis=0)))
+            picked.append(at)
+            told = told[~told[:, at]]
+        return pool[:, picked], rest
+
+    def _usable(self, columns: Array) -> Array:
+        """Those that are in range, and lead to a state in range."""
+        contents = self.contents
+        columns = columns.astype(self.numbers).astype(float)
+        with np.errstate(all="ignore"):
+            after = evaluate(contents.step, contents.inputs(*self._split(columns)), contents.real).astype(float)
+        after = np.broadcast_to(after.reshape(len(self.rows), -1), (len(self.rows), columns.shape[1]))
+        good = (np.abs(columns) <= contents.range).all(axis=0) & (np.abs(after) <= contents.range).all(axis=0)
+        if contents.around is not None:  # what the case's shell takes for a measurement
+            now, last = columns[slice(*self.ends[:2])], columns[[self.place[row] for row in contents.layout.measured.rows]]
+            low, high, rate = (limit[:, None] for limit in (contents.around.low, contents.around.high, contents.around.rate))
+            good &= ((now >= low) & (now <= high) & (np.abs(now - last) <= rate * (1 - TOLERATED))).all(axis=0)
+        if contents.checked_limits is not None:
+            at = [self.place[row] for row in contents.layout.theta_hat.rows]
+            low, high = (
+                limit[:, None] + sign * TOLERATED * (1 + np.abs(limit[:, None]))
+                for sign, limit in zip((-1, 1), contents.checked_limits, strict=True)
+            )
+            for estimates in (columns[at], after[at]):
+                good &= ((estimates >= low) & (estimates <= high)).all(axis=0)
+        return columns[:, good]
+
+    def _special(self) -> Array:
+        """At rest: with all zeros, of either sign, and with one entry alone that is none."""
+        count = CANDIDATES // 2
+        columns = np.zeros((len(self.nominal), count))
+        columns[self.random.random(columns.shape) < 0.5] = -0.0
+        kept = self.nominal[:, self.random.integers(0, self.nominal.shape[1], count)]
+        chance = self.random.choice([0.0, 0.05, 0.2, 0.5], size=count)
+        columns = np.where(self.random.random(columns.shape) < chance, kept, columns)
+        columns[-1] = self.random.random(count) < 0.2
+        return self._of_sets(columns, kept)
+
+    def _drawn(self) -> Array:
+        """Around samples of the simulation."""
+        random, count = self.random, CANDIDATES
+        columns = self.nominal[:, random.integers(0, self.nominal.shape[1], count)].copy()
+        shape = columns.shape
+        if self.found.shape[1]:
+            again = self.found[:, random.integers(0, self.found.shape[1], count)]
+            columns = np.where(random.random(count) < 0.4, again, columns)
+        base = columns
+        moved = random.random(shape) < random.choice([0.0, 0.3, 1.0], size=count)
+        columns = np.where(moved, self.sizes * random.uniform(-1, 1, shape), columns)
+        scaled = random.random(shape) < random.choice([0.0, 0.2, 0.6], size=count)
+        columns = np.where(scaled, columns * 10.0 ** random.uniform(-3, 3, shape), columns)
+        columns *= 10.0 ** np.where(random.random(count) < 0.4, random.uniform(-2, 2, count), 0.0)
+        none = random.random(shape) < random.choice([0.0, 0.0, 0.1, 0.5], size=count)
+        columns = np.where(none, np.where(random.random(shape) < 0.5, 0.0, -0.0), columns)
+        columns[-1] = random.random(count) < 0.15
+        return self._of_sets(columns, base)
+
+    def _of_sets(self, columns: Array, drawn_of: Array) -> Array:
+        """With what has to be so: estimates in their set or on its faces, symmetric matrices, started or not."""
+        random, layout, count, before = self.random, self.contents.layout, columns.shape[1], drawn_of
+        for part in layout.parts:
+            at = [self.place[row] for row in part.rows]
+            if part is layout.theta_hat:
+                columns[at] = np.where(random.random(count) < 0.8, self._estimates(columns[at]), self._within(columns[at]))
+            elif part is layout.started:
+                columns[at] = random.choice([1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0, -0.0], size=(1, count))
+            elif len(part.shape) == 2 and part.shape[0] == part.shape[1] > 1:
+                columns[at] = np.where(random.random(count) < 0.7, self._matrices(at, part.shape[0], count), before[at])
+        last, now = layout.measured, slice(self.ends[0], self.ends[1])
+        same = random.random(count) < 0.15
+        values = np.where(random.random(count) < 0.3, 1.0, columns[now][:1])
+        columns[now] = np.where(same, np.where(random.random(columns[now].shape) < 0.3, -values, values), columns[now])
+        same &= random.random(count) < 0.7
+        rows = [self.place[row] for row in last.rows]
+        columns[rows] = np.where(same, columns[now], columns[rows])
+        shape, slow = columns[now].shape, random.random(count) < 0.4  # with a predictor that is nearly right: small errors
+        for part in layout.parts:
+            if part.shape == last.shape and part not in (layout.u, layout.theta_hat):
+                near = columns[now] * (1 + 10.0 ** random.uniform(-6, 0, count) * random.normal(size=shape))
+                at = [self.place[row] for row in part.rows]
+                columns[at] = np.where(slow, near, columns[at])
+        same = random.random(count) < 0.1
+        columns[now] = np.where(same, columns[[self.place[row] for row in last.rows]], columns[now])
+        return columns
+
+    def _matrices(self, at: list[int], n: int, count: int) -> Array:
+        """Symmetric and positive definite ones, as covariances are, from nearly nothing to large."""
+        random = self.random
+        base = self.nominal[at][:, random.integers(0, self.nominal.shape[1], count)]
+        size = np.abs(base).max(axis=0)
+        v = random.normal(size=(n, count)) * 10.0 ** random.uniform(-2, 1, count)
+        more = (v[:, None] * v[None]).reshape(n * n, count) * size * (random.random(count) < 0.5)
+        scale = np.where(random.random(count) < 0.5, 1.0, 10.0 ** random.uniform(-4, 2, count))
+        return (base + more) * scale
+
+    def _within(self, columns: Array) -> Array:
+        """Estimates brought into the intervals that their set lies in."""
+        limits = self.contents.limits
+        return columns if limits is None else np.clip(columns, *(limit[:, None] for limit in limits))
+
+    def _estimates(self, columns: Array) -> Array:
+        limits, random = self.contents.limits, self.random
+        if limits is None:
+            return columns
+        low, high = (np.where(np.isfinite(limit), limit, np.nan)[:, None] for limit in limits)
+        shape = columns.shape
+        inside = low + random.random(shape) * (high - low)
+        face = np.where(random.random(shape) < 0.5, low, high)
+        kind = random.random(shape) + random.choice([-0.2, 0.0, 0.3], size=shape[1])
+        found = np.where(kind < 0.35, inside, np.where(kind < 0.7, np.clip(columns, low, high), face))
+        alike = low + (high - low) * random.choice([0.0, 0.25, 0.5, 0.75, 1.0, 0.9], size=shape[1])  # for ties
+        found = np.where(random.random(shape[1]) < 0.15, alike, found)
+        one_sided = np.where(np.isnan(low), np.where(np.isnan(high), columns, high - np.abs(columns)), low + np.abs(columns))
+        found = np.where(np.isnan(found), one_sided, found)
+        beyond = (random.random(shape) < 0.3) & (random.random(shape[1]) < 0.1)
+        found = np.where(beyond, found + np.sign(found) * TOLERATED / 2, found)
+        sphere = getattr(estimate_set(self.contents.loop), "sphere", None)
+        if sphere is not None:
+            n = sphere.size
+            away = found[:n] - sphere.center[:, None]
+            length = np.sqrt((away * away).sum(axis=0)) + 1e-300
+            wanted = np.where(random.random(shape[1]) < 0.5, 1.0, random.random(shape[1])) * sphere.radius
+            found[:n] = np.where(length > sphere.radius, sphere.center[:, None] + away * (wanted / length), found[:n])
+        return found
+
+    def _bisected(self, pool: Array) -> Array:
+        """For each comparison columns at which its sides are equal, or as near as numbers can be."""
+        operations, random = self.contents.step.operations, self.random
+        places = [i for i, op in enumerate(operations) if op.name in COMPARED]
+        if not places or pool.shape[1] < 2:
+            return pool[:, :0]
+        found = self._differences(pool, np.repeat(places, pool.shape[1]), tiled=len(places)).reshape(len(places), -1)
+        ones, others, of = list[int](), list[int](), list[int]()
+        for place, row in zip(places, found, strict=True):
+            for frozen in (0.0, 0.0, 1.0):
+                below, above = (np.flatnonzero(side & (pool[-1] == frozen)) for side in (row <= 0, row > 0))
+                for _ in range(PAIRS // 3 if len(below) and len(above) else 0):
+                    ones.append(int(random.choice(below)))
+                    others.append(int(random.choice(above)))
+                    of.append(place)
+        if not of:
+            return pool[:, :0]
+        low, high, of_array = pool[:, ones], pool[:, others].copy(), np.array(of)
+        moved = random.random(low.shape) < random.choice([0.1, 0.3, 1.0], size=low.shape[1])
+        start = np.where(moved, high, low)
+        apart = self._differences(start, of_array) > 0
+        high, of_array, low = start[:, apart], of_array[apart], low[:, apart]
+        for _ in range(HALVINGS):
+            middle = ((low + high) / 2).astype(self.numbers).astype(float)
+            above = self._differences(middle, of_array) > 0
+            high, low = np.where(above, middle, high), np.where(above, low, middle)
+        return np.hstack([low, high])
+
+    def _differences(self, columns: Array, of: Array, tiled: int = 1) -> Array:
+        """For each column by how much the first side of its comparison exceeds the second."""
+        contents = self.contents
+        found = values(contents.step, contents.inputs(*self._split(columns)), contents.real)
+        count = columns.shape[1] * tiled
+        made = np.full(count, -np.inf)
+        for place in np.unique(of):
+            at = of == place
+            first, second = (np.asarray(found[i], dtype=float) for i in contents.step.operations[place].operands)
+            with np.errstate(all="ignore"):
+                difference = np.broadcast_to(first - second, columns.shape[1])
+            made[at] = np.nan_to_num(np.tile(difference, tiled)[at], nan=-np.inf)
+        return made

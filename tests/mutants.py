@@ -1,0 +1,79 @@
+"""Mutation of exported source: ``./dev mutants`` compiles mutants of each export and lets its own self-test find them.
+
+The exports are one for every combination of scheme, problem (known set, one input or two, regressor), form, law and modification
+among the tests' examples; ``--quick`` draws a few of them for a minute, ``--all`` takes every example. The mutants of an export
+are compiled once, with a number that selects one. Those that its README says are killed must be, those that it proves to be no
+fault must not. Exit code 1 where that is not so, or where fewer than 97 % are killed of those that are not proven to be none.
+"""
+
+# ruff: noqa: T201  # a command that prints; the tests' own folder comes before the imports from it
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from barbalat.export.contents import Contents
+from barbalat.export.texts import Printed
+from barbalat.lowering.c99 import DOUBLE, FLOAT
+from barbalat.validate import InputError
+from export.examples import SIMULATION
+from export.mutation import coverage, found_in_c
+from export.test_bit_identical import EXAMPLES, ONE_OF_EACH
+from turns import drawn
+
+GOAL = 0.97
+QUICK = 12
+"""Exports of the quick form, a minute of one core."""
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="./dev mutants", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="NAME", help="beginnings of examples' names; one of each kind by default")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--quick", action="store_true", help=f"{QUICK} exports, which the commit draws")
+    which.add_argument("--all", action="store_true", help="every example")
+    parser.add_argument("--float32", action="store_true", help="exports in 32 bits")
+    parser.add_argument("--undecided", action="store_true", help="list those that are neither killed nor proven to be no fault")
+    options = parser.parse_args()
+    names = [name for name in EXAMPLES if options.all or name in ONE_OF_EACH]
+    if options.names:
+        names = [name for name in EXAMPLES if name.startswith(tuple(options.names))]
+    names = drawn(names, QUICK) if options.quick else names
+    totals, below, wrong = [0, 0, 0], [], []
+    for name in names:
+        begun = time.process_time()
+        try:
+            printed = Printed(Contents.of(*EXAMPLES[name], SIMULATION, FLOAT if options.float32 else DOUBLE))
+        except InputError as error:
+            print(f"{name}: {error}")
+            continue
+        with tempfile.TemporaryDirectory(prefix="barbalat-") as folder:
+            found = found_in_c(printed, Path(folder))
+            covered = coverage(printed, Path(folder))
+        count, killed, proven = found.counted()
+        ties, ties_killed, ties_proven = found.counted(ties=True)
+        totals = [a + b for a, b in zip(totals, (count, killed, proven), strict=True)]
+        print(
+            f"{name}: {killed} of {count} killed, {proven} proven to be no fault: {100 * found.score:.1f} %; "
+            f"ties: {ties_killed} of {ties}, {ties_proven} proven; {covered}; {time.process_time() - begun:.1f} s here",
+            flush=True,
+        )
+        if options.undecided:
+            print("".join(f"    t{one.place}: {one.said}\n" for one in found.undecided), end="")
+        below += [name] if found.score < GOAL else []
+        wrong += [f"{name}: t{one.place}: {one.said}" for one in found.contradictions]
+    count, killed, proven = totals
+    print(f"\n{len(names)} exports: {killed} of {count} mutants killed, {proven} proven to be no fault", end="")
+    print(f": {100 * killed / (count - proven):.1f} %" if count > proven else "")
+    print(f"below {100 * GOAL:g} %: {', '.join(below) or 'none'}")
+    print("".join(f"the README and the C disagree: {one}\n" for one in wrong), end="")
+    return 1 if below or wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
