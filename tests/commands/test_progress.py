@@ -7,6 +7,7 @@ import time
 import pytest
 from rich.console import Console
 
+from barbalat.commands import progress
 from barbalat.commands.progress import Work, say
 
 
@@ -127,3 +128,19 @@ def test_a_long_sentence_is_folded_on_a_terminal_and_one_line_elsewhere(monkeypa
         shown = stream.getvalue().splitlines()
         assert len(shown) == lines and " ".join(" ".join(shown).split()) == text
         assert lines == 1 or (max(map(len, shown)) <= 60 and "0.001 s," in stream.getvalue())
+
+
+def test_without_a_terminal_a_long_work_says_how_far_it_is(monkeypatch, capsys):
+    """In a log or a pipe there is no bar: nothing at first, then a line, and nothing more when the work is over."""
+    monkeypatch.setattr(progress, "FIRST_LINE", 0.01)
+    with progress.work({"contest": 100.0}) as running, running.part("contest") as advanced:
+        advanced(0.25)
+        said = ""
+        while "%" not in said:
+            said += capsys.readouterr().err
+    assert said.startswith("contest: ") and " %, " in said and said.splitlines()[0].endswith(("so far", "left"))
+    monkeypatch.undo()
+    capsys.readouterr()
+    with progress.work({"contest": 1.0}) as running, running.part("contest"):
+        pass
+    assert capsys.readouterr().err == ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import sys
+import threading
 import time
 from bisect import bisect_right
 from collections.abc import Iterator, Mapping
@@ -132,7 +133,7 @@ class Work:
 
 @contextlib.contextmanager
 def work(expected: Mapping[str, float]) -> Iterator[Work]:
-    """A bar on standard error over parts that are expected to take so many seconds; unseen where that is not a terminal."""
+    """A bar on standard error over parts that are expected to take so many seconds; without a terminal a line now and then."""
     from rich.progress import BarColumn, ProgressColumn, TextColumn
     from rich.progress import Progress as Bars
     from rich.text import Text
@@ -144,8 +145,7 @@ def work(expected: Mapping[str, float]) -> Iterator[Work]:
 
         def render(self, task: Task) -> Text:
             bars.update(task.id, completed=running.over, description=running.name)
-            said = f"about {_duration(running.left)} left" if running.known else f"{_duration(running.gone)} so far"
-            return Text(f"{100 * running.told:3.0f} %, {said}")
+            return Text(_how_far(running))
 
     screen = console(to_standard_error=True)
     running = Work(expected, screen)
@@ -153,9 +153,39 @@ def work(expected: Mapping[str, float]) -> Iterator[Work]:
         TextColumn("{task.description}"), BarColumn(bar_width=20), Left(),
         console=screen, transient=True, disable=not screen.is_terminal,
     )  # fmt: skip
-    with bars:
+    with bars, contextlib.nullcontext() if screen.is_terminal else _lines(running):
         bars.add_task("", total=1.0)
         yield running
+
+
+def _how_far(running: Work) -> str:
+    over = running.over
+    said = f"about {_duration(running.left)} left" if running.known else f"{_duration(running.gone)} so far"
+    return f"{100 * over:3.0f} %, {said}"
+
+
+FIRST_LINE, LONGEST_SILENCE = 20.0, 160.0
+"""Seconds until the first line where there is no bar, and between two lines at most: each pause is twice the one before."""
+
+
+@contextlib.contextmanager
+def _lines(running: Work) -> Iterator[None]:
+    """Says how far the work is, to a log or whoever reads the command's standard error."""
+    over = threading.Event()
+
+    def tell() -> None:
+        pause = FIRST_LINE
+        while not over.wait(pause):
+            say(f"{running.name or 'working'}: {_how_far(running).strip()}")
+            pause = min(2 * pause, LONGEST_SILENCE)
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        over.set()
+        teller.join()
 
 
 def _duration(seconds: float) -> str:
