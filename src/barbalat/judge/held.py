@@ -51,22 +51,24 @@ class Held:
         return cls(np.array(found), turns, swings)
 
 
-def _turns(values: Array) -> int:
-    width = RIPPLE * float(np.ptp(values))
+def _turns(values: Array) -> tuple[int, float]:
+    """How often it jumps or turns back, and its way as a multiple of its range."""
+    full = float(np.ptp(values))
+    width = RIPPLE * full
     steps = np.diff(values)
-    jumps = (np.abs(steps[1:]) > width) & (steps[:-1] == 0)
-    moving = np.flatnonzero(steps)
-    back = moving[1:][np.sign(steps[moving[1:]]) != np.sign(steps[moving[:-1]])]
-    extremes = values[[0, *back, len(values) - 1]]  # between two of them what follows with play goes one way, or rests
-    moves = np.sign(np.diff(_without_ripple(extremes.tolist(), 0.5 * width)))
-    moves = moves[moves != 0]
-    return int(jumps.sum()) + int((moves[1:] != moves[:-1]).sum())
+    jumps = int(((np.abs(steps[1:]) > width) & (steps[:-1] == 0)).sum())
+    moves = np.diff(_without_ripple(values.tolist(), 0.5 * width))
+    ways = np.sign(moves[moves != 0])
+    turns = int((ways[1:] != ways[:-1]).sum())
+    way = float(np.abs(moves).sum()) + width * turns  # the play takes its width of each turn
+    return jumps + turns, way / full if full > 0 else 0.0
 
 
 def _without_ripple(values: list[float], half: float) -> list[float]:
     """What follows the values with so much play on either side."""
-    found, last = [], values[0]
-    for value in values:
-        last = max(min(last, value + half), value - half)
-        found.append(last)
-    return found
+
+    def followed(last: float, value: float) -> float:
+        low, high = value - half, value + half
+        return low if last < low else min(last, high)
+
+    return list(accumulate(values, followed))
