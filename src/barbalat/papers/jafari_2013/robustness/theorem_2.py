@@ -245,7 +245,7 @@ LOSS_CRITERION = (
 ROWS = (
     Measurement(
         claims,
-        5.0,
+        6.0,
         {
             "tau-limit-delay": "the lower limit of tau with an input delay",
             "tau-limit-mu": "the lower limit of tau with Delta_m = -mu s",
