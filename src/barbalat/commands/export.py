@@ -27,6 +27,7 @@ def add(commands: Commands) -> None:
     parser.add_argument("--controller", required=True, metavar="NAME", help="one of the case's, which runs sampled")
     parser.add_argument("--target", metavar="TARGET", choices=Targets(), default="c99", help="one of %(choices)s; c99 by default")
     parser.add_argument("--out", required=True, metavar="DIR", help="the folder; an export that is there is replaced as a whole")
+    parser.add_argument("--name", metavar="PREFIX", help="what functions, types, macros and files begin with")
     parser.add_argument("--float32", action="store_true", help="numbers of 32 bits instead of 64")
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--controller-only", action="store_true", help="nothing but the controller, which is the default")
@@ -65,6 +66,7 @@ def _flown(case: Case, controller: Controller) -> Campaign:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
+    from barbalat.export.c99.files import FILES
     from barbalat.export.target import targets
     from barbalat.export.write import export_controller
     from barbalat.validate import InputError, local_path, show
@@ -87,8 +89,11 @@ def execute(options: argparse.Namespace) -> int:
         closed_loop=options.closed_loop,
         sources_only=options.sources_only,
         place=list(found).index(controller.name),
+        name=options.name,
     )
     check = targets()[options.target].check(shlex.quote(str(folder)), options.closed_loop)
+    if options.name is not None:
+        check = FILES.sub(rf"{options.name}_\1", check)
     if options.json:
         from barbalat.report.documents import as_json
 

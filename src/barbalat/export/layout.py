@@ -161,6 +161,15 @@ def prefix_of(name: str) -> str:
     return identifier(found)
 
 
+def require_prefix(name: str) -> str:
+    """A prefix that a user gives, as it is; InputError where C has no identifiers that begin with it."""
+    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or identifier(name) != name:
+        raise InputError(f"name must be a letter, then letters, digits and _, and no word of C, got {validate.show(name)}")
+    if len(name) > LONGEST_PREFIX:
+        raise InputError(f"name must have at most {LONGEST_PREFIX} characters, got {validate.show(name)}, which has {len(name)}")
+    return name
+
+
 def identifier(name: str) -> str:
     """A name with ``_`` for every character that C does not take, and ``n_`` before what can't stand alone or is reserved."""
     found = re.sub(r"[^A-Za-z0-9_]", "_", name)

@@ -29,6 +29,7 @@ class Request:
     closed_loop: bool
     sources_only: bool
     place: int
+    name: str = ""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

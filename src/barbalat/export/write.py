@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from barbalat import validate
+from barbalat.export.layout import require_prefix
 from barbalat.export.target import Request, require_case, targets
 from barbalat.folders import output_folder
 from barbalat.problem.tracking import TrackingProblem
@@ -24,6 +25,7 @@ def export_controller(
     closed_loop: bool = False,
     sources_only: bool = False,
     place: int = 0,
+    name: str | None = None,
 ) -> Path:
     """Write a sampled controller as source that computes what the simulation computes, bit for bit; returns the folder.
 
@@ -35,6 +37,8 @@ def export_controller(
     float32              numbers of 32 bits; the test vectors are then its own, rounded operation by operation
     closed_loop          the plant and the whole loop as well: ``plant.h``, ``plant.c`` and ``loop.c``, or a unit of each
     place                of the controller in its case: the parameters of units go by the case's paths, ``controller[0].gamma``
+    name                 what functions, types, macros and files begin with, so that several exports can be linked; by default
+                         the identifiers are made of the controller's name, and the files have none
     sources_only         units without a binary for this machine, for which a C compiler is needed
 
     Raises InputError, and leaves nothing behind, where that can't be.
@@ -56,10 +60,11 @@ def export_controller(
             closed_loop=closed_loop,
             sources_only=sources_only,
             place=place,
+            name="" if name is None else require_prefix(name),
         )
     )
     with output_folder(into) as folder:
-        for name, content in made.items():
-            folder.write(name, content)
+        for file, content in made.items():
+            folder.write(file, content)
         folder.commit(gone=chosen.replaced)
         return folder.path

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from barbalat.controllers.settings import PatentNamed
 from barbalat.export.contents import Contents, is_explicit
 from barbalat.export.evidence import readme_evidence
@@ -24,11 +26,17 @@ from barbalat.validate import Array, InputError
 
 
 def files(
-    problem: TrackingProblem, controller: Controller, simulation: Simulation, *, float32: bool = False, closed_loop: bool = False
+    problem: TrackingProblem,
+    controller: Controller,
+    simulation: Simulation,
+    *,
+    float32: bool = False,
+    closed_loop: bool = False,
+    name: str = "",
 ) -> dict[str, str]:
     """The files of an export by their names, in C99; InputError as of ``export_controller``."""
     require_case(problem, simulation)
-    printed = Printed(Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE))
+    printed = Printed(Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE), name)
     found = {
         "controller.h": header(printed),
         "controller.c": source(printed),
@@ -40,7 +48,18 @@ def files(
         opened = Opened.of(problem, controller, simulation, tunable=False)
         made = PrintedPlant(PlantContents.of(problem, opened), printed)
         found |= {"plant.h": plant_header(made), "plant.c": plant_source(made), "loop.c": loop_program(made)}
-    return found
+    return named(found, name)
+
+
+FILES = re.compile(r"\b(controller\.[hc]|selftest\.c|plant\.[hc]|loop\.c|README\.md)\b")
+"""Files of an export, as they are called in its texts; controller.cpp, for Arduino, is the user's."""
+
+
+def named(files: dict[str, str], name: str) -> dict[str, str]:
+    """The files with this name before theirs, in their texts as well; as they are where it is empty."""
+    if not name:
+        return files
+    return {FILES.sub(rf"{name}_\1", file): FILES.sub(rf"{name}_\1", text) for file, text in files.items()}
 
 
 def readme(printed: Printed, *, closed_loop: bool = False) -> str:

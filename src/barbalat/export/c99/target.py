@@ -8,7 +8,9 @@ from barbalat.export.target import Request, Target
 def _files(asked: Request) -> dict[str, str]:
     from barbalat.export.c99.files import files
 
-    return files(asked.problem, asked.controller, asked.simulation, float32=asked.float32, closed_loop=asked.closed_loop)
+    return files(
+        asked.problem, asked.controller, asked.simulation, float32=asked.float32, closed_loop=asked.closed_loop, name=asked.name
+    )
 
 
 TARGETS = (

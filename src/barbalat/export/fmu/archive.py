@@ -368,12 +368,13 @@ def units(
     closed_loop: bool = False,
     compiled: bool = True,
     place: int = 0,
+    name: str = "",
 ) -> dict[str, bytes]:
     """The units of an export by their names, in version 2 or 3 of FMI; InputError as of ``export_controller``."""
     require_case(problem, simulation)
     surrounded, problem = problem, problem.nominal
     opened = Opened.of(problem, controller, simulation, tunable=True, place=place)
-    printed = Printed(Contents.of(surrounded, controller, simulation, FLOAT if float32 else DOUBLE, opened=opened))
+    printed = Printed(Contents.of(surrounded, controller, simulation, FLOAT if float32 else DOUBLE, opened=opened), name)
     made = [Unit(printed, True, None)]
     if closed_loop:
         plant = PrintedPlant(PlantContents.of(problem, opened), printed)

@@ -19,6 +19,7 @@ def _units(asked: Request, version: int) -> dict[str, bytes]:
         closed_loop=asked.closed_loop,
         compiled=not asked.sources_only,
         place=asked.place,
+        name=asked.name,
     )
 
 
