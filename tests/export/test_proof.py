@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import subprocess
+from dataclasses import replace
 
 import pytest
 
@@ -14,6 +15,7 @@ from barbalat.export.texts import Printed
 from barbalat.laws import Gradient, LeastSquares
 from barbalat.lowering.c99 import DOUBLE, FLOAT, Real
 from barbalat.lowering.operations import Operation, Program
+from barbalat.plants import Shell
 from export.examples import SIMULATION, sampled_examples
 from export.proof import STATES, alarms, unbounded_alone
 from export.targets import needs, write
@@ -79,6 +81,24 @@ def test_no_step_can_go_wrong(name, tmp_path) -> None:
     assert alarms(printed(name), tmp_path, states) == []
 
 
+EVERYTHING = Shell(
+    range={"x_1": [-2.0, 2.0]}, rate={"x_1": 10.0, "x_2": 60.0}, stuck={"x_2": 0.05},
+    jitter=0.1, longest_outage=0.05, fallback="fade", fade=0.2,
+)  # fmt: skip
+
+
+def with_a_shell() -> Printed:
+    problem, controller = EXAMPLES[one("Mrac-state-midpoint")]
+    return Printed(Contents.of(replace(problem, shell=EVERYTHING), controller, SIMULATION, DOUBLE))
+
+
+@needs("frama-c")
+@pytest.mark.full
+def test_no_step_with_a_shell_can_go_wrong(tmp_path) -> None:
+    """With all that a shell has, from every count of misses and at every time that a timer may tell."""
+    assert alarms(with_a_shell(), tmp_path) == []
+
+
 @needs("frama-c")
 @pytest.mark.full
 @pytest.mark.parametrize("name", PROVEN_IN_32_BITS)
@@ -135,9 +155,13 @@ MISRA = {
 
 @needs("cppcheck")
 @pytest.mark.full
-@pytest.mark.parametrize("name", [one("Mrac-state-midpoint"), one("RobustMrac-free-midpoint", LeastSquares)])
-def test_misra(name, tmp_path) -> None:
-    made = printed(name)
+@pytest.mark.parametrize(
+    "make",
+    [lambda: printed(one("Mrac-state-midpoint")), lambda: printed(one("RobustMrac-free-midpoint", LeastSquares)), with_a_shell],
+    ids=["MRAC", "robust MRAC", "with a shell"],
+)
+def test_misra(make, tmp_path) -> None:
+    made = make()
     write(tmp_path, {"controller.h": header(made), "controller.c": source(made)})
     done = subprocess.run(
         ["cppcheck", "--addon=misra", "--std=c99", "--enable=style", "--suppress=missingIncludeSystem", "-q", "controller.c"],

@@ -127,7 +127,7 @@ def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> Extern
 
 def _of_the_shell(kept: Kept) -> list[tuple[str, list[int]]]:
     """What the C keeps for its shell, by its names there, and the places of it in the simulation."""
-    found = (("outage", kept.outage), ("fade_left", kept.fade_left), ("bump", kept.bump))
+    found = (("outage", kept.outage), ("fade_left", kept.fade_left), ("bump", kept.bump), ("repeats", kept.repeats))
     return [(name, rows.tolist()) for name, rows in found if rows.size]
 
 
@@ -153,7 +153,7 @@ def _adapter(printed: Printed, loop: ClosedLoop) -> str:
         for name, rows in _of_the_shell(held.around):
             whole = name != "bump"
             for i in range(len(rows)):
-                member = f"c.{name}" if whole else f"c.{name}[{i}]"
+                member = f"c.{name}[{i}]" if name in ("bump", "repeats") else f"c.{name}"
                 load.append(f"{member} = ({'long' if whole else printed.real})kept[{place}];")
                 store.append(f"kept[{place}] = (double){member};")
                 place += 1

@@ -138,7 +138,7 @@ _KEYWORDS = """
 """
 RESERVED = frozenset(_KEYWORDS.split())
 """Keywords of C99 and C++20, macros of the headers that are included, and what an export defines beside them."""
-MEMBERS = frozenset({"last_u", "bump", "fade", "fade_left", "matching", "outage", "parameter"})
+MEMBERS = frozenset({"last_u", "bump", "fade", "fade_left", "matching", "outage", "repeats", "parameter"})
 """What the state of every export has, see ``templates/controller.h``."""
 
 

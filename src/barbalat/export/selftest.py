@@ -8,7 +8,7 @@ import numpy as np
 
 from barbalat.export.contents import FEWEST_VECTORS, Contents
 from barbalat.export.evidence import PRIME, chosen_tests, digest_calls, digests, number_rows
-from barbalat.export.shell import members
+from barbalat.export.shell import counters, members
 from barbalat.export.shell_selftest import shell_tests
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.loop.around import Around, Taken
@@ -127,7 +127,7 @@ def with_losses(contents: Contents) -> Array:
             command = state[last_r] if loss & COMMAND_LOST else r
             after = contents.evaluated(state, state[last_y] if lost else y, command, freeze=lost or bool(loss & FROZEN))
             if contents.around is not None:
-                after, kept = _surrounded(contents, contents.around, state, after, kept, lost=lost)
+                after, kept = _surrounded(contents, contents.around, (state, after, y), kept, lost=lost)
             elif lost:
                 after[u] = state[u]
             state = after
@@ -135,14 +135,16 @@ def with_losses(contents: Contents) -> Array:
     return np.array(states)
 
 
-def _surrounded(contents: Contents, around: Around, state: Array, after: Array, kept: Any, *, lost: bool) -> tuple[Array, Any]:
-    """What the shell makes of a sample that leads from one flat state to another, and what it keeps, in the target's numbers."""
+def _surrounded(
+    contents: Contents, around: Around, flat: tuple[Array, Array, Array], kept: Any, *, lost: bool
+) -> tuple[Array, Any]:
+    """What the shell makes of a sample, which leads from one flat state to another by what is measured, and what it keeps."""
     numbers, template = contents.real.numbers, initial_acting(contents.loop)
-    before, now = (unflatten(template, flat.astype(numbers), 0)[0] for flat in (state, after))
+    before, now = (unflatten(template, state.astype(numbers), 0)[0] for state in flat[:2])
     before = before._replace(held=before.held._replace(around=map_arrays(lambda part: part.astype(numbers), kept)))
     zero, one = np.zeros((), numbers), np.ones((), numbers)
-    rest = {"offered": kept.offered, "lost": kept.lost, "late": kept.late, "timer": kept.timer}
-    taken = Taken(y=None, r=None, freeze=one if lost else zero, begun=one, due=one, wrong_time=zero, **rest)
+    rest: Any = {"offered": kept.offered, "lost": kept.lost, "late": kept.late, "timer": kept.timer}
+    taken = Taken(y=flat[2].astype(numbers), r=None, freeze=one if lost else zero, begun=one, due=one, wrong_time=zero, **rest)
     with np.errstate(divide="ignore"):  # of what is not chosen
         acted = around.put_out(taken, before, now)
     return np.asarray(flatten(acted._replace(held=acted.held._replace(around=()))), dtype=float), acted.held.around
@@ -160,7 +162,10 @@ def _limit_rows(printed: Printed) -> str:
 def _same_state(printed: Printed) -> str:
     tests = [f"same(a->{part.name}, b->{part.name}, {part.size})" for part in printed.contents.layout.parts]
     tests += [f"same(a->{name}, b->{name}, {printed.macro}_INPUTS)" for name in ("last_u", "bump")]
-    tests += [f"a->{name} == b->{name}" for name in ("fade", "fade_left", "matching", *members(printed.contents.around))]
+    tests += [
+        f"a->{name} == b->{name}"
+        for name in ("fade", "fade_left", "matching", *members(printed.contents.around), *counters(printed.contents.around))
+    ]
     return "\n        && ".join(tests)
 
 

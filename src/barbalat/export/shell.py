@@ -27,7 +27,7 @@ def shell(printed: Printed) -> dict[str, str]:
     lost = [f"*status |= {macro}_MEASUREMENT_LOST;", "*measured = 0;"]
     return {
         "shell_macros": _macros(printed),
-        "shell_members": indented(["long outage; /* samples in a row without a good measurement */"] if counts else []),
+        "shell_members": indented(_members(around)),
         "shell_functions": _plausible(printed),
         "fall_back": _FALL_BACK[around.fallback].format(**_names(printed)) if _falls(around) and around else "",
         "shell_timer": _TIMER.format(**_names(printed)) if timed else "",
@@ -39,7 +39,8 @@ def shell(printed: Printed) -> dict[str, str]:
         ),
         "counted": indented(_counted(macro, ends=ends, timed=timed) if counts else [], 8),
         "falls_back": indented(["fall_back(&next);"] if _falls(around) else [], 8),
-        "no_outage": indented(["c->outage = 0L;"] if counts else []),
+        "no_outage": indented([*(["c->outage = 0L;"] if counts else []), *_cleared(around)]),
+        "repeated": indented(_repeated(printed), 8),
         "clock_test": (_BAND if timed else _CLOCK).format(**_names(printed)),
         "sample": _sample(printed, timed=timed),
         "one": "" if timed else " = 1",
@@ -55,7 +56,10 @@ def shell(printed: Printed) -> dict[str, str]:
 def usable(printed: Printed) -> list[str]:
     """Tests of the state."""
     around = printed.contents.around
-    return [] if around is None or not around.counts else [f"c->outage >= 0L && c->outage <= {MOST_COUNTED}L"]
+    if around is None:
+        return []
+    stuck = [f"c->repeats[{k}] >= 0L && c->repeats[{k}] <= {most}L" for k, (_, most) in enumerate(around.repeats)]
+    return [*([f"c->outage >= 0L && c->outage <= {MOST_COUNTED}L"] if around.counts else []), *stuck]
 
 
 def members(around: Around | None) -> list[str]:
@@ -69,8 +73,39 @@ def _implausible(printed: Printed) -> list[str]:
     no_number = f"!in_range(in->{printed.measured}, {printed.macro}_MEASURED)"
     if not _checked(around) or around is None:
         return [no_number]
-    within = (np.abs([around.low, around.high]) <= contents.range).all()
+    within = (np.abs([around.low, around.high]) <= contents.range).all()  # an infinite one is not
     return ["is_plausible(c, in) == 0"] if within else [no_number, "is_plausible(c, in) == 0"]
+
+
+def counters(around: Around | None) -> list[str]:
+    """The counters of channels that may be stuck."""
+    return [] if around is None else [f"repeats[{k}]" for k in range(len(around.repeats))]
+
+
+def _members(around: Around | None) -> list[str]:
+    found = ["long outage; /* samples in a row without a good measurement */"] if around is not None and around.counts else []
+    if around is not None and around.repeats:
+        found.append(
+            f"long repeats[{len(around.repeats)}]; /* good samples in a row like the one before, of channels that may be stuck */"
+        )
+    return found
+
+
+def _cleared(around: Around | None) -> list[str]:
+    return [] if around is None else [f"c->repeats[{k}] = 0L;" for k in range(len(around.repeats))]
+
+
+def _repeated(printed: Printed) -> list[str]:
+    """Of a good sample: what is counted of channels that may be stuck, against the last good one."""
+    around, layout = printed.contents.around, printed.contents.layout
+    if around is None:
+        return []
+    begun = f"c->{layout.started.name}[0] > 0"
+    x, last = f"in->{printed.measured}", f"c->{layout.measured.name}"
+    return [
+        f"next.repeats[{k}] = ({begun} && {x}[{i}] == {last}[{i}]) ? c->repeats[{k}] + 1L : 0L;"
+        for k, (i, _) in enumerate(around.repeats)
+    ]
 
 
 def _ends(around: Around | None) -> bool:
@@ -82,7 +117,7 @@ def _falls(around: Around | None) -> bool:
 
 
 def _checked(around: Around | None) -> bool:
-    return around is not None and bool(np.isfinite([around.low, around.rate]).any())
+    return around is not None and bool(np.isfinite([around.low, around.rate]).any() or around.repeats)
 
 
 def _names(printed: Printed) -> dict[str, str]:
@@ -91,7 +126,8 @@ def _names(printed: Printed) -> dict[str, str]:
         "name": printed.name, "macro": printed.macro, "real": printed.real, "x": printed.measured, "u": layout.u.name,
         "zero": f"0.0{printed.contents.real.suffix}", "last_r": layout.r.name, "last": layout.measured.name,
         "clock": c99.constant(CLOCK_TOLERANCE * printed.contents.sample_time, printed.contents.real),
-        "half": f"0.5{printed.contents.real.suffix}", "started": layout.started.name,
+        "more": f"1.5{printed.contents.real.suffix}", "half": f"0.5{printed.contents.real.suffix}",
+        "started": layout.started.name,
     }  # fmt: skip
 
 
@@ -126,14 +162,18 @@ def _plausible(printed: Printed) -> str:
         most = f"{printed.number(around.rate[i])} * samples"
         moved = f"in->{x}[{i}] - c->{last}[{i}]"
         slow += [f"{moved} <= {most}", f"-({moved}) <= {most}"]
+    slow += [f"!(in->{x}[{i}] == c->{last}[{i}] && c->repeats[{k}] >= {most}L)" for k, (i, most) in enumerate(around.repeats)]
     if slow:
         tests.append(f"(!(c->{printed.contents.layout.started.name}[0] > 0) || ({(chr(10) + 12 * ' ' + '&& ').join(slow)}))")
     join = "\n        && "
-    counted = [f"const {printed.real} samples = ({printed.real})(c->outage + 1L);"] if slow else ["(void)c;"]
+    rated = bool(np.isfinite(around.rate).any())
+    counts = ["const long count = c->outage + 1L;", f"const {printed.real} samples = ({printed.real})count;"]
+    counted = counts if rated else [] if slow else ["(void)c;"]
     body = indented([*counted, f"return {join.join(tests)};"])
-    about = ", ".join(name for i, name in enumerate(names) if np.isfinite([around.low[i], around.rate[i]]).any())
+    stuck = {i for i, _ in around.repeats}
+    about = ", ".join(n for i, n in enumerate(names) if i in stuck or np.isfinite([around.low[i], around.rate[i]]).any())
     return (
-        f"/* Whether the sensor can have measured this: {comment(about)}, in range and no faster than it may be. */\n"
+        f"/* Whether the sensor can have measured this: {comment(about)}: in range, not too fast, not stuck. */\n"
         f"static int is_plausible(const {printed.name}_controller *c, const {printed.name}_input *in)\n{{\n{body}}}\n\n"
     )
 
@@ -150,7 +190,8 @@ def shell_readme(printed: Printed) -> str:
             f"{comment(names[i])} from {around.low[i]:g} to {around.high[i]:g}" for i in np.flatnonzero(np.isfinite(around.low))
         ]
         rates = [f"{comment(names[i])} by {around.rate[i] / T:g} in a second" for i in np.flatnonzero(np.isfinite(around.rate))]
-        told.append(f"*What is taken of a measurement*: {', '.join([*limits, *rates])}; anything else is a lost one.")
+        same = [f"{comment(names[i])} like the one before for {most} samples" for i, most in around.repeats]
+        told.append(f"*What is taken of a measurement*: {', '.join([*limits, *rates, *same])}; anything else is a lost one.")
     if around.longest is not None:
         acts = {"hold": "u stays", "zero": "u is zero", "fade": f"u fades to zero over {around.fade} samples"}[around.fallback]
         told.append(
@@ -237,10 +278,11 @@ static long missed_calls(const {name}_input *in)
         return 0L;
     }}
     if (!(time >= {half} * {macro}_SAMPLE_TIME
-            && time <= (({real})({macro}_LONGEST_OUTAGE + 1L) + {half}) * {macro}_SAMPLE_TIME)) {{
+            && time <= (({real}){macro}_LONGEST_OUTAGE + {more}) * {macro}_SAMPLE_TIME)) {{
         return -1L;
     }}
-    whole = (long)(time / {macro}_SAMPLE_TIME + {half});
+    off = time / {macro}_SAMPLE_TIME + {half};
+    whole = (long)off;
     off = time - ({real})whole * {macro}_SAMPLE_TIME;
     return (off <= {macro}_BAND && -off <= {macro}_BAND) ? whole - 1L : -1L;
 }}
@@ -262,7 +304,13 @@ _CALLS = """\
         missed = 0L; /* nothing has begun that could go on */
     }}
     do {{
-        measured = missed == 0L ? 1 : (missed < 0L ? -1 : 0); /* a call that did not come is made up for */
+        measured = 1;
+        if (missed > 0L) {{
+            measured = 0; /* a call that did not come is made up for */
+        }}
+        if (missed < 0L) {{
+            measured = -1;
+        }}
 {sample}        --missed;
     }} while (missed >= 0L);
 """
@@ -298,9 +346,10 @@ static void fall_back({name}_controller *c)
 static void fall_back({name}_controller *c)
 {{
     const long left = c->outage > {macro}_LONGEST_OUTAGE ? {macro}_FADE + {macro}_LONGEST_OUTAGE + 1L - c->outage : 0L;
+    const long less = left - 1L;
     int i;
     for (i = 0; i < {macro}_INPUTS && c->outage > {macro}_LONGEST_OUTAGE; ++i) {{
-        c->{u}[i] = left > 0L ? c->last_u[i] * (({real})(left - 1L) / ({real})left) : {zero};
+        c->{u}[i] = left > 0L ? c->last_u[i] * (({real})less / ({real})left) : {zero};
     }}
 }}
 

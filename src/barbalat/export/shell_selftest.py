@@ -18,7 +18,7 @@ def shell_tests(printed: Printed) -> str:
     around = printed.contents.around
     if around is None:
         return ""
-    tests = [*_ranges(printed), *_rates(printed), *(_OUTAGE if around.longest is not None else [])]
+    tests = [*_ranges(printed), *_rates(printed), *_stuck(printed), *(_OUTAGE if around.longest is not None else [])]
     tests += _TIMER if around.band is not None else []
     if around.longest is not None and around.longest > 0:
         tests += _SHORTER
@@ -74,6 +74,19 @@ def _rates(printed: Printed) -> list[str]:
                     f'require(({{n}}_step(&c, &in, &out) & {{M}}_MEASUREMENT_LOST) != 0u, "a rate is not looked at: {x}[{i}]");'
                 ]
                 lines += [f'require({{n}}_step(&c, &in, &out) == {{M}}_OK, "a rate does not grow with the gap: {x}[{i}]");']
+    return lines
+
+
+def _stuck(printed: Printed) -> list[str]:
+    """What is measured again as often as a channel may repeat itself is taken, and no more often."""
+    around, lines = printed.contents.around, []
+    assert around is not None
+    for place, (_, most) in enumerate(around.repeats):
+        lines.append("{n}_init(&c); (void)replay(&c, 2); in = sample(1);")
+        if most:
+            told = f"{{n}}_step(&c, &in, &out) == {{M}}_OK && c.repeats[{place}] == {most}L"
+            lines += [f"c.repeats[{place}] = {most - 1}L;", f'require({told}, "a repeat is refused");']
+        lines.append('require(({n}_step(&c, &in, &out) & {M}_MEASUREMENT_LOST) != 0u, "a stuck channel is taken");')
     return lines
 
 

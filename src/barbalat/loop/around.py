@@ -14,6 +14,7 @@ import numpy as np
 
 from barbalat.loop.packing import Held
 from barbalat.problem.faults import COMMAND, Dropout, Fault, Jitter, Latency, Stuck
+from barbalat.problem.shell import Shell
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Value
 from barbalat.protocols import kept as choose
@@ -31,6 +32,7 @@ class Kept(NamedTuple):
     outage: Value  # () misses in a row
     fade_left: Value  # () samples of a return's fade that are still to come
     bump: Value  # (m,) what fades out
+    repeats: Value  # (k,) good samples in a row like the one before, of the channels that may be stuck
     offered: Value  # (y,) what the sensor handed over last, right or wrong
     lost: Value  # (2,) 1 where the last measurement, or the last command, did not come
     late: Value  # (d y,) earlier measurements, the newest first
@@ -90,6 +92,7 @@ class Around:
 
     low, high  what is taken; infinite where a channel has no range
     rate       the fastest change from one sample to the next; infinite where a channel has none
+    repeats    samples in a row that may be like the one before, by places of channels
     T          [s] between two calls, of which ``band`` [s] may be off; None where another time is told and nothing else
     longest    misses in a row before the fallback acts; None for no end
     fade       samples of the fallback's fade, and of a return's
@@ -104,6 +107,7 @@ class Around:
     fade: int
     fallback: str
     faults: tuple[OnLoop, ...]
+    repeats: tuple[tuple[int, int], ...] = ()
 
     @classmethod
     def of(cls, problem: TrackingProblem, T: float) -> Around | None:
@@ -126,6 +130,7 @@ class Around:
             fade=fade,
             fallback="hold" if shell is None else shell.fallback,
             faults=tuple(OnLoop.of(fault, names, T) for fault in problem.faults),
+            repeats=() if shell is None else _repeats(shell, names, T),
         )
 
     @classmethod
@@ -145,6 +150,15 @@ class Around:
                     f"shell.{name}.{names[i]}",
                     f"refuses the case's own run: {names[i]} {key} it at sample {k}, t = {k * self.T:g} s, without any fault",
                 )
+        for i, most in self.repeats:
+            run = 0
+            for k in range(1, len(measured)):
+                run = run + 1 if measured[k, i] == measured[k - 1, i] else 0
+                if run > most:
+                    raise InputError.of(
+                        f"shell.stuck.{names[i]}",
+                        f"refuses the case's own run: {names[i]} repeats itself up to t = {k * self.T:g} s, without any fault",
+                    )
 
     @property
     def jitters(self) -> bool:
@@ -170,6 +184,7 @@ class Around:
             outage=some,
             fade_left=ends,
             bump=np.zeros(inputs if self.longest is not None else 0),
+            repeats=np.zeros(len(self.repeats)),
             offered=flat,
             lost=np.zeros(2),
             late=np.concatenate([flat] * late) if late else np.zeros(0),
@@ -232,7 +247,21 @@ class Around:
             moved, most = offered[i] - last[i], self.rate[i] * (held.around.outage[0] + 1.0)
             slow = np.where(moved <= most, np.where(-moved <= most, 1.0, 0.0), 0.0)
             good = np.where(held.started > 0, np.where(slow > 0, good, 0.0), good)
+        for place, (i, most) in enumerate(self.repeats):
+            stuck = np.where(offered[i] == last[i], np.where(held.around.repeats[place] >= float(most), 1.0, 0.0), 0.0)
+            good = np.where(held.started > 0, np.where(stuck > 0, 0.0, good), good)
         return good
+
+    def _repeated(self, taken: Taken, before: Held, old: Kept) -> Value:
+        """What is counted of samples that are like the one before."""
+        if not self.repeats:
+            return old.repeats
+        now, last = taken.y.reshape(-1), before.measured.reshape(-1)
+        counted = []
+        for place, (i, _) in enumerate(self.repeats):
+            more = np.where(before.started > 0, np.where(now[i] == last[i], old.repeats[place] + 1.0, 0.0), 0.0)
+            counted.append(np.where(taken.freeze > 0, old.repeats[place], more).reshape(1))
+        return np.concatenate(counted)
 
     def _timer(self, timer: Value, next_late: Value, dt: Value) -> tuple[Value, Value, Value]:
         """Whether the timer calls at this step, at a time that is not taken, and what it keeps."""
@@ -266,6 +295,7 @@ class Around:
             kept = kept._replace(outage=outage)
         if self.longest is not None:
             u, kept = self._with_fallback(u, miss, before.held.u, old, kept)
+        kept = kept._replace(repeats=self._repeated(taken, before.held, old))
         held = after.held._replace(u=u, around=kept)
         going = choose(taken.begun > 0, after._replace(held=held), before)
         seen = going.held.around._replace(offered=taken.offered, lost=taken.lost, late=taken.late)
@@ -293,3 +323,9 @@ class Around:
         found = np.where(miss > 0, np.where(acts, fallen, last), faded)
         still = np.where(left > 0, left - 1.0, left).reshape(1)
         return found.reshape(u.shape), kept._replace(fade_left=still, bump=bump)
+
+
+def _repeats(shell: Shell, names: tuple[str, ...], T: float) -> tuple[tuple[int, int], ...]:
+    """The places of channels that may be stuck, and how many samples in a row each may be like the one before."""
+    found = [(i, shell.repeats(name, T)) for i, name in enumerate(names)]
+    return tuple((i, most) for i, most in found if most is not None)

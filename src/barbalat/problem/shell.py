@@ -19,12 +19,18 @@ MOST_SAMPLES = 10**8
 """Of an outage or of a fade: three years at a sample a second, and far within what a C compiler's long counts."""
 
 
+CHECKS = ("range", "rate", "stuck")
+"""What is asked of a measurement, by channels."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Shell(Settings):
     """The measurements and the sample times that a controller takes, and what acts after an outage; nothing needs to be given.
 
     range    by measured channels, [lowest, highest] value that is taken, in the channel's unit. A value outside is a miss
     rate     by measured channels, the fastest change that is taken, in the channel's unit per second, since the last good sample
+    stuck    by measured channels, how long a channel may repeat itself exactly [s]; beyond it is a miss until it changes. Off
+             unless given: a quantised sensor at a standstill repeats itself
     jitter   how far the time between two calls may be off, as a part of the sample time: within it the nominal time is taken, a
              whole number of sample times counts as so many misses, and any other time makes the fallback act. Goes with
              longest_outage. Without it another time is told and nothing else
@@ -40,6 +46,7 @@ class Shell(Settings):
 
     range: Mapping[str, list[float]] = field(default_factory=dict)
     rate: Mapping[str, float] = field(default_factory=dict)
+    stuck: Mapping[str, float] = field(default_factory=dict)
     jitter: float | None = None
     longest_outage: float | None = None
     fallback: Fallback = "hold"
@@ -48,12 +55,13 @@ class Shell(Settings):
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        for name in ("range", "rate"):
+        for name in CHECKS:
             if not isinstance(getattr(self, name), Mapping):
                 raise InputError.of(f"shell.{name}", f"must give numbers by channels, got {validate.show(getattr(self, name))}")
         ranges = {str(key): _pair(f"shell.range.{key}", value) for key, value in self.range.items()}
         rates = {str(key): validate.positive(f"shell.rate.{key}", value) for key, value in self.rate.items()}
-        freeze(self, range=ranges, rate=rates)
+        stuck = {str(key): validate.positive(f"shell.stuck.{key}", value) for key, value in self.stuck.items()}
+        freeze(self, range=ranges, rate=rates, stuck=stuck)
         if self.fallback not in get_args(Fallback):
             raise InputError.of("shell.fallback", f"must be hold, zero, baseline or fade, got {validate.show(self.fallback)}")
         if self.longest_outage is not None:
@@ -82,10 +90,14 @@ class Shell(Settings):
 
     def require(self, names: tuple[str, ...]) -> None:
         """InputError for a channel that is not measured; ``names`` are those that are."""
-        for field_name in ("range", "rate"):
+        for field_name in CHECKS:
             for key in getattr(self, field_name):
                 if key not in names:
                     raise InputError.of(f"shell.{field_name}.{key}", f"names no measured channel; there are {', '.join(names)}")
+
+    def repeats(self, name: str, T: float) -> int | None:
+        """How many samples of length T [s] in a row a channel may be like the one before; None for any number."""
+        return None if name not in self.stuck else _samples(f"stuck.{name}", self.stuck[name], T)
 
     def samples(self, T: float) -> tuple[int, int]:
         """The longest outage and the fade in samples of length T [s]; InputError where they are too many to be counted."""

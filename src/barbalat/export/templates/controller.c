@@ -65,7 +65,7 @@ static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
     next = *c;
     advance(&next, in);
     if (measured ${good}) {
-${returns}        fade(&next);
+${returns}${repeated}        fade(&next);
     } else {
 ${counted}        hold(&next);
 ${falls_back}    }
