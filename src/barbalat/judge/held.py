@@ -57,7 +57,10 @@ def _turns(values: Array) -> tuple[int, float]:
     width = RIPPLE * full
     steps = np.diff(values)
     jumps = int(((np.abs(steps[1:]) > width) & (steps[:-1] == 0)).sum())
-    moves = np.diff(_without_ripple(values.tolist(), 0.5 * width))
+    moving = np.flatnonzero(steps)
+    back = moving[1:][np.sign(steps[moving[1:]]) != np.sign(steps[moving[:-1]])]
+    extremes = values[[0, *back, len(values) - 1]]  # between two of them what follows with play goes one way, or rests
+    moves = np.diff(_without_ripple(extremes.tolist(), 0.5 * width))
     ways = np.sign(moves[moves != 0])
     turns = int((ways[1:] != ways[:-1]).sum())
     way = float(np.abs(moves).sum()) + width * turns  # the play takes its width of each turn
