@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from benchmarks import house, inputs, norms, outputs, processor, speed, studies
+from benchmarks import accuracy, house, inputs, norms, outputs, processor, speed, studies
 from benchmarks.loops import CASES, l1
 from benchmarks.race import WrongNumbersError
 from benchmarks.table import console, show
@@ -19,7 +19,7 @@ def main() -> int:
     start = time.perf_counter()
     parser = argparse.ArgumentParser(prog="./dev benchmark", description="Barbalat side by side with its peers, in one run.")
     parser.add_argument("--quick", action="store_true", help="fewer repeats, variants and peers: within a minute instead of five")
-    parser.add_argument("--peers", action="store_true", help="also JAX, diffrax and Numba, which ./dev installs for it")
+    parser.add_argument("--peers", action="store_true", help="also JAX, diffrax, heyoka and Numba, which ./dev installs for it")
     parser.add_argument("--avx2", action="store_true", help="everyone compiles as for this processor without AVX-512")
     parser.add_argument("--studies", action="store_true", help="sweeps alone: threads, stores, Dask, a million members")
     given = parser.parse_args()
@@ -37,7 +37,7 @@ def main() -> int:
         print(f"wrong numbers: {error}", file=sys.stderr)
         return 1
     if not given.peers:
-        console.print("Not compared: JAX, diffrax, Numba. --peers installs and times them.")
+        console.print("Not compared: JAX, diffrax, heyoka, Numba. --peers installs and times them.")
     console.print(f"Finished in {time.perf_counter() - start:.0f} s.")
     return 0
 
@@ -52,6 +52,8 @@ def compare(extent: speed.Extent) -> None:
             show(*speed.ensemble(case(speed.MEMBERS), Path(folder), extent))
     show("L1 norms: a certified enclosure against quadratures", *norms.section(quick=quick))
     show("The second core, ns per step of one member", *house.two_cores(speed.MEMBERS, quick=quick))
+    for controller in accuracy.controllers()[: 1 if quick else None]:
+        show(*accuracy.section(controller, quick=quick, peers=extent.peers))
     for members in (1, 16):
         show("Delay and actuator, time per state as a ratio to the plain loop's", *inputs.per_state(members, quick=quick))
         show("Output feedback, time per state as a ratio to a state-feedback loop's", *outputs.per_state(members, quick=quick))

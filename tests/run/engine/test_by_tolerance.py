@@ -160,3 +160,13 @@ def test_certificates_have_no_limit_of_the_step() -> None:
     for name, certificate in found.items():
         assert not {"step_max", "gamma_max"} & set(certificate.values)
         assert certificate.values["error_bound"] == fixed[name].values["error_bound"]
+
+
+def test_attempts_without_dense_output_are_the_same() -> None:
+    """What the work-precision table measures makes the steps of a run; sums that nobody else needs are associated otherwise."""
+    whole = final_state(PAPER.problem, MRAC, 1e-7, 1.0)
+    bare = whole.again(1e-7, 1.0).sparse()
+    while not bare.over:
+        bare.further()
+    assert bare.x == pytest.approx(whole.x, rel=1e-9)
+    assert (bare.steps, bare.rejected) == (whole.steps, whole.rejected)

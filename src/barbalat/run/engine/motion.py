@@ -57,6 +57,7 @@ class Motion:
     begins: Array
     numbers: Array
     piece: int = 0
+    at_once: int = 16  # attempts of the last call; those of one that has arrived are in vain
     steps: int = 0
     rejected: int = 0
     choices: int = 0
@@ -75,7 +76,12 @@ class Motion:
     def again(self, tolerance: float, t_end: float) -> Motion:
         """The same from t = 0 at another tolerance."""
         state = self.attempts.carried.initial(self.attempts.loop.initial(), FIRST_STEP * t_end)
-        return replace(self, state=state, tolerance=tolerance, piece=0, steps=0, rejected=0, choices=0)
+        return replace(self, state=state, tolerance=tolerance, piece=0, at_once=16, steps=0, rejected=0, choices=0)
+
+    def sparse(self) -> Motion:
+        """The same without dense output, of which the end of each piece alone is known: three evaluations less an attempt."""
+        attempts = self.attempts
+        return replace(self, code=_compiled(attempts.program(dense=False), attempts.begin(), attempts.shape))
 
     def copied(self) -> Motion:
         """It, to be taken further by itself."""
@@ -114,8 +120,8 @@ class Motion:
     def further(self) -> Array:
         """A number of steps more, as rows of what ``Written`` describes; a break comes only at the end of the last of them."""
         carried, t_stop = self.attempts.carried, float(self.begins[self.piece + 1])
-        needed = (t_stop - self.t) / self.state[self._at("h")]
-        blocks = int(min(max(1.25 * needed, FEWEST_ATTEMPTS), MOST_ATTEMPTS))
+        needed = 1.1 * (t_stop - self.t) / self.state[self._at("h")]
+        blocks = self.at_once = int(min(max(needed, FEWEST_ATTEMPTS), 2 * self.at_once, MOST_ATTEMPTS))
         kernel = self.code.for_steps(blocks)
         out = np.empty((blocks, carried.size + kernel.shape.accumulators))
         numbers = self.attempts.numbers(np.empty(0), t_stop, self.tolerance, 0.0, self.numbers[self.piece])
