@@ -35,6 +35,19 @@ def files(
     name: str = "",
 ) -> dict[str, str]:
     """The files of an export by their names, in C99; InputError as of ``export_controller``."""
+    return sources(problem, controller, simulation, float32=float32, closed_loop=closed_loop, name=name)[1]
+
+
+def sources(
+    problem: TrackingProblem,
+    controller: Controller,
+    simulation: Simulation,
+    *,
+    float32: bool = False,
+    closed_loop: bool = False,
+    name: str = "",
+) -> tuple[Printed, dict[str, str]]:
+    """The same with the export that they are printed of, for what is made around the C."""
     require_case(problem, simulation)
     printed = Printed(Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE), name)
     found = {
@@ -48,7 +61,7 @@ def files(
         opened = Opened.of(problem, controller, simulation, tunable=False)
         made = PrintedPlant(PlantContents.of(problem, opened), printed)
         found |= {"plant.h": plant_header(made), "plant.c": plant_source(made), "loop.c": loop_program(made)}
-    return named(found, name)
+    return printed, named(found, name)
 
 
 FILES = re.compile(r"\b(controller\.[hc]|selftest\.c|plant\.[hc]|loop\.c|README\.md)\b")

@@ -1,0 +1,57 @@
+"""A crate: the exported C, functions of plain arguments around it, a safe wrapper, and samples of the simulation as its test."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.export.c99.files import named, sources
+from barbalat.export.plain import plain_functions
+from barbalat.export.target import Request
+from barbalat.export.texts import Printed, filled
+from barbalat.validate import Array, InputError
+
+TESTED = 100
+"""Samples of the simulation that the crate's own test replays; ``selftest.c`` replays all of them."""
+
+
+def files(asked: Request) -> dict[str, str]:
+    """The files by their names; InputError as of ``export_controller``."""
+    if asked.closed_loop:
+        raise InputError("the target rust has the controller alone: take the target c99 for the closed loop")
+    printed, texts = sources(asked.problem, asked.controller, asked.simulation, float32=asked.float32, name=asked.name)
+    own = next(iter(named({"controller.h": ""}, asked.name))), next(iter(named({"controller.c": ""}, asked.name)))
+    y, q, m, p = printed.contents.sizes
+    number = "f64" if printed.real == "double" else "f32"
+    given = {
+        "name": printed.name,
+        "measured": y,
+        "commands": q,
+        "inputs": m,
+        "estimates": p,
+        "number": number,
+        "start_declared": f"x: *const {number}, " if printed.contents.measures_state else "",
+        "start_argument": f"x: &[{number}; MEASURED], " if printed.contents.measures_state else "",
+        "start_given": "x.as_ptr(), " if printed.contents.measures_state else "",
+        "samples": _samples(printed),
+        "bits": f"u{number[1:]}",
+        "sample_time": f"{float(printed.contents.real.numbers(printed.contents.sample_time))!r}",
+    }
+    return texts | {
+        "plain.c": plain_functions(printed, own[0]),
+        "Cargo.toml": filled("Cargo.toml", name=printed.name.lower()),
+        "build.rs": filled("build.rs", name=printed.name, controller=own[1]),
+        "lib.rs": filled("lib.rs", **given),
+    }
+
+
+def _samples(printed: Printed) -> str:
+    """Rows of bits: what is measured, the command, the control."""
+    contents = printed.contents
+    control = contents.vectors.states[:TESTED, list(contents.layout.u.rows)]
+    rows = np.hstack([contents.vectors.measured[:TESTED], contents.vectors.commands[:TESTED], control])
+    return "".join(f"        [{', '.join(_bits(row, contents.real.numbers))}],\n" for row in rows)
+
+
+def _bits(row: Array, numbers: type[np.floating]) -> list[str]:
+    found = row.astype(numbers)
+    return [f"0x{value:x}" for value in found.view(np.uint64 if found.itemsize == 8 else np.uint32)]

@@ -1,0 +1,21 @@
+"""``--target rust``: a crate around the exported C, without dependencies."""
+
+from __future__ import annotations
+
+from barbalat.export.target import Request, Target
+
+
+def _files(asked: Request) -> dict[str, str]:
+    from barbalat.export.rust.files import files
+
+    return files(asked)
+
+
+TARGETS = (
+    Target(
+        name="rust",
+        help="a crate around the C, with a safe wrapper",
+        files=_files,
+        check=lambda folder, _: f"cd {folder} && cargo test --offline",
+    ),
+)

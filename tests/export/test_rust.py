@@ -1,0 +1,42 @@
+"""``--target rust``: a crate whose own test replays the simulation; compiled where cargo is installed."""
+
+from __future__ import annotations
+
+import subprocess
+
+import pytest
+
+from barbalat import InputError
+from barbalat.exports import export_controller
+from export.examples import SIMULATION
+from export.targets import ISO, STRICT, needs, needs_gcc
+from export.test_bit_identical import EXAMPLES
+
+KINDS = ("Mrac-several-euler", "LinearOutput-output", "Mrac-state-midpoint")
+
+
+def crate(beginning, folder, **given):
+    found = next(name for name in EXAMPLES if name.startswith(beginning))
+    return export_controller(*EXAMPLES[found], SIMULATION, out=folder, target="rust", **given)
+
+
+@needs("cargo")
+@pytest.mark.parametrize("float32", [False, True])
+@pytest.mark.parametrize("beginning", KINDS)
+@pytest.mark.short(kept=lambda beginning, float32: beginning == KINDS[0] and not float32)
+def test_the_crate_computes_the_simulations_bits(beginning, float32, tmp_path) -> None:
+    crate(beginning, tmp_path, float32=float32, name="roll")
+    done = subprocess.run(["cargo", "test", "--offline"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "2 passed" in done.stdout and "warning" not in done.stderr
+
+
+@needs_gcc
+def test_its_functions_of_plain_arguments_compile_without_a_warning(tmp_path) -> None:
+    crate(KINDS[1], tmp_path)
+    subprocess.run(["gcc", *ISO, *STRICT, "-c", "plain.c"], cwd=tmp_path, check=True, timeout=60)
+
+
+def test_the_closed_loop_is_refused(tmp_path) -> None:
+    with pytest.raises(InputError, match="the target rust has the controller alone"):
+        crate(KINDS[1], tmp_path, closed_loop=True)
