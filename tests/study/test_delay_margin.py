@@ -26,10 +26,10 @@ from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import delay_margins_ensemble, gains_scanned, margins_ensemble
-from barbalat.study.ideal_benchmark import NOISE_SENTENCE, Ideals, with_error
+from barbalat.study.ideal_benchmark import NOISE_SENTENCE, Ideals, JudgedRuns, Undelayed, with_error
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.study.simulated_margins import FILLED_SENTENCE, with_simulated_margins
-from barbalat.study.verdicts import Lost
+from barbalat.study.verdicts import Lost, Verdicts
 from independent import refusal
 
 
@@ -282,6 +282,21 @@ def test_a_margin_is_that_of_the_case_with_its_limits():
         assert (run.verdict.kind == "limit cycle") == cycles
     assert found.simulated.verdict["class"] == "off" and "the input's limits" in found.simulated.run
     assert found.values["gain_margin_measured"] == pytest.approx(1.23, abs=0.01)
+
+
+class NothingCosts:
+    def noise_costs(self, problems, numbers, sizes, judge):
+        return np.zeros((len(problems), 1))
+
+
+@pytest.mark.parametrize(("rms", "ends"), [(0.021, False), (0.029, True)])  # a third of the band beside 0.01 is 0.0267
+def test_the_largest_errors_of_two_draws_end_no_margin_and_their_rms_does(rms, ends):
+    def of(error: float, rms: float) -> Verdicts:
+        no, one = np.zeros(1, dtype=bool), np.ones((1, 1))
+        return Verdicts(metrics=None, lost=no, oscillates=no, error=error * one, rms=rms * one, band=0.05 * one, scale=one)
+
+    runs = JudgedRuns([(None, None)], Simulation(1.0, 0.1), Undelayed(of(0.1, 0.01), of(0.1, 0.01)), np.zeros(1), NothingCosts())
+    assert runs._costs_more(of(0.9, rms), of(0.1, 0.01), np.array([0]), np.array([0.01]))[0] == ends
 
 
 def test_estimates_that_noise_drives_through_the_known_set_are_a_finding():

@@ -119,6 +119,7 @@ class DelayMargins(Plotted):
     noisy        whether the members have measurement noise
     undelayed    figures without an added delay, with the noise
     runs         simulations made
+    ends         for each why the onset is where it is, in words; empty where nothing that was tried ends its margin
     """
 
     onset: Bracket
@@ -129,6 +130,7 @@ class DelayMargins(Plotted):
     noisy: bool
     undelayed: Metrics
     runs: int
+    ends: tuple[str, ...] = ()
 
     def of(self, chosen: Array) -> DelayMargins:
         """The margins of the members ``chosen``, (J,); ``runs`` stays that of all."""
@@ -141,6 +143,7 @@ class DelayMargins(Plotted):
             noisy=self.noisy,
             undelayed=self.undelayed.of(chosen),
             runs=self.runs,
+            ends=tuple(np.array(self.ends, dtype=object)[chosen]) if self.ends else (),
         )
 
     def __repr__(self) -> str:
@@ -264,6 +267,7 @@ def margins_ensemble(
         noisy=judged.noisy,
         undelayed=undelayed.noisy.metrics,
         runs=judged.runs + (1 + judged.noisy) * len(members),
+        ends=tuple(judged.ends.get((i, float(size)), "") for i, size in enumerate(brackets[0].loses)),
     )
 
 

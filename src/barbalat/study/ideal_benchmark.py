@@ -31,9 +31,12 @@ SIZES_TRIED = 16
 """Sizes of a modelling error with which the loop that knows theta is run; in between what the noise costs it is interpolated."""
 NOISE_SENTENCE = (
     "oscillation is judged on the same run without the case's measurement noise, which moves controls as fast as an oscillation "
-    "does; with the noise the loop must not be lost, nor may the noise cost it more than the judge's band beyond what it costs "
-    "without the modelling error and with theta known"
+    "does; with the noise the loop must not be lost, nor may the noise add more to the run's RMS error than a third of the "
+    "judge's band beyond what it adds without the modelling error and with theta known"
 )
+NOISE_BAND_SHARE = 1 / 3
+"""Of the judge's band, which is one of the largest error: a third of that is the RMS of what is as random as the noise. Largest
+errors are no measure of it: of a run that any change tells apart, as at a command's steps, two noises differ by more."""
 
 
 def ideal(problem: Problem) -> Member:
@@ -60,7 +63,7 @@ class Ideals:
         return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, SIZES_TRIED))
 
     def noise_costs(self, problems: Sequence[TrackingProblem], numbers: Array, sizes: Array, judge: Judge) -> Array:
-        """(J, n) what the noise of these streams adds to the tail's error with errors of these sizes; infinite without theta.
+        """(J, n) what the noise of these streams adds to the RMS error with errors of these sizes; infinite without theta.
 
         0 where the loop that knows theta oscillates itself: its own limit cycle explains nothing.
         """
@@ -82,7 +85,7 @@ class Ideals:
         with_noise = Verdicts.run(noisy, self.simulation, judge, numbers=streams)
         without = Verdicts.run(quiet_members(noisy), self.simulation, judge)
         with np.errstate(invalid="ignore"):
-            costs = np.where(without.oscillates[:, None], 0.0, np.maximum(with_noise.error - without.error, 0.0))
+            costs = np.where(without.oscillates[:, None], 0.0, np.maximum(with_noise.rms - without.rms, 0.0))
         return costs.reshape(len(problems), len(self.sizes), -1)
 
 
@@ -166,6 +169,7 @@ class JudgedRuns:
     undelayed  their runs without one
     numbers    (M,) of the members' noise
     runs       simulations made so far, those behind ``undelayed`` left out
+    ends       why a member's margin ends by the onset at a size, in words, by both
     """
 
     members: Sequence[Member]
@@ -176,6 +180,7 @@ class JudgedRuns:
     by: Judging = field(default_factory=Judging)
     threads: int | None = None
     runs: int = 0
+    ends: dict[tuple[int, float], str] = field(default_factory=dict)
 
     @property
     def noisy(self) -> bool:
@@ -217,21 +222,27 @@ class JudgedRuns:
         without = self._run(self.quiet, chosen, added, part_of(progress, 0.0, 0.5 if self.noisy else 1.0))
         loss = self.by.lost.judge(without, self.undelayed.quiet.of(chosen))
         begun = without.oscillates.copy()
+        for i, size, lost in zip(chosen[begun], added[begun], without.lost[begun], strict=True):
+            self.ends[int(i), float(size)] = "it is lost" if lost else "it is in a limit cycle, or an oscillation grows"
         left = ~{Criterion.ONSET: begun, Criterion.LOSS: loss, None: begun & loss}[asked]
         if self.noisy and left.any():
             which, sizes = chosen[left], added[left]
             seen = self._run(self.members, which, sizes, part_of(progress, 0.5, 0.5))
             loss[left] |= self.by.lost.judge(seen, self.undelayed.noisy.of(which))
-            begun[left] |= seen.oscillates
+            shaken = seen.oscillates
             if asked is not Criterion.LOSS:
-                begun[left] |= self._costs_more(seen, without.of(left), which, sizes)
+                shaken = shaken | self._costs_more(seen, without.of(left), which, sizes)
+            for i, size, itself in zip(which[shaken], sizes[shaken], seen.oscillates[shaken], strict=True):
+                ended = "the noise makes it a limit cycle, or it is lost" if itself else "the noise outgrows its band"
+                self.ends.setdefault((int(i), float(size)), ended)
+            begun[left] |= shaken
         return begun, loss
 
     def _costs_more(self, noisy: Verdicts, without: Verdicts, chosen: Array, added: Array) -> Array:
-        """(J,) whether the noise adds more to a tail's error than without the error and where theta is known, by the band."""
+        """(J,) whether the noise adds more to the RMS error than without the modelling error and where theta is known."""
         with np.errstate(invalid="ignore"):
-            usual = np.maximum((self.undelayed.noisy.error - self.undelayed.quiet.error)[chosen], 0.0)
-            more = noisy.error - without.error - usual - without.band
+            usual = np.maximum((self.undelayed.noisy.rms - self.undelayed.quiet.rms)[chosen], 0.0)
+            more = noisy.rms - without.rms - usual - NOISE_BAND_SHARE * without.band
         beyond = np.asarray((more > 0).any(axis=1))
         which = np.flatnonzero(beyond)  # the loop that knows theta is run for these alone
         if len(which):

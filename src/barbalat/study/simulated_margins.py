@@ -156,9 +156,9 @@ class _Measured:
         longest = " at least" if np.isinf(loses) else ""
         borne = f"delay{longest} {delay:.3g} s" if delay > 0 else f"delay below {2 * simulation.dt:.3g} s"
         all_gains = all(np.isinf(one.onset.loses[0]) for one in self.gains)
-        noise = ", or the noise outgrows its band" if self.delay.noisy else ""
-        until = f"until it is lost or in a limit cycle{noise}"
-        return f"{borne}, gain{' at least' * all_gains} {self.gain:.3g} {until}"
+        ends = self.delay.ends[0]
+        first = min(self.gains, key=lambda one: float(one.onset.bears[0])).ends[0]
+        return f"{borne}{_until(ends)}, gain{' at least' * all_gains} {self.gain:.3g}{_until(first)}"
 
     def _beside(self, certificate: Certificate) -> list[str]:
         """Findings where the linear loop is said to bear more than twice what the case does."""
@@ -177,6 +177,10 @@ class _Measured:
                 f"by {self.by.lost.share:g} times the largest |x_m|, delay_margin_simulated"
             )
         return said
+
+
+def _until(ends: str) -> str:
+    return f" until {ends}" if ends else ""
 
 
 def less_than_half(measured: float, linear: float | None) -> bool:

@@ -51,6 +51,7 @@ class Verdicts:
     lost        (M,) whether the judge's class is *lost*
     oscillates  (M,) whether it is *lost* or *limit cycle*, or an oscillation still grows where the judge stops looking
     error       (M, n) the tail's largest |e|; infinite where the run is lost
+    rms         (M, n) the root mean square of e over the run; infinite where it is lost
     band        (M, n) within which the judge lets the tail's error be
     scale       (M, n) the judge's scale of each component: the model's largest motion, where it moves
     """
@@ -59,6 +60,7 @@ class Verdicts:
     lost: Array
     oscillates: Array
     error: Array
+    rms: Array
     band: Array
     scale: Array
 
@@ -87,6 +89,7 @@ class Verdicts:
             lost=lost,
             oscillates=lost | cycles | judged.cycles.growing,
             error=np.where(lost[:, None], np.inf, judged.error),
+            rms=np.where(lost[:, None], np.inf, found.metrics.rms_e),
             band=judged.bands.follows,
             scale=judged.bands.scale,
         )
