@@ -3,7 +3,6 @@
 import json
 
 from barbalat.cli import main
-from barbalat.papers.jafari_2013.paper import PAPER
 
 
 def test_the_list_has_every_name_and_no_verdict(capsys):
@@ -31,9 +30,3 @@ def test_an_unknown_name(capsys):
     assert main(["claims", "bound9"]) == 2
     said = capsys.readouterr().err
     assert "'bound-9'" in said and len(said.splitlines()) == 1
-
-
-def test_the_names_are_those_of_the_rows(section_v_runs):
-    """Of the quick rows; of all, ``tests/papers/test_ledger.py`` looks."""
-    for part in (part for part in PAPER.ledger if part.quick):
-        assert [row.id for row in part.rows(*([section_v_runs] if part.judges_runs else []))] == list(part.names)

@@ -240,6 +240,7 @@ def test_a_law_from_outside_starts_where_the_others_do():
     assert starts == {"MRAC": [1.0], "outside": [1.0], "chosen": [0.5], "plain": [0.0]}
 
 
+@pytest.mark.full
 def test_who_starts_elsewhere_is_said():
     rule = replace(RULE, plants=1)
     one, other = (

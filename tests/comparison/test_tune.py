@@ -396,6 +396,7 @@ def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
     )
 
 
+@pytest.mark.full
 def test_a_delay_that_is_asked_of_a_noisy_case_is_tolerated_without_the_noise(tmp_path):
     """With noise in the onset's runs a gain was returned whose estimates oscillate far below the delay that was asked for."""
     noise = "[sensor.noise]\nstd = 0.05\nsample_time = 0.01\n"

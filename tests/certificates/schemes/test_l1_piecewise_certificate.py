@@ -341,6 +341,7 @@ def test_no_mixture_of_what_disturbs_does_what_is_denied(sample):
 
 
 @pytest.mark.parametrize("T", [1e-3, 1e-2, 0.1, 0.2])
+@pytest.mark.short(kept=lambda T: T > 1e-3)
 def test_a_longer_sample_lets_less_noise_through(T):
     """White noise through s(1 - 1/z)/T and C by the trapezoidal rule, in closed form, where the plant hardly moves in a sample.
 

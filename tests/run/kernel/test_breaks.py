@@ -436,6 +436,7 @@ MOTION = {
 
 
 @pytest.mark.parametrize("name", MOTION)
+@pytest.mark.short(kept=lambda name: name in ("a converter", "a saturation that is not reached"))
 def test_what_the_motion_costs_is_said(name):
     """By regression over steps, against a run at a far finer one; a converter's errors are as irregular as its crossings."""
     path, dead_zone, order, said = MOTION[name]

@@ -119,6 +119,7 @@ def test_the_estimates_stand_with_the_true_values_and_fill_their_panel(results):
 
 
 @pytest.mark.parametrize("case", ["paper", "l1-output", "lateral-aircraft"])
+@pytest.mark.short(kept=lambda case: case != "lateral-aircraft")
 def test_every_kind_of_result_is_drawn(case):
     found = load_case(case)
     short = Simulation(2.0, found.simulation.dt)
