@@ -184,7 +184,10 @@ def test_cases_lists_the_bundled_ones(capsys):
         ),
         (["run", "paper", "--budget", "5h,-1GiB"], "--budget must be a positive memory, a positive time or both"),
         (["certify", "paper", "--share", "x"], "barbalat certify: --share must be a number, got 'x'"),
-        (["export", "paper", "--target", "c98"], "--target must be one of c99, fmu2, fmu3; got 'c98'; did you mean 'c99'?"),
+        (
+            ["export", "paper", "--target", "c98"],
+            "--target must be one of ardupilot, c99, fmu2, fmu3, rust; got 'c98'; did you mean 'c99'?",
+        ),
         (["sweep", "paper", "--vary"], "barbalat sweep: --vary: expected at least one argument"),
     ],
 )

@@ -206,7 +206,9 @@ def test_an_export_target_is_one_folder(tmp_path):
     (tmp_path / "listing/__init__.py").touch()
     (tmp_path / "listing/target.py").write_text(TARGET)
     with_entry_point(tmp_path, "barbalat.export_targets", "listing")
-    assert "one of c99, fmu2, fmu3, listing" in " ".join(barbalat_says("export", "--help", path=tmp_path).split())
+    assert "one of ardupilot, c99, fmu2, fmu3, rust, listing" in " ".join(
+        barbalat_says("export", "--help", path=tmp_path).split()
+    )
     said = barbalat_says(
         "export", "first-order", "--controller", "MRAC, sampled", "--target", "listing", "--out", "made", "--json", path=tmp_path
     )

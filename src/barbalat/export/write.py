@@ -34,6 +34,7 @@ def export_controller(
     out                  the folder; an export that is there is replaced as a whole
     target               "c99": ``controller.h``, ``controller.c``, ``selftest.c``, ``README.md``; "fmu2", "fmu3": a unit for
                          Co-Simulation by FMI 2.0 or 3.0, whose gains, limits and initial estimates are parameters;
+                         "ardupilot": a backend of AC_CustomControl for one axis, in 32 bits;
                          "rust": the C in a crate without dependencies, with a safe wrapper
     float32              numbers of 32 bits; the test vectors are then its own, rounded operation by operation
     closed_loop          the plant and the whole loop as well: ``plant.h``, ``plant.c`` and ``loop.c``, or a unit of each

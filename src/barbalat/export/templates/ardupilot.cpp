@@ -1,0 +1,132 @@
+/*
+ * ${origin}
+ * A backend of ArduPilot's AC_CustomControl: see ARDUPILOT.md.
+ */
+#include "AC_CustomControl_config.h"
+#include "AC_CustomControl_${kind}.h"
+
+#if AP_CUSTOMCONTROL_ENABLED
+
+#include <AP_Logger/AP_Logger.h>
+#include <GCS_MAVLink/GCS.h>
+
+const AP_Param::GroupInfo AC_CustomControl_${kind}::var_info[] = {
+    // @Param: AXIS
+    // @DisplayName: Axis
+    // @Description: Which axis the controller is for
+    // @Values: 0:Roll, 1:Pitch, 2:Yaw
+    // @User: Advanced
+    AP_GROUPINFO("AXIS", 1, AC_CustomControl_${kind}, _axis, 1),
+
+    // @Param: ANGLE
+    // @DisplayName: Angle is measured
+    // @Description: Where the controller measures one number: 1 the angle, 0 its rate. It measures both in this order otherwise.
+    // @Values: 0:Rate, 1:Angle
+    // @User: Advanced
+    AP_GROUPINFO("ANGLE", 2, AC_CustomControl_${kind}, _angle, 1),
+
+    // @Param: FADE
+    // @DisplayName: Samples of a start
+    // @Description: Samples over which the difference to the main controller's output fades out after a start
+    // @Range: 0 2000
+    // @User: Advanced
+    AP_GROUPINFO("FADE", 3, AC_CustomControl_${kind}, _fade, 200),
+
+    // @Param: SCALE
+    // @DisplayName: Scale of the control
+    // @Description: What the controller's u is at a motor command of 1
+    // @User: Advanced
+    AP_GROUPINFO("SCALE", 4, AC_CustomControl_${kind}, _scale, 1.0f),
+
+    AP_GROUPEND
+};
+
+AC_CustomControl_${kind}::AC_CustomControl_${kind}(AC_CustomControl& frontend, AP_AHRS_View*& ahrs,
+                                                   AC_AttitudeControl*& att_control, AP_MotorsMulticopter*& motors, float dt) :
+    AC_CustomControl_Backend(frontend, ahrs, att_control, motors, dt),
+    _starting(true),
+    _logged(0),
+    _period(dt)
+{
+    AP_Param::setup_object_defaults(this, var_info);
+    ${name}_init(&_controller);
+    const float off = dt > ${macro}_SAMPLE_TIME ? dt - ${macro}_SAMPLE_TIME : ${macro}_SAMPLE_TIME - dt;
+    if (off > 0.001f * ${macro}_SAMPLE_TIME) {
+        GCS_SEND_TEXT(MAV_SEVERITY_WARNING, "${name}: made for a loop rate of ${rate} Hz");
+    }
+}
+
+float *AC_CustomControl_${kind}::_axis_of(Vector3f &rpy) const
+{
+    return _axis.get() <= 0 ? &rpy.x : _axis.get() == 1 ? &rpy.y : &rpy.z;
+}
+
+void AC_CustomControl_${kind}::_measure(float *measured, float *r) const
+{
+    Quaternion body, target = _att_control->get_attitude_target_quat();
+    _ahrs->get_quat_body_to_ned(body);
+    Vector3f angle, wanted;
+    body.to_euler(angle.x, angle.y, angle.z);
+    target.to_euler(wanted.x, wanted.y, wanted.z);
+    Vector3f rate = _ahrs->get_gyro_latest();
+    Vector3f wanted_rate = (body.inverse() * target) * _att_control->get_attitude_target_ang_vel();
+    const float command = *_axis_of(wanted);
+    const bool both = ${both} != 0;
+    if (both || _angle.get() != 0) {
+        measured[0] = command - wrap_PI(command - *_axis_of(angle)); // no jump where yaw passes south
+        measured[${macro}_MEASURED - 1] = both ? *_axis_of(rate) : measured[0];
+        r[0] = command;
+    } else {
+        measured[0] = *_axis_of(rate);
+        r[0] = *_axis_of(wanted_rate);
+    }
+}
+
+// What the main controller has put out stays on the ground, on the other axes, and where the state is lost.
+Vector3f AC_CustomControl_${kind}::update(void)
+{
+    Vector3f out{_motors->get_roll(), _motors->get_pitch(), _motors->get_yaw()};
+    const AP_Motors::SpoolState spool = _motors->get_spool_state();
+    if (spool == AP_Motors::SpoolState::SHUT_DOWN || spool == AP_Motors::SpoolState::GROUND_IDLE) {
+        reset();
+        return out;
+    }
+    const float scale = _scale.get() > 0.0f ? _scale.get() : 1.0f;
+    float x[${macro}_MEASURED], r[${macro}_COMMANDS];
+    ${name}_input in;
+    ${name}_output result;
+    ${read}
+    if (_starting) {
+        const float u_now[${macro}_INPUTS] = {*_axis_of(out) * scale};
+        _starting = ${name}_start(&_controller, ${start_given}u_now, _fade.get(), 0) != ${macro}_OK;
+    }
+    if (_starting) {
+        return out;
+    }
+    in.sample_time = _period;
+    for (int i = 0; i < ${macro}_MEASURED; ++i) {
+        in.${measured}[i] = x[i];
+    }
+    in.r[0] = r[0];
+    in.freeze = 0;
+    const unsigned status = ${name}_step(&_controller, &in, &result);
+    if (++_logged >= 8) {
+        _logged = 0;
+        AP::logger().Write("BBLT", "TimeUS,Sta,Y,R,U,ULim", "QIffff", AP_HAL::micros64(), uint32_t(status), double(x[0]),
+                           double(r[0]), double(result.u[0]), double(result.u_limited[0]));
+    }
+    if ((status & ${macro}_STATE_REFUSED) != 0u) {
+        reset();
+        return out;
+    }
+    *_axis_of(out) = result.u_limited[0] / scale;
+    return out;
+}
+
+// The next update starts at the measured state, without a bump.
+void AC_CustomControl_${kind}::reset(void)
+{
+    _starting = true;
+}
+
+#endif

@@ -1,0 +1,37 @@
+/*
+ * ${origin}
+ * A backend of ArduPilot's AC_CustomControl: see ARDUPILOT.md.
+ */
+#pragma once
+
+#include "AC_CustomControl_Backend.h"
+
+#if AP_CUSTOMCONTROL_ENABLED
+
+#include "${name}_controller.h"
+
+class AC_CustomControl_${kind} : public AC_CustomControl_Backend {
+public:
+    AC_CustomControl_${kind}(AC_CustomControl& frontend, AP_AHRS_View*& ahrs, AC_AttitudeControl*& att_control,
+                             AP_MotorsMulticopter*& motors, float dt);
+
+    Vector3f update(void) override;
+    void reset(void) override;
+
+    static const struct AP_Param::GroupInfo var_info[];
+
+protected:
+    void _measure(float *measured, float *r) const; // of the axis [rad, rad/s]
+    float *_axis_of(Vector3f &rpy) const;
+
+    ${name}_controller _controller;
+    bool _starting; // with the next update
+    uint8_t _logged; // updates since the last line of the log
+    float _period; // [s] of the main loop
+    AP_Int8 _axis;
+    AP_Int8 _angle;
+    AP_Int16 _fade;
+    AP_Float _scale;
+};
+
+#endif

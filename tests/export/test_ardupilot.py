@@ -1,0 +1,100 @@
+"""``--target ardupilot``: the backend compiled against interfaces written from ArduPilot's published headers, and called.
+
+This is not ArduPilot: its tree was neither built nor flown. What is shown is that the class overrides what it must, that it is
+without a bump when it is engaged, leaves the ground and other axes to the main controller, and computes what the C computes.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from barbalat import InputError
+from barbalat.exports import export_controller
+from export.examples import SIMULATION
+from export.targets import ISO, needs_gxx
+from export.test_bit_identical import EXAMPLES
+
+INTERFACES = Path(__file__).parent / "ardupilot"
+MAIN = """\
+#include "AC_CustomControl_Pitch.h"
+#define CHECK(x) if (!(x)) { std::printf("%%s\\n", #x); return 1; }
+
+struct Open : AC_CustomControl_Pitch {
+    using AC_CustomControl_Pitch::AC_CustomControl_Pitch;
+    void set(int axis, int fade, float scale) { _axis.value = int8_t(axis); _fade.value = int16_t(fade); _scale.value = scale; }
+};
+
+int main()
+{
+    AC_CustomControl frontend;
+    AP_AHRS_View view{{{0.1f, 0.2f, 0.3f}}, {0.01f, 0.02f, 0.03f}}, *ahrs = &view;
+    AC_AttitudeControl attitude{{{0.0f, 0.25f, 0.0f}}, {0.0f, 0.0f, 0.0f}}, *control = &attitude;
+    AP_MotorsMulticopter made{}, *motors = &made;
+    made.state = AP_Motors::SpoolState::GROUND_IDLE;
+    made.roll = 0.5f; made.pitch = 0.125f; made.yaw = -0.5f;
+    Open backend(frontend, ahrs, control, motors, PITCH_SAMPLE_TIME);
+    backend.set(1, 100, 2.0f);
+    Vector3f out = backend.update();
+    CHECK(out.x == 0.5f && out.y == 0.125f && out.z == -0.5f)  /* the ground is the main controller's */
+    made.state = AP_Motors::SpoolState::THROTTLE_UNLIMITED;
+    out = backend.update();
+    CHECK(out.x == 0.5f && std::fabs(out.y - 0.125f) < 1e-5f && out.z == -0.5f)  /* engaged without a bump, one axis alone */
+    backend.set(1, 0, 2.0f);
+    backend.reset();
+    static pitch_controller c;
+    pitch_input in;
+    pitch_output expected;
+    const float x[PITCH_MEASURED] = {0.25f - wrap_PI(0.25f - 0.2f)%s}, u_now[1] = {0.25f};
+    pitch_init(&c);
+    CHECK(pitch_start(&c, %su_now, 0, 0) == PITCH_OK)
+    for (int k = 0; k < 50; ++k) {
+        for (int i = 0; i < PITCH_MEASURED; ++i) { in.%s[i] = x[i]; }
+        in.sample_time = PITCH_SAMPLE_TIME; in.r[0] = 0.25f; in.freeze = 0;
+        CHECK(pitch_step(&c, &in, &expected) == PITCH_OK)
+        out = backend.update();
+        CHECK(out.y == expected.u_limited[0] / 2.0f)
+    }
+    CHECK(AP::logger().lines == 6)
+    return 0;
+}
+"""
+
+
+def backend(beginning, folder, **given):
+    found = next(name for name in EXAMPLES if name.startswith(beginning))
+    return export_controller(*EXAMPLES[found], SIMULATION, out=folder, target="ardupilot", name="pitch", **given)
+
+
+@needs_gxx
+@pytest.mark.parametrize(
+    ("beginning", "places"),
+    [("Mrac-state-euler", (", 0.02f", "x, ", "x")), ("MracOutput-output-euler", ("", "", "y"))],
+)
+@pytest.mark.short(kept=lambda beginning, places: beginning.startswith("Mrac-"))
+def test_the_backend_against_the_published_interfaces(beginning, places, tmp_path) -> None:
+    backend(beginning, tmp_path)
+    (tmp_path / "main.cpp").write_text(MAIN % places)
+    for empty in ("AC_CustomControl_config.h", "AP_Logger/AP_Logger.h", "GCS_MAVLink/GCS.h"):
+        (tmp_path / empty).parent.mkdir(exist_ok=True)
+        (tmp_path / empty).write_text('#include "AC_CustomControl_Backend.h"\n')
+    subprocess.run(["gcc", *ISO, "-O1", "-c", "pitch_controller.c"], cwd=tmp_path, check=True, timeout=60)
+    strict = ["-Wall", "-Wextra", "-Werror", "-Wdouble-promotion", "-Wno-array-bounds"]
+    command = ["g++", "-std=gnu++17", "-O1", *strict, f"-I{INTERFACES}", "-I.", "AC_CustomControl_Pitch.cpp", "main.cpp"]
+    subprocess.run([*command, "pitch_controller.o", "-o", "flown", "-lm"], cwd=tmp_path, check=True, timeout=60)
+    done = subprocess.run([tmp_path / "flown"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize(
+    ("beginning", "given", "message"),
+    [
+        ("Mrac-several-euler", {}, "takes a controller of one axis: .* got 2 inputs, 2 commands and 2 measured"),
+        ("Mrac-state-euler", {"closed_loop": True}, "has the controller alone"),
+    ],
+)
+def test_what_is_not_one_axis_is_refused(beginning, given, message, tmp_path) -> None:
+    with pytest.raises(InputError, match=message):
+        backend(beginning, tmp_path, **given)
