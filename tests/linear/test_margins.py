@@ -285,3 +285,13 @@ def test_a_theta_as_good_as_zero_has_no_margin_of_1e44():
     (found,) = certify(problem, [Mrac(gamma=1.0)], Simulation(t_end=1.0, dt=1e-2)).values()
     assert "gain_margin" in found.values["unlimited"]
     assert "1e6" in found.entry("unlimited").meaning
+
+
+@pytest.mark.parametrize("stiffness", [1e4, 1e8, 1e12])
+def test_a_slow_integrator_beside_fast_poles_has_its_crossover(stiffness):
+    # L = k / (s (s^2 + 2 s + k + 1)) is 1/s for large k: |L| = 1 at 1 rad/s, far below sqrt(k); Hurwitz: gain 2 (k + 1) / k.
+    A, C = [[0, 1, 0], [0, 0, 1], [0, -(stiffness + 1), -2]], [stiffness, 0, 0]
+    found = margins(StateSpace(np.array(A, float), np.array([0.0, 0.0, 1.0]), np.array(C), 0.0))
+    assert found.gain_up == pytest.approx(2 * (stiffness + 1) / stiffness, rel=1e-9)
+    assert found.crossovers == pytest.approx([1], rel=2 / stiffness)
+    assert found.delay == pytest.approx(np.pi / 2, rel=3 / stiffness)

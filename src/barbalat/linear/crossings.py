@@ -19,8 +19,10 @@ class Crossings:
 
     def __init__(self, loop: StateSpace) -> None:
         self.loop = loop
-        self._grid = frequency_grid(loop)
-        self._response = loop.response(self._grid)
+        grid = frequency_grid(loop)
+        below = _below(loop, float(grid.min()))
+        self._grid = np.concatenate([below, grid])
+        self._response = np.concatenate([loop.response(below), loop.response(grid)])
 
     def of_unit_circle(self, factor: float = 1.0) -> list[float]:
         """The w > 0 with factor |L(j w)| = 1."""
@@ -61,6 +63,12 @@ _ROUNDING = 1e-15
 """Relative: a pole that is nearer to the axis, and a frequency that is nearer to the pole, are on it."""
 
 
+_LARGE_RESPONSE = 1e3
+"""A response that only grows further below: L is c/s there, or c/s^2."""
+_LEAST_SHARE = 1e-15
+"""Of the lowest frequency: further below, an integrator's response is lost in the rounding of the others."""
+
+
 def frequency_grid(loop: StateSpace) -> Array:
     """Frequencies from far below to far above the poles, dense where a lightly damped one makes a narrow peak."""
     poles = np.linalg.eigvals(loop.A)
@@ -75,6 +83,19 @@ def frequency_grid(loop: StateSpace) -> Array:
     on_axis = np.array([p.imag for p in poles if p.imag > 0 and abs(p.real) <= _ROUNDING * p.imag])
     at_pole = (np.abs(grid[:, None] - on_axis) <= _ROUNDING * on_axis).any(axis=1)  # there the response is infinite
     return np.asarray(grid[(grid > 0) & ~at_pole])
+
+
+def _below(loop: StateSpace, lowest: float) -> Array:
+    """Frequencies below ``lowest`` down to where an integrator has made the response large; none where it is so already.
+
+    A slow integrator beside fast poles crosses the unit circle far below all of them.
+    """
+    sizes = np.abs(np.linalg.eigvals(loop.A))
+    at_lowest = float(np.abs(loop.response(np.array([lowest])))[0])
+    if not (sizes <= _ROUNDING * np.linalg.norm(loop.A)).any() or at_lowest >= _LARGE_RESPONSE:
+        return np.zeros(0)
+    share = max(at_lowest / _LARGE_RESPONSE, _LEAST_SHARE)
+    return np.geomspace(lowest * share, lowest, 20 * int(np.ceil(-np.log10(share))), endpoint=False)
 
 
 def one_minus_magnitude(loop: StateSpace) -> StateSpace:
