@@ -16,6 +16,7 @@ from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.lowering.c99 import DOUBLE
 from barbalat.plants import Bias, Dropout, Jitter, Labels, Latency, Shell, Spike, Stuck
+from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.simulate import recorded, simulate
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
@@ -169,8 +170,8 @@ def test_the_c_is_a_shell_in_plain_python(scheme, shell, tmp_path) -> None:
     problem, controller = surrounded(scheme, SHELLS[shell])
     printed = Printed(Contents.of(problem, controller, SIMULATION, DOUBLE))
     write(tmp_path, {"controller.h": header(printed), "controller.c": source(printed)})
-    run, random = recorded(problem.nominal, controller, SIMULATION, 600), np.random.default_rng(len(shell))
-    y, r, K = run.measured.copy(), run.commands.copy(), 600
+    samples, random = recorded(problem.nominal, controller, SIMULATION, 600), np.random.default_rng(len(shell))
+    y, r, K = samples.measured.copy(), samples.commands.copy(), 600
     busy = np.repeat(random.choice([0.0, 0.1, 0.5, 0.97], size=K // 30), 30)
     y[random.random(K) < busy, 0] = np.nan
     y[random.random(K) < busy / 4] += random.choice([-0.2, 0.4, 5.0])
@@ -257,6 +258,7 @@ sample_time = 0.01
 @pytest.mark.parametrize(
     ("added", "sentence"),
     [
+        ("[shell]\nstuck = { rate = 0.001 }", "shell.stuck.rate must be at least the sample time of 0.01 s, got 0.001 s"),
         ("[shell]\nrange = { angel = [-1, 1] }", "shell.range.angel names no measured channel; there are angle, rate"),
         (
             '[[faults]]\nkind = "spike"\nsize = 1.0\nshare = 0.1\nchannel = "x_1"',
@@ -290,3 +292,28 @@ def test_without_faults_and_refusals_a_shell_changes_no_bit() -> None:
     problem, controller = surrounded("Mrac-state-midpoint", SHELLS["fade"])
     with_it, without = (simulate(one, [controller], RUN)[controller.name] for one in (problem, problem.nominal))
     assert same_bits(with_it.x, without.x) and same_bits(with_it.u, without.u)
+
+
+@needs_gcc
+def test_numbers_of_a_shell_may_be_arguments_of_a_kernel() -> None:
+    """Without fused multiply-adds all numbers are, but those of the controller's own list and of what surrounds it."""
+    problem, controller = surrounded("Mrac-state-midpoint", SHELLS["fade"], FAULTS["all"])
+    plain = replace(RUN, fused=False, t_end=1.0)
+    origin = simulate(problem, [controller], plain)[controller.name]
+    assert simulate_export(problem, controller, plain).differs_from(origin) == ""
+
+
+def test_members_of_an_ensemble_may_differ_in_ranges_and_rates() -> None:
+    """Each is the run that it would be by itself, but for fused sums."""
+    spikes = (Spike(channel="x_1", size=0.4, share=0.1),)
+    shells = [Shell(range={"x_1": [-2.0, high]}, rate={"x_1": 1.0 / high}) for high in (0.3, 0.5, 2.0)]
+    made = [surrounded("Mrac-state-midpoint", shell, spikes) for shell in shells]
+    members = [(replace(problem, sensor=None), controller) for problem, controller in made]  # members have noise of their own
+    together = Batch.of(members, RUN)
+    run([together], members[0][0].signals, RUN)
+    found = together.metrics(RUN).max_abs_e
+    for errors, (problem, controller) in zip(found, members, strict=True):
+        alone = Batch.of([(problem, controller)], RUN)
+        run([alone], problem.signals, RUN)
+        np.testing.assert_allclose(errors, alone.metrics(RUN).max_abs_e[0], rtol=1e-9)
+    assert len({tuple(one) for one in found}) == len(members)

@@ -117,7 +117,7 @@ def _falls(around: Around | None) -> bool:
 
 
 def _checked(around: Around | None) -> bool:
-    return around is not None and bool(np.isfinite([around.low, around.rate]).any() or around.repeats)
+    return around is not None and bool(around.ranged or around.rated or around.repeats)
 
 
 def _names(printed: Printed) -> dict[str, str]:
@@ -154,11 +154,11 @@ def _plausible(printed: Printed) -> str:
     if around is None or not _checked(around):
         return ""
     names, x, tests, slow = printed.contents.problem.measured_names, printed.measured, [], []
-    for i in np.flatnonzero(np.isfinite(around.low)).tolist():
+    for i in around.ranged:
         low, high = (printed.number(side[i]) for side in (around.low, around.high))
         tests += [f"in->{x}[{i}] >= {low}", f"in->{x}[{i}] <= {high}"]
     last = printed.contents.layout.measured.name
-    for i in np.flatnonzero(np.isfinite(around.rate)).tolist():
+    for i in around.rated:
         most = f"{printed.number(around.rate[i])} * samples"
         moved = f"in->{x}[{i}] - c->{last}[{i}]"
         slow += [f"{moved} <= {most}", f"-({moved}) <= {most}"]
@@ -166,12 +166,11 @@ def _plausible(printed: Printed) -> str:
     if slow:
         tests.append(f"(!(c->{printed.contents.layout.started.name}[0] > 0) || ({(chr(10) + 12 * ' ' + '&& ').join(slow)}))")
     join = "\n        && "
-    rated = bool(np.isfinite(around.rate).any())
     counts = ["const long count = c->outage + 1L;", f"const {printed.real} samples = ({printed.real})count;"]
-    counted = counts if rated else [] if slow else ["(void)c;"]
+    counted = counts if around.rated else [] if slow else ["(void)c;"]
     body = indented([*counted, f"return {join.join(tests)};"])
-    stuck = {i for i, _ in around.repeats}
-    about = ", ".join(n for i, n in enumerate(names) if i in stuck or np.isfinite([around.low[i], around.rate[i]]).any())
+    looked_at = {*around.ranged, *around.rated, *(i for i, _ in around.repeats)}
+    about = ", ".join(name for i, name in enumerate(names) if i in looked_at)
     return (
         f"/* Whether the sensor can have measured this: {comment(about)}: in range, not too fast, not stuck. */\n"
         f"static int is_plausible(const {printed.name}_controller *c, const {printed.name}_input *in)\n{{\n{body}}}\n\n"
@@ -186,10 +185,8 @@ def shell_readme(printed: Printed) -> str:
     told = []
     if _checked(around):
         names = printed.contents.problem.measured_names
-        limits = [
-            f"{comment(names[i])} from {around.low[i]:g} to {around.high[i]:g}" for i in np.flatnonzero(np.isfinite(around.low))
-        ]
-        rates = [f"{comment(names[i])} by {around.rate[i] / T:g} in a second" for i in np.flatnonzero(np.isfinite(around.rate))]
+        limits = [f"{comment(names[i])} from {around.low[i]:g} to {around.high[i]:g}" for i in around.ranged]
+        rates = [f"{comment(names[i])} by {around.rate[i] / T:g} in a second" for i in around.rated]
         same = [f"{comment(names[i])} like the one before for {most} samples" for i, most in around.repeats]
         told.append(f"*What is taken of a measurement*: {', '.join([*limits, *rates, *same])}; anything else is a lost one.")
     if around.longest is not None:

@@ -52,7 +52,7 @@ def _ranges(printed: Printed) -> list[str]:
     around, x, lines = printed.contents.around, printed.measured, []
     assert around is not None
     number = printed.contents.real.numbers
-    for i in np.flatnonzero(np.isfinite(around.low)).tolist():
+    for i in around.ranged:
         for end, far in ((around.low[i], -np.inf), (around.high[i], np.inf)):
             beyond = c99.constant(float(np.nextafter(number(end), number(far))), printed.contents.real)
             for value, status in ((printed.number(end), "OK"), (beyond, "MEASUREMENT_LOST")):
@@ -66,7 +66,7 @@ def _rates(printed: Printed) -> list[str]:
     around, x, lines = printed.contents.around, printed.measured, []
     assert around is not None
     measured: Array = printed.contents.vectors.measured
-    for i in np.flatnonzero(np.isfinite(around.rate)).tolist():
+    for i in around.rated:
         for value in (measured[1, i] + sign * BEYOND_RATE * around.rate[i] for sign in (-1, 1)):
             if around.low[i] <= value <= around.high[i] and abs(value) < printed.contents.range:
                 lines += ["{n}_init(&c); (void)replay(&c, 2); in = sample(1);", f"in.{x}[{i}] = {printed.number(value)};"]

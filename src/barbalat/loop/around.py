@@ -93,6 +93,7 @@ class Around:
     low, high  what is taken; infinite where a channel has no range
     rate       the fastest change from one sample to the next; infinite where a channel has none
     repeats    samples in a row that may be like the one before, by places of channels
+    ranged, rated  places of the channels that have a range, a rate: also where their numbers are symbols
     T          [s] between two calls, of which ``band`` [s] may be off; None where another time is told and nothing else
     longest    misses in a row before the fallback acts; None for no end
     fade       samples of the fallback's fade, and of a return's
@@ -108,6 +109,8 @@ class Around:
     fallback: str
     faults: tuple[OnLoop, ...]
     repeats: tuple[tuple[int, int], ...] = ()
+    ranged: tuple[int, ...] = ()
+    rated: tuple[int, ...] = ()
 
     @classmethod
     def of(cls, problem: TrackingProblem, T: float) -> Around | None:
@@ -131,6 +134,8 @@ class Around:
             fallback="hold" if shell is None else shell.fallback,
             faults=tuple(OnLoop.of(fault, names, T) for fault in problem.faults),
             repeats=() if shell is None else _repeats(shell, names, T),
+            ranged=tuple(np.flatnonzero(np.isfinite(low)).tolist()),
+            rated=tuple(np.flatnonzero(np.isfinite(rate)).tolist()),
         )
 
     @classmethod
@@ -174,7 +179,7 @@ class Around:
     @property
     def counts(self) -> bool:
         """Whether something depends on how many samples were missed."""
-        return self.longest is not None or bool(np.isfinite(self.rate).any())
+        return self.longest is not None or bool(self.rated)
 
     def initial(self, y: Array, inputs: int) -> Kept:
         """Before the first sample; ``y`` has the shape of what is measured."""
@@ -241,9 +246,9 @@ class Around:
     def _plausible(self, offered: Value, held: Held) -> Value:
         """1 where every channel is in its range, and has changed no faster than it can since the last good sample."""
         good, last = 1.0 + 0 * held.started, held.measured.reshape(-1)
-        for i in np.flatnonzero(np.isfinite(self.low)).tolist():
+        for i in self.ranged:
             good = np.where(offered[i] >= self.low[i], np.where(offered[i] <= self.high[i], good, 0.0), 0.0)
-        for i in np.flatnonzero(np.isfinite(self.rate)).tolist():
+        for i in self.rated:
             moved, most = offered[i] - last[i], self.rate[i] * (held.around.outage[0] + 1.0)
             slow = np.where(moved <= most, np.where(-moved <= most, 1.0, 0.0), 0.0)
             good = np.where(held.started > 0, np.where(slow > 0, good, 0.0), good)

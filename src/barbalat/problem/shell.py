@@ -96,8 +96,16 @@ class Shell(Settings):
                     raise InputError.of(f"shell.{field_name}.{key}", f"names no measured channel; there are {', '.join(names)}")
 
     def repeats(self, name: str, T: float) -> int | None:
-        """How many samples of length T [s] in a row a channel may be like the one before; None for any number."""
-        return None if name not in self.stuck else _samples(f"stuck.{name}", self.stuck[name], T)
+        """How many samples of length T [s] in a row a channel may be like the one before; None for any number.
+
+        InputError for a time below T.
+        """
+        if name not in self.stuck:
+            return None
+        found = _samples(f"stuck.{name}", self.stuck[name], T)
+        if not found:
+            raise InputError.of(f"shell.stuck.{name}", f"must be at least the sample time of {T:g} s, got {self.stuck[name]:g} s")
+        return found
 
     def samples(self, T: float) -> tuple[int, int]:
         """The longest outage and the fade in samples of length T [s]; InputError where they are too many to be counted."""

@@ -221,7 +221,7 @@ def argument_numbers(members: Columns, *, opened: bool) -> Array:
     return differing | open_numbers(members.first) if opened else differing
 
 
-COMPUTED_PARTS = ("model", "equations", "discrete_model")
+COMPUTED_PARTS = ("model", "equations", "discrete_model", "around")
 """Parts of a loop that a sampled controller's computer has: its list is exported, with their numbers in it."""
 
 
