@@ -31,7 +31,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "tau": (0.02, 2), "sigma": (0.01, 1), "nu": (0.01, 1), "M_0": (1, 30), "g_0": (0.005, 0.5), "mu": (0.1, 3),
     "margin": (0.05, 0.5), "covariance0": (1, 1e3), "covariance_bound": (2e3, 1e5), "forgetting": (0.01, 1),
     "bandwidth": (5, 80), "b_0": (0.5, 2), "alpha_0": (0.01, 1), "delta_0": (0.05, 0.8), "amplitude": (0.1, 30),
-    "frequency": (0.1, 10), "frequency_start": (0.1, 1), "frequency_end": (2, 20), "rate_limit": (1, 500),
+    "frequency": (0.1, 10), "frequency_start": (0.1, 1), "cycle": (0.01, 0.3), "frequency_end": (2, 20), "rate_limit": (1, 500),
     "quantization": (1e-4, 0.05), "gain": (0.5, 2), "lag": (0.005, 0.2), "std": (1e-4, 0.05), "radius": (0.5, 5),
     "width": (0.5, 3), "spread": (0.2, 2), "time_constant": (0.1, 2), "capacity": (1, 20), "anti_windup": (0.1, 10),
     "unmodelled_delay": (0.005, 0.05), "m": (1, 5), "sigma_bound": (10, 100), "lipschitz": (0.05, 0.5),
@@ -207,7 +207,7 @@ class Draw:
 
     def simulation(self) -> Table:
         table = {"t_end": self.steps * self.dt, "dt": self.dt}
-        more = self.table(self.definition("Simulation"), without=table)
+        more = self.table(self.definition("Simulation"), without={**table, "tolerance": 0})  # which stands instead of dt
         return table | more
 
     # The schema
@@ -276,7 +276,10 @@ class Draw:
         return {key: self.number(key) for key in self.rng.choice(groups)} if groups else None
 
     def plain(self, key: str, spec: Table) -> Any:
-        kinds = [one.get("type") for one in spec.get("oneOf", (spec,))]
+        given = [one.get("type") for one in spec.get("oneOf", (spec,))]
+        kinds = [kind for one in given for kind in (one if isinstance(one, list) else [one])]
+        if "number" in kinds:  # a text would be a formula of physical parameters
+            kinds = [kind for kind in kinds if kind != "string"]
         if "boolean" in kinds:
             return self.rng.random() < 0.5
         if "integer" in kinds:
@@ -327,7 +330,8 @@ class Draw:
             case["uncertainty"] = self.known_set()
         case["reference"] = self.signal() if self.m == 1 else [self.signal() for _ in range(self.m)]
         case["simulation"] = self.simulation()
-        case |= self.table(self.definition("Problem"), without={**case, "controller": 0})
+        apart = dict.fromkeys(("controller", "parameters", "truth"), 0)  # these go with a plant that is given by A and b
+        case |= self.table(self.definition("Problem"), without={**case, **apart})
         return case | {"controller": self.controllers(case)}
 
     def output_case(self) -> Table:

@@ -9,12 +9,13 @@ import numpy as np
 from barbalat import validate
 from barbalat.loop.binding import bound
 from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.roles import main_estimates, state_parts, taken_from
 from barbalat.validate import Array
 
 
-def initial_estimates(problem: Problem, controller: Controller) -> Array:
+def initial_estimates(problem: TrackingProblem, controller: Controller) -> Array:
     """theta_hat at t = 0, whatever it estimates; empty where the controller has no estimates."""
     equations = bound(problem, controller)
     state = equations.initial()

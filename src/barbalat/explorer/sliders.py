@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from functools import cached_property, partial
@@ -11,6 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from barbalat.cases.build import Case
+from barbalat.comparison.starts import initial_estimates
 from barbalat.explorer.in_signals import InSignals, SignalSearch
 from barbalat.explorer.source import Source
 from barbalat.open_numbers.numbers import Number, ranged
@@ -142,7 +143,7 @@ class Sliders:
         numbers = {slider.number.path: value for slider, (value, _) in moved}
         for switched in (False, True) if self.toggles else (False,):
             try:
-                case = self.source.at(numbers, self.toggles if switched else ())
+                case = self._case(numbers, self.toggles if switched else ())
             except InputError:  # together they make no case: the copied one says why
                 return Outcome.NO_CASE
             for k, variant in enumerate(self.variants):
@@ -183,13 +184,37 @@ class Sliders:
         """The case with another number, and with all projections switched that can be."""
         key = switched, path, value
         if key not in self._cases:
-            self._cases[key] = self.source.at({path: value}, self.toggles if switched else ())
+            self._cases[key] = self._case({path: value}, self.toggles if switched else ())
         return self._cases[key]
+
+    def _case(self, numbers: Mapping[FieldPath, float], toggled: tuple[int, ...]) -> Case:
+        """The case with other numbers; InputError where its known set makes estimates start elsewhere, in the centre of the set.
+
+        Such a start depends on all bounds at once, and no slider of one of them could have it in a table.
+        """
+        case = self.source.at(numbers, toggled)
+        if any(path.keys[0] == "uncertainty" for path in numbers) and not _alike(_starts(case), self._starts[bool(toggled)]):
+            raise InputError("a known set without 0 makes estimates start in its centre")
+        return case
+
+    @cached_property
+    def _starts(self) -> tuple[list[Array], list[Array]]:
+        """Where all estimates start in the case itself, and with projections switched."""
+        return _starts(self.case), _starts(self.source.at({}, self.toggles))
 
     @cached_property
     def _cases(self) -> dict[tuple[bool, FieldPath, float], Case]:
         """Cases that were made: the same ones are read for several purposes."""
         return {}
+
+
+def _starts(case: Case) -> list[Array]:
+    problem = case.problem
+    return [initial_estimates(problem, one) for one in case.controllers]
+
+
+def _alike(one: Sequence[Array], other: Sequence[Array]) -> bool:
+    return all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
 
 
 def _agrees(target: Target, case: Case, found: tuple[Array, Array]) -> bool:

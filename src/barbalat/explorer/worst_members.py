@@ -46,7 +46,8 @@ def _alone(text: CaseText, found: SweepResult, i: int, member: int) -> CaseText:
     """The case file with a member's numbers and one controller."""
     if text.case().problem.noise is not None:
         raise InputError("pages don't have the member's own measurement noise")
-    tables = VariedCase(text, found.plan.paths).tables_at(found.plan.values(member, 1)[0])
+    varied = VariedCase(text, found.plan.paths, redesign=found.redesign)
+    tables = varied.tables_at(found.plan.values(member, 1)[0])
     written = tables.get("controller", [])
     tables["controller"] = written[i : i + 1]
     tables["name"] = f"{found.case}, member {member}"

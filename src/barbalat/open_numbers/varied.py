@@ -153,12 +153,11 @@ class VariedCase(Varied):
 
     def _moved(self, numbers: Mapping[FieldPath, float]) -> Case | None:
         """The case where parameters of the truth alone differ from the first one: the design is taken as it was made."""
-        if self.redesign or not all(map(truth_paths.is_parameter, numbers)) or truth_paths.holds_formulas(self._tables):
+        of_the_truth = bool(numbers) and all(map(truth_paths.is_parameter, numbers))
+        if self.redesign or not of_the_truth or truth_paths.holds_formulas(self._tables):
             return None
-        if not self._first:
-            self._first.append(self.text.case(self._with(numbers)))
-        found = VariedObjects(self._first[0], tuple(numbers), self.redesign).at(list(numbers.values()))
-        return replace(found, equations=self._first[0].equations)
+        found = VariedObjects(self._unmoved, tuple(numbers), self.redesign).at(list(numbers.values()))
+        return replace(found, equations=self._unmoved.equations)
 
     def _with(self, numbers: Mapping[FieldPath, float]) -> Tables:
         tables = copied(self._tables)
@@ -167,9 +166,9 @@ class VariedCase(Varied):
         return tables
 
     @cached_property
-    def _first(self) -> list[Case]:
-        """The first case of which only the truth's parameters vary."""
-        return []
+    def _unmoved(self) -> Case:
+        """The case with the tables' own numbers."""
+        return self.text.case(copied(self._tables))
 
     @cached_property
     def _variants(self) -> list[Variants]:
