@@ -6,7 +6,7 @@ import numpy as np
 
 from barbalat.export.shell import shell
 from barbalat.export.shell import usable as shell_usable
-from barbalat.export.texts import Printed, filled, indented
+from barbalat.export.texts import Printed, comment, filled, indented
 from barbalat.lowering import c99
 from barbalat.lowering.operations import sources
 from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
@@ -161,7 +161,8 @@ def header(printed: Printed) -> str:
         real=printed.real,
         mark=printed.mark,
         measured=printed.measured,
-        measured_meaning="measured state" if state else "measured output",
+        measured_meaning=_labelled(printed, "measured state" if state else "measured output"),
+        units=_input_units(printed),
         sample_time=printed.number(contents.sample_time),
         range=printed.number(contents.range),
         sizes="".join(f"#define {macro}_{name} {size}\n" for name, size in sizes.items()),
@@ -174,6 +175,21 @@ def header(printed: Printed) -> str:
         if state
         else "Start, or start again after a pause, in flight: model and filters start at rest.",
     )
+
+
+def _labelled(printed: Printed, text: str) -> str:
+    """What is measured, with the case's names and units of it."""
+    labels = printed.contents.problem.labels
+    if labels is None:
+        return text
+    each = [f"{labels.name(i)} {labels.unit(i)}".strip() for i in range(printed.contents.sizes[0])]
+    return text + (f": {comment(', '.join(each))}" if all(each) else "")
+
+
+def _input_units(printed: Printed) -> str:
+    """The units of the inputs behind their meaning, where the case has some."""
+    labels = printed.contents.problem.labels
+    return f" [{comment(', '.join(labels.input_units))}]" if labels is not None and labels.input_units else ""
 
 
 def shape(of: tuple[int, ...]) -> str:

@@ -14,6 +14,7 @@ from xml.etree import ElementTree as xml
 from barbalat import __version__
 from barbalat.export.compiler import require_compiler, shared_library
 from barbalat.export.contents import Contents
+from barbalat.export.fmu.base_units import base_unit
 from barbalat.export.fmu.units import Unit
 from barbalat.export.fmu.variables import Variable
 from barbalat.export.parameters import Opened
@@ -329,8 +330,8 @@ def _common(root: xml.Element, unit: Unit, stop: float) -> None:
     units = xml.SubElement(root, "UnitDefinitions")
     for name in unit.variables.units:
         defined = xml.SubElement(units, "Unit", name=name)
-        if name == "s":
-            xml.SubElement(defined, "BaseUnit", s="1")
+        if (known := base_unit(name)) is not None:
+            xml.SubElement(defined, "BaseUnit", known)
     categories = xml.SubElement(root, "LogCategories")
     xml.SubElement(categories, "Category", name="logAll", description="everything that is said")
     times = {"startTime": "0.0", "stopTime": repr(stop), "stepSize": repr(unit.step_size)}

@@ -41,7 +41,7 @@ typedef struct {
 } ${name}_input;
 
 typedef struct {
-    ${real} u[${macro}_INPUTS]; /* control as it was simulated, before the actuator */
+    ${real} u[${macro}_INPUTS]; /* control${units} as it was simulated, before the actuator */
     ${real} u_limited[${macro}_INPUTS]; /* the same within the saturation limits, where the case has them; a rate limit is left to the actuator */
 ${estimates}    unsigned status; /* as ${name}_step returns it */
 } ${name}_output;
