@@ -324,7 +324,16 @@ def test_units_have_units(tmp_path) -> None:
             (tmp_path / name).write_bytes(content)
             described = fmpy.read_model_description(str(tmp_path / name))
             found = {one.name: one.unit for one in described.modelVariables}
-            assert (found["x[1]"], found["x[2]"], found["u"], found["controller[0].gamma"]) == ("rad", "rad/s", "deg", None)
+            assert (found["alpha"], found["q"], found["u"], found["controller[0].gamma"]) == ("rad", "rad/s", "deg", None)
+            meant = {one.name: one.description for one in described.modelVariables}
+            assert meant["alpha"] == "measured state x[1]" and "x[1]" not in found
+            bases = {one.name: one.baseUnit for one in described.unitDefinitions}
+            assert (bases["rad"].rad, bases["rad/s"].rad, bases["rad/s"].s, bases["deg"].rad) == (1, 1, -1, 1)
+            assert math.isclose(bases["deg"].factor, math.pi / 180)
+    taken = replace(FREE, labels=Labels(names=("u", "q")))  # names of other variables stay theirs
+    (content,) = units(taken, controller, SHORT, version=2, compiled=False).values()
+    (tmp_path / "taken.fmu").write_bytes(content)
+    assert {"x[1]", "x[2]", "u"} <= {one.name for one in fmpy.read_model_description(str(tmp_path / "taken.fmu")).modelVariables}
 
 
 @needs_gcc

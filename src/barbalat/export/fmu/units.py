@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from barbalat.export.fmu.variables import Variable, Variables, array, entries, parameters, require_distinct
@@ -63,7 +64,22 @@ class Unit:
             found += self._states()
         if self.made is not None:
             found += array("plant.x", "local", "continuous", "state of the plant, without the sensor", [None] * self._order)
-        return require_distinct(Variables(tuple(found), (FREEZE, STATUS) if self.controller else ()))
+        return require_distinct(Variables(tuple(self._labelled(found)), (FREEZE, STATUS) if self.controller else ()))
+
+    def _labelled(self, found: list[Variable]) -> list[Variable]:
+        """What is measured by the case's names, where these are names of variables and no other variable's."""
+        labels = self.printed.contents.problem.labels
+        names = () if labels is None else labels.names
+        own = entries(self.printed.measured, len(names), scalar=self.scalar_output)
+        taken = {re.split(r"[.\[]", one.name)[0] for one in found if one.name not in own} | {FREEZE.name, STATUS.name, "time"}
+        plain = all(re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) for name in names)
+        if not names or not plain or len(set(names)) < len(names) or not taken.isdisjoint(names):
+            return found
+        called = dict(zip(own, names, strict=True))
+        return [
+            replace(one, name=called[one.name], meaning=f"{one.meaning} {one.name}", path=one.name) if one.name in called else one
+            for one in found
+        ]
 
     @property
     def _order(self) -> int:

@@ -18,6 +18,7 @@ class Variable:
     variability  "discrete", "continuous", "tunable", "fixed"
     start        None for what is calculated
     kind         "real", "truth" or "whole"
+    path         its place in the case's symbols, "x[1]", where the name is another one; else empty
     """
 
     name: str
@@ -27,6 +28,7 @@ class Variable:
     start: float | None = None
     unit: str = ""
     kind: str = "real"
+    path: str = ""
 
     @property
     def settable(self) -> str:
@@ -45,7 +47,7 @@ class Variables:
 
     def place(self, name: str) -> int:
         """Where it stands among the real ones."""
-        return next(i for i, one in enumerate(self.reals) if one.name == name)
+        return next(i for i, one in enumerate(self.reals) if name in (one.name, one.path))
 
     @property
     def time(self) -> int:
