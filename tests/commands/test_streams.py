@@ -129,7 +129,8 @@ def test_another_pipe_that_breaks_is_told(monkeypatch, capsys):
 @pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "PYTHONUNBUFFERED"])
 def test_notes_come_at_once(unbuffered, tmp_path):
     """Also where Python was told not to buffer: what is said of work under way is not kept back until its end."""
-    code = "import os, sys\nfrom barbalat.commands.streams import notes\nwith notes():\n    print('now', file=sys.stderr)\n    os._exit(0)"
+    code = "import os, sys\nfrom barbalat.commands.streams import notes\n"
+    code += "with notes():\n    print('now', file=sys.stderr)\n    os._exit(0)"
     environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}
     with (tmp_path / "notes").open("w") as file:
         subprocess.run([sys.executable, "-c", code], stderr=file, env=environment, check=True)

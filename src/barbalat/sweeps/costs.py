@@ -20,7 +20,7 @@ from barbalat.run.kernel.costs import MEMBER, of_judging, of_members, of_steps
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
 from barbalat.sweeps.cluster import Tabulated, WorkerTask, figures
-from barbalat.sweeps.settling import MOST_RERUN, Settling
+from barbalat.sweeps.settling import MOST_RERUN, RERUN_COST, Settling
 from barbalat.sweeps.store import opened
 from barbalat.sweeps.stored import name_of, require_parquet
 from barbalat.sweeps.study import Figured, Study
@@ -53,12 +53,12 @@ def require_members(settling: Settling, members: int, certificates: int = 0) -> 
         apart = Estimate(seconds=alone.seconds * min(count, groups) + traced * min(count, structures))
         apart += Estimate(seconds=certified * min(count * len(loops), certificates))
         steps = of_members(loops, each, count)
-        again = Estimate(seconds=reruns * (steps.seconds + alone.seconds * min(count, groups)))
+        again = Estimate(seconds=RERUN_COST * reruns * (steps.seconds + alone.seconds * min(count, groups)))
         return stored + steps + of_judging(loops, min(count, MOST_MEMBERS)) + apart + again
 
     reruns = 0.0
     plain, budgeted = cost(members), budget.in_force()
-    if settling.settles and budgeted.allows(plain) and plain.seconds * (1 + MOST_RERUN) > budgeted.seconds:
+    if settling.settles and budgeted.allows(plain) and plain.seconds * (1 + RERUN_COST * MOST_RERUN) > budgeted.seconds:
         reruns = settling.reruns
     grid = f" at {study.plan.points} points of a grid" if study.plan.points > 1 else ""
     budget.require(
@@ -85,7 +85,7 @@ class Costs:
     client    processor time of who hands it out, gets its figures and stores them [s]; one process does that for all workers
     sent, returned, stored  bytes to a worker, from it, on the disk
     tables    bytes of the signals' samples, which go to each worker once
-    reruns    evaluations with finer steps, as a multiple of the plain ones: what a worker takes comes to (1 + reruns) times
+    reruns    evaluations with finer steps, as a multiple of the plain ones, each of which costs RERUN_COST times as much
     settled   share of the plan's first members that their own step settles, or a finer one that is afforded
     """
 
@@ -131,7 +131,7 @@ class Costs:
     @property
     def most_workers(self) -> float:
         """Cores that one client keeps at work."""
-        return self.worker * (1 + self.reruns) / self.client
+        return self.worker * (1 + RERUN_COST * self.reruns) / self.client
 
     def chunk(self, members: int) -> int:
         """Members of a chunk of a sweep of so many."""

@@ -24,10 +24,14 @@ from barbalat.validate import Array, InputError
 
 PILOTS = 32
 """Of a plan's members, by which it is decided what steps can be afforded."""
-MOST_RERUN = 9.0
-"""Times the evaluations of the plain sweep that runs with finer steps may take in all: with it they are ten."""
-ALWAYS_RERUN = 10**9
-"""Solver steps that they may take in a small sweep too: some ten seconds of one core, which nobody trades for an open answer."""
+RERUN_COST = 4.6
+"""Of an evaluation in runs with finer steps, in processor time, as a multiple of one of the plain sweep: with the judge, the look
+for limit cycles and the audit. Measured where most members are suspects; the look for limit cycles is more than half of it."""
+MOST_RERUN = 9.0 / RERUN_COST
+"""Times the evaluations of the plain sweep that runs with finer steps may take in all: with it they take ten times its time."""
+ALWAYS_RERUN = 3 * 10**8
+"""Solver steps, by their evaluations, that they may take in a small sweep too: some ten seconds of one core, which nobody trades
+for an open answer."""
 
 GOLDEN = (5**0.5 - 1) / 2
 """Its multiples lie evenly in [0, 1) modulo 1: those of any run of numbers are a sample of the members."""
@@ -182,6 +186,21 @@ class Settling:
         finest, beyond = max(whole, default=0.0), tried[len(whole)]
         taken = self.expected(finest)
         return Afforded(finest, beyond, (within - taken) / (self.expected(beyond) - taken))
+
+    def cost(self, columns: Callable[[str], Array]) -> str | None:
+        """What the runs that settled members took beside the plain sweep, as a sentence; None where there are none."""
+        case, found = self.study.example, 0.0
+        refining = Refining.of(case.simulation.solver, delayed=case.problem.delay > 0)
+        for controller in self.study.controllers:
+            factor = np.nan_to_num(settled_by(columns, controller), posinf=0.0)
+            found += float(refining.work(factor, case.simulation.solver).mean()) / len(self.study.controllers)
+        if not found:
+            return None
+        return (
+            f"runs with finer steps took {found:.2g} times the evaluations of the sweep's own step, and up to "
+            f"{RERUN_COST * found:.2g} times its processor time; allowed are nine times, or some ten seconds of a core where "
+            "that is more"
+        )
 
     def expected(self, finest: float) -> float:
         """Evaluations that all reruns with factors up to ``finest`` take, as a multiple of the plain sweep's."""

@@ -27,7 +27,18 @@ from barbalat.run.kernel.members import Members
 from barbalat.run.results.result import Result
 from barbalat.sweeps.audit import audit as audited
 from barbalat.sweeps.bounds import ERROR_BOUND, Bounds
-from barbalat.sweeps.chunks import FEWEST_MEMBERS, Chunk, Columns, Made, Pace, UnstoredChunks, chunk_size, chunks_of, in_order
+from barbalat.sweeps.chunks import (
+    FEWEST_MEMBERS,
+    Chunk,
+    Columns,
+    Made,
+    Pace,
+    Rows,
+    UnstoredChunks,
+    chunk_size,
+    chunks_of,
+    in_order,
+)
 from barbalat.sweeps.cluster import CHUNKS_AHEAD, Scheduler, Workers, connected
 from barbalat.sweeps.costs import require_members
 from barbalat.sweeps.evidence import evidence
@@ -161,7 +172,7 @@ def run_study(
                     progress(done / len(study))
         rows = sink.rows()
     seconds = time.perf_counter() - started
-    notes = [*(judged.notes if judged is not None else ()), *_of_the_judge(settling)]
+    notes = [*(judged.notes if judged is not None else ()), *_of_the_judge(settling, rows)]
     return SweepResult(
         case=study.example.name,
         controllers=study.controllers,
@@ -177,11 +188,14 @@ def run_study(
     )
 
 
-def _of_the_judge(settling: Settling) -> Iterator[str]:
+def _of_the_judge(settling: Settling, rows: Rows) -> Iterator[str]:
     case = settling.study.example
     if not settling.settles:
         yield UNJUDGED
-    elif not case.judge.closely and tail_is_short(case.problem, case.simulation):
+        return
+    if (cost := settling.cost(rows.column)) is not None:
+        yield cost
+    if not case.judge.closely and tail_is_short(case.problem, case.simulation):
         yield SHORT_TAIL
 
 

@@ -35,7 +35,7 @@ class HalfStep:
 
         An estimate: the error of the step is taken to fall as its order says.
         """
-        return (self.coarse - self.fine) * 2**self.order / (2**self.order - 1)
+        return (self.coarse - self.fine) / (1.0 - 0.5**self.order)
 
     @property
     def decides(self) -> bool:
