@@ -62,6 +62,7 @@ def verdict(**given) -> Verdict:
         ({"error": 0.04, "scale": 1.0, "band": 0.1, "unit": "rad"}, "follows within 0.04 rad (band 0.1 rad)"),
         ({"at_rate_limit": (0.0005,)}, "follows within 3 %"),
         ({"kind": Class.LOST, "lost_at": 3.25, "error": None}, "lost at t = 3.25 s"),
+        ({"of_the_solver": True}, "follows within 3 %, at a finer step too, but its oscillation is the solver's"),
         ({"settled": False}, "follows within 3 %, not settled by the solver"),
         (
             {

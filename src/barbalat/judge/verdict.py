@@ -102,6 +102,7 @@ class Verdict:
     lost_at        when the run was lost [s]; None where it was not
     figures        IAE and the like; None where they were not asked for
     bands          of all components, as they are said
+    of_the_solver  whether a finer step comes to the same class without the oscillation that the run shows
     suspect        what looks like a limit cycle where no run can be taken further, as beside a flight model; else empty
     """
 
@@ -120,10 +121,13 @@ class Verdict:
     figures: Figures | None = None
     bands: str = ""
     suspect: str = ""
+    of_the_solver: bool = False
 
     def __str__(self) -> str:
         """Such as "follows within 3 %, at its limits 12 % of the time"."""
         said = [self._said, *self._limits, *([self.suspect] if self.suspect else [])]
+        if self.of_the_solver:
+            said.append("at a finer step too, but its oscillation is the solver's")
         if self.settled is False:
             said.append("not settled by the solver")
         return ", ".join(said)

@@ -172,7 +172,8 @@ class Result:
             settled = None if self.finer_kind is None else self.finer_kind is self.judged.kind
         if self.half_step is not None and self.half_step.decides:
             settled = False
-        return replace(self.judged, settled=settled)
+        shown = self.stiffness.unstable_from is not None and self.check is not None and self.check.origin == "solver"
+        return replace(self.judged, settled=settled, of_the_solver=shown and settled is True)
 
     @property
     def damping(self) -> SolverDamping | None:
