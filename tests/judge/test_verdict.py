@@ -12,7 +12,7 @@ from barbalat import InputError, Judge, Simulation, simulate
 from barbalat.cases.load import CaseText, load_case, parse_case
 from barbalat.judge.scale import Surroundings, scale_of
 from barbalat.judge.verdict import Class, Cycle, Verdict
-from barbalat.plants import Labels
+from barbalat.plants import Labels, Noise, Sensor
 from barbalat.run.engine.settle import settle
 from barbalat.signals import Sine
 from barbalat.sweeps.sweep import sweep
@@ -144,6 +144,16 @@ def test_what_runs_away_beside_a_command_of_nothing_is_lost(command):
     assert {one.bands for one in found} == {found[0].bands}  # one scale for all controllers
     assert all(one.lost_at > 4.0 for one in found)
     assert found[0].scale == pytest.approx(4.0 if found[0].component == "x_1" else 24 * (4 / 9 - 8 / 27), rel=1e-3)
+
+
+@pytest.mark.parametrize(("noise", "shakes"), [(0.0, False), (0.1, True)])
+def test_a_control_that_noise_shakes_is_a_finding(noise, shakes):
+    sensor = Sensor(noise=Noise(std=[noise, noise], sample_time=0.02, seed=3)) if noise else None
+    problem = replace(oscillator(0.7, [0.5, 0.0], Sine(1.0, 0.5)), sensor=sensor)
+    (result,) = simulate(problem, Gain(k=np.array([8.0, 5.0])), Simulation(t_end=30.0, dt=0.01)).values()
+    found = [one.sentence for one in result.findings if one.kind == "shakes"]
+    assert bool(found) == shakes and all(one.startswith("its control shakes: it turns back ") for one in found)
+    assert not found or int(found[0].split()[6]) == result.verdict.figures.reversals[0] > 300
 
 
 def test_labels_and_numbers_name_the_components():

@@ -144,7 +144,8 @@ def words(text) -> set[str]:
 def test_no_line_is_longer_and_nothing_is_broken(name, width):
     narrow, wide = shown(width, SCREENS[name]), shown(WIDE, SCREENS[name])
     assert max(map(cell_len, narrow.splitlines())) <= width
-    assert {re.sub(r"^[─-]+$", "", word) for word in words(narrow)} <= words(wide) | {""}
+    shown_here = re.sub(r"\d+ more findings?: --full\s+has all of them", "", narrow)  # fewer find room where lines are short
+    assert {re.sub(r"^[─-]+$", "", word) for word in words(shown_here)} <= words(wide) | {""}
     lines = narrow.splitlines()
     for line, following in pairwise(lines):
         assert not NUMBER_WITH_UNIT.match(f"{line.split()[-1] if line.split() else ''} {following.split(' ')[0]}")

@@ -7,6 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat import validate
+from barbalat.judge.cycles import FEWEST_REVERSALS, TURNS_EXPLAIN
+from barbalat.judge.held import Held
+from barbalat.judge.verdict import Class, Verdict, percent
 from barbalat.problem.command_gain import command_warning
 from barbalat.problem.departures import departures
 from barbalat.problem.state_feedback import Problem
@@ -14,11 +18,11 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import InterpolatedSignal
 
 KINDS = (
-    "solver", "half step", "record of a signal", "truth", "known set", "ranges", "command", "damping", "still", "on bounds",
-    "between bounds", "excitation", "true values", "order", "coarse record",
+    "solver", "half step", "record of a signal", "truth", "known set", "ranges", "command", "damping", "shakes", "still",
+    "on bounds", "between bounds", "excitation", "true values", "order", "coarse record",
 )  # fmt: skip
 """In the order in which they matter."""
-OF_EACH_RUN = ("half step",)
+OF_EACH_RUN = ("half step", "shakes")
 """Kinds whose sentences have numbers of one run, and are told of each."""
 
 
@@ -40,6 +44,25 @@ def of_problem(problem: TrackingProblem, t_end: float) -> list[Finding]:
         "record of a signal": held_after_its_end(problem, t_end),
     }
     return [Finding(kind, sentence) for kind, sentence in said.items() if sentence is not None]
+
+
+SHAKES = 10
+"""Times what commands and disturbances explain, that a control turns back in a run, from which on it is said to shake."""
+
+
+def shaking(problem: TrackingProblem, verdict: Verdict | None, t_end: float, share: float) -> str | None:
+    """A sentence where a control that is in no limit cycle turns back far more often than what drives it."""
+    if verdict is None or verdict.figures is None or verdict.kind not in (Class.FOLLOWS, Class.OFF):
+        return None
+    if not verdict.settled or verdict.of_the_solver:
+        return None
+    turns, count = Held.of(problem.signals, 0.0, t_end).turns, max(verdict.figures.reversals)
+    if count <= SHAKES * (FEWEST_REVERSALS + TURNS_EXPLAIN * turns):
+        return None
+    return (
+        f"its control shakes: it turns back {count} times, {count / t_end:.3g} times a second, by {percent(share)} of its range "
+        f"at least, where commands and disturbances turn {validate.counted(turns, 'time')}"
+    )
 
 
 def truth_apart(problem: TrackingProblem) -> str | None:
