@@ -25,7 +25,7 @@ from barbalat.run.engine.ensemble import simulate_ensemble
 from barbalat.run.engine.simulate import simulate
 from barbalat.signals import Constant, Sine
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import delay_margins_ensemble, gains_scanned, margins_ensemble
+from barbalat.study.delay_margin import delay_margins, delay_margins_ensemble, gains_scanned, margins_ensemble
 from barbalat.study.ideal_benchmark import NOISE_SENTENCE, Ideals, JudgedRuns, Undelayed, with_error
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.study.simulated_margins import FILLED_SENTENCE, with_simulated_margins
@@ -414,3 +414,19 @@ def test_refusals(section_v):
     assert "longest" in refusal(lambda: delay_margins_ensemble(member, simulation, longest=0.01))
     assert "scan" in refusal(lambda: delay_margins_ensemble(member, simulation, scan=1))
     assert "share" in refusal(lambda: Lost(share=0.0))
+
+
+def test_a_slow_plant_bears_in_its_own_time():
+    # the same loop, a hundred times slower: every rate is divided by 100, and so its margin is 100 times as long
+    def loop(slow):
+        plant = Plant(A_m=[[-1.0 / slow]], b=[1.0 / slow], theta=[0.5])
+        known = ParameterBox(lower=[-2.0], upper=[2.0])
+        problem = Problem(
+            plant=plant, reference_model=ReferenceModel(k_0=1.0), reference=Sine(1.0, 1.0 / slow), uncertainty=known
+        )
+        return problem, Mrac(gamma=20.0 / slow), Simulation(t_end=20.0 * slow, dt=5e-3 * slow)
+
+    (fast,) = delay_margins(*loop(1), longest=1.0).values()
+    (slow,) = delay_margins(*loop(100)).values()
+    assert 0 < fast.onset.bears[0] < fast.onset.loses[0] < 1
+    assert slow.onset.bears[0] == pytest.approx(100 * fast.onset.bears[0], rel=0.05)

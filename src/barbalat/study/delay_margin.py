@@ -33,8 +33,9 @@ from barbalat.validate import Array, InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LONGEST_DELAY = 2.0
-"""The largest delay that is tried unless another is asked for [s]."""
+LONGEST_DELAY, LONGEST_IN_STEPS = 2.0, 200
+"""The largest delay that is tried unless another is asked for [s], and what it is at least in solver steps: of a slow plant two
+seconds are no delay."""
 SCANNED_DELAYS = 12
 """Delays up to that one, from the shortest on: a factor of 2 to 3 from one to the next."""
 
@@ -50,6 +51,11 @@ SMALLEST_GAIN_ERROR = 0.05
 def gains_scanned() -> Array:
     """The sizes of ``GainError`` that are tried first."""
     return np.asarray(np.geomspace(SMALLEST_GAIN_ERROR, LARGEST_GAIN_ERROR, GAINS_SCANNED))
+
+
+def longest_delay(simulation: Simulation) -> float:
+    """The largest delay that is tried unless another is asked for [s]."""
+    return max(LONGEST_DELAY, LONGEST_IN_STEPS * simulation.dt)
 
 
 def scanned(simulation: Simulation, longest: float, count: int) -> Array:
@@ -169,7 +175,7 @@ def delay_margins(
     controllers: Controller | Iterable[Controller],
     simulation: Simulation,
     *,
-    longest: float = LONGEST_DELAY,
+    longest: float | None = None,
     scan: int = SCANNED_DELAYS,
     resolution: float = 0.02,
     judge: Judge | None = None,
@@ -197,7 +203,7 @@ def delay_margins_ensemble(
     members: Sequence[Member],
     simulation: Simulation,
     *,
-    longest: float = LONGEST_DELAY,
+    longest: float | None = None,
     scan: int = SCANNED_DELAYS,
     resolution: float = 0.02,
     judge: Judge | None = None,
@@ -208,7 +214,7 @@ def delay_margins_ensemble(
 ) -> DelayMargins:
     """The delay, beside the one that the plant has, at which each loop begins to oscillate and at which it is lost.
 
-    longest     largest delay tried [s]
+    longest     largest delay tried [s]; by default that of ``longest_delay``
     scan        delays tried first, geometrically from two solver steps (the shortest that can be simulated) to ``longest``:
                 a loop that is lost, saved and lost again as the delay grows is caught where the scan resolves it
     resolution  relative distance of ``bears`` and ``loses`` at which bisection ends
@@ -221,6 +227,7 @@ def delay_margins_ensemble(
     Raises InputError.
     """
     simulation.require_steps("a measured margin")
+    longest = longest_delay(simulation) if longest is None else longest
     if not longest > SHORTEST_DELAY_STEPS * simulation.dt:
         raise InputError(f"longest must exceed two solver steps, {SHORTEST_DELAY_STEPS * simulation.dt:g} s, got {longest:g} s")
     validate.whole("scan", scan, least=2)

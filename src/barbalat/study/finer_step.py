@@ -19,7 +19,7 @@ from barbalat.protocols import Controller
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, LONGEST_DELAY, DelayMargins, gains_scanned
+from barbalat.study.delay_margin import LARGEST_GAIN_ERROR, DelayMargins, gains_scanned, longest_delay
 from barbalat.study.ideal_benchmark import SHORTEST_DELAY_STEPS, SIZES_TRIED, Ideals, JudgedRuns, Judging, Undelayed, quiet
 from barbalat.study.verdicts import Member
 from barbalat.validate import Array
@@ -129,7 +129,7 @@ def delays_confirmed(
     found: DelayMargins,
     *,
     numbers: Array,
-    longest: float = LONGEST_DELAY,
+    longest: float | None = None,
     by: Judging | None = None,
     threads: int | None = None,
 ) -> list[Confirmed]:
@@ -138,6 +138,7 @@ def delays_confirmed(
     Where a little less is tolerated at the finer step too, and a little more is not; where it oscillates without a
     delay, whether it does there too. Nothing is asked of delays that are too short to be simulated or longer than the longest.
     """
+    longest = longest_delay(simulation) if longest is None else longest
     asking = _Asking("delays", SHORTEST_DELAY_STEPS * simulation.dt, longest, lambda size: f"{size:.3g} s")
     beside = _beside(found)
     fine = refined(simulation)

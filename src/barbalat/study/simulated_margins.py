@@ -23,6 +23,7 @@ from barbalat.study.delay_margin import (
     DelayMargins,
     delay_margins,
     gains_scanned,
+    longest_delay,
     margins_ensemble,
 )
 from barbalat.study.finer_step import PlainRun, delays_confirmed, gains_confirmed
@@ -116,7 +117,9 @@ class _Measured:
             return certificate.with_simulated(simulated).with_entries(certificate.entries, *notes, _not_tracking(self.delay))
         simulated = Simulated(said, verdict, self._in_words(simulation))
         entries = (*self._entries(problem, simulation).entries.values(), *certificate.entries)
-        return certificate.with_simulated(simulated).with_entries(entries, *notes, *self._beside(certificate))
+        return certificate.with_simulated(simulated).with_entries(
+            entries, *notes, *self._beside(certificate, longest_delay(simulation))
+        )
 
     def _entries(self, problem: TrackingProblem, simulation: Simulation) -> Draft:
         resting = (REST_SENTENCE,) if ReferenceMotion.of(problem, simulation).comes_to_rest else ()
@@ -160,15 +163,15 @@ class _Measured:
         first = min(self.gains, key=lambda one: float(one.onset.bears[0])).ends[0]
         return f"{borne}{_until(ends)}, gain{' at least' * all_gains} {self.gain:.3g}{_until(first)}"
 
-    def _beside(self, certificate: Certificate) -> list[str]:
+    def _beside(self, certificate: Certificate, longest: float) -> list[str]:
         """Findings where the linear loop is said to bear more than twice what the case does."""
         values, delay = certificate.values, float(self.delay.onset.bears[0])
         keys = [key for key in ("delay_margin", "delay_margin_adapting") if key in values]
-        larger = [f"{key}, {_of_linear(values[key])}" for key in keys if less_than_half(delay, values[key])]
+        larger = [f"{key}, {_of_linear(values[key])}" for key in keys if less_than_half(delay, values[key], longest)]
         said = [half_sentence(f"delay margin, {delay:.3g} s,", larger)] if larger else []
         up, down = values.get("gain_margin"), values.get("gain_reduction_margin")
         linear = min(up or np.inf, 1 / down if down else np.inf)
-        if linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR))):
+        if linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR)), np.inf):
             said.append(half_sentence(f"gain margin, {self.gain:.3g}, in decibels", [f"gain_margin, {linear:.3g}"]))
         lost = float(self.delay.loss.loses[0])
         if lost <= delay:
@@ -183,9 +186,9 @@ def _until(ends: str) -> str:
     return f" until {ends}" if ends else ""
 
 
-def less_than_half(measured: float, linear: float | None) -> bool:
-    """Whether a margin that was measured is less than half of a linear loop's; None: nothing exhausts that one."""
-    return measured < 0.5 * (LONGEST_DELAY if linear is None else min(linear, LONGEST_DELAY))
+def less_than_half(measured: float, linear: float | None, largest: float = LONGEST_DELAY) -> bool:
+    """Whether a margin measured up to ``largest`` is less than half of a linear loop's; None: nothing exhausts that one."""
+    return measured < 0.5 * (largest if linear is None else min(linear, largest))
 
 
 def half_sentence(measured: str, linear: Sequence[str]) -> str:

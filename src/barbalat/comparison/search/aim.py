@@ -18,7 +18,7 @@ from barbalat.problem.modelling_error import DelayError, ModellingError
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import LONGEST_DELAY, SCANNED_DELAYS, gains_scanned, scanned
+from barbalat.study.delay_margin import SCANNED_DELAYS, gains_scanned, longest_delay, scanned
 from barbalat.study.finer_step import FINER_BY, PlainRun
 from barbalat.study.ideal_benchmark import SIZES_TRIED, Ideals, Undelayed
 from barbalat.validate import Array, InputError
@@ -94,10 +94,10 @@ class Aim:
 
     @property
     def longest(self) -> float:
-        """Delay that is tried [s]."""
+        """Delay that is asked for [s], or 0."""
         delays = [one for one in self.constraints if DelayError() in one.quantity.errors]
         asked = [one.requirement.limit for one in delays]
-        return max([LONGEST_DELAY, *asked])
+        return max([0.0, *asked])
 
     def signed(self, value: float) -> float:
         """The quantity as what is made small."""
@@ -154,7 +154,8 @@ class Plants:
         sizes: Mapping[ModellingError, Array] | None = None,
     ) -> Plants:
         """The plants of the aim, or others; for modelling errors of any size, or of these ``sizes`` alone."""
-        given, simulation, longest = aim.family(case) if problems is None else list(problems), case.simulation, aim.longest
+        given, simulation = aim.family(case) if problems is None else list(problems), case.simulation
+        longest = max(aim.longest, longest_delay(simulation))
         if sizes is None:
             ideals = {error: _ideals(error, simulation, longest) for error in (DelayError(), *aim.errors)}
         else:

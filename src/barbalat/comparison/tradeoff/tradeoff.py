@@ -21,7 +21,7 @@ from barbalat.pictures.plotted import Plotted
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
-from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble
+from barbalat.study.delay_margin import DelayMargins, delay_margins_ensemble, longest_delay
 from barbalat.study.finer_step import PlainRun, delays_confirmed, refined
 from barbalat.study.ideal_benchmark import NOISE_SENTENCE, SHORTEST_DELAY_STEPS, Judging
 from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
@@ -128,7 +128,7 @@ def trade_off(
     own: Sequence[Controller] = (),
     plants: int = 4,
     seed: int = 0,
-    longest: float = 2.0,
+    longest: float | None = None,
     judge: Judge | None = None,
     lost: Lost | None = None,
     estimate: Callable[[float], None] | None = None,
@@ -137,7 +137,7 @@ def trade_off(
     """Run every tuning of every scheme on the case's plant and on ``plants`` - 1 others, drawn from the known set.
 
     knobs     by default those of ``default_knobs`` with this ``density`` and these controllers of one's ``own``
-    longest   largest delay tried [s]
+    longest   largest delay tried [s]; by default as of ``delay_margins``
     judge     what counts as lost and as a limit cycle; by default derived from the model's motion
     lost      what counts as the loss of the motion
     estimate  called once with the seconds that are expected in all, measured on a part of the work
@@ -145,6 +145,7 @@ def trade_off(
     Raises InputError for a problem without a known set.
     """
     simulation.require_steps("the trade-off")
+    longest = longest_delay(simulation) if longest is None else longest
     started = time.perf_counter()
     TRADE_OFF.require(problem)
     assert problem.uncertainty is not None
