@@ -5,6 +5,7 @@ from __future__ import annotations
 from barbalat.comparison.tune.result import Point, Tuned, Tuning
 from barbalat.pictures.symbols import number_text
 from barbalat.report.terminal.layout import Screen, grouped
+from barbalat.sweeps.statistics import Share
 from barbalat.validate import counted
 
 
@@ -52,13 +53,16 @@ def changes(one: Tuned) -> list[str]:
 
 
 def held_out(found: Tuning) -> list[list[str]]:
-    """Controller, the median and the worst on plants that the search did not see, where that is, and how many break what."""
+    """Controller, the median and the worst on plants that the search did not see, where that is, and how many break what.
+
+    Beside a count, the share of the known set that it is evidence for: Clopper and Pearson's interval.
+    """
     rows = []
     for name, one in found.controllers.items():
         if one.held_out is None:
             continue
         new = one.held_out.as_json()
-        broken = [f"{count} of {new['plants']} break {text}" for text, count in new["broken"].items()]
+        broken = [_broken(Share(count=count, judged=new["plants"]), text) for text, count in new["broken"].items()]
         theta = ", ".join(f"{value:.3g}" for value in new["worst"]["theta"])
         rows.append(
             [
@@ -70,6 +74,12 @@ def held_out(found: Tuning) -> list[list[str]]:
             ]
         )
     return rows
+
+
+def _broken(share: Share, requirement: str) -> str:
+    low, high = (100 * one for one in share.interval)
+    said = f"{share.count} of {share.judged} break {requirement}"
+    return f"{said} ({low:.2g} to {high:.2g} % of all, with {100 * share.confidence:g} % confidence)"
 
 
 def front(one: Tuned, found: Tuning) -> list[list[str]]:
