@@ -66,4 +66,4 @@ def number_text(value: float | list[float] | None, separator: str = ", ") -> str
     """A figure for people: four digits, components with a separator between."""
     if isinstance(value, list):
         return separator.join(number_text(v) for v in value) or "-"
-    return "-" if value is None else f"{value:.4g}"
+    return "-" if value is None else f"{value + 0.0:.4g}"  # no minus before a zero

@@ -456,3 +456,7 @@ def test_what_u_is_of_is_said_where_the_plant_gets_something_else():
         for name in ("f16-short-period", "paper")
     }
     assert [DEMAND in " ".join(text.split()) for text in said.values()] == [True, False]
+
+
+def test_no_zero_has_a_minus():
+    assert number_text([-0.0, -1e-9]) == "0, -1e-09"
