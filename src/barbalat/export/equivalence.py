@@ -255,7 +255,8 @@ class _Walk:
     def _value(self, op: Operation, x: list[Term]) -> Term:
         name, prover = op.name, self.prover
         if name == "constant":
-            return self._constant(float(prover.real.numbers(op.value)))
+            with np.errstate(over="ignore"):  # what no float32 holds is infinite in the C as well
+                return self._constant(float(prover.real.numbers(op.value)))
         if name == "input":
             return self._is("input", *map(str, op.source), within=prover.inputs.get(op.source, ANY))
         if name in COMPARISONS:

@@ -116,8 +116,11 @@ ${chosen_tests}static void test_vectors(void)
 {
     ${name}_controller c, fresh;
     int k;
+    memset(&c, 60, sizeof c); /* numbers of which nothing may be left */
+    memset(&fresh, 0, sizeof fresh);
     ${name}_init(&c);
     ${name}_init(&fresh);
+    require(same_state(&c, &fresh) && same(c.last_u, fresh.last_u, ${macro}_INPUTS), "init leaves what was there before");
     k = replay(&c, SAMPLES);
     if (k < SAMPLES) {
         printf("sample %d differs from the simulation\n", k);
