@@ -209,11 +209,14 @@ PLANTED = {
     "a fade to another value": ("(double)less", "(double)left"),
     "no upper end": ("in->x[1] <= 0x1.4", "in->x[1] <= 0x1.4p9 && in->x[1] <= 0x1.4p9 || in->x[1] <= 0x1.4"),
     "no lower end": ("in->x[1] >= -0x1.0000000000000p+2", "in->x[1] >= -0x1.0000000000000p+3"),
-    "another band": ("off <= {M}_BAND && -off", "off <= 0 && -off"),
+    "another band": ("    if (off <= {M}_BAND && -off", "    if (off <= 2 * {M}_BAND && -off"),
     "missed calls are none": ("        --missed;\n", "        missed = -1L;\n"),
     "a wrong time is taken": ("            measured = -1;\n", ""),
     "a start keeps the outage": ("    c->matching = 1;\n    c->outage = 0L;\n    return", "    c->matching = 1;\n    return"),
     "any number of calls": ("        return -1L;\n", "        return 0L;\n"),
+    "no band of missed calls": ("return (off <= {M}_BAND && -off", "return (off <= 0 && -off"),
+    "one call too few": ("(double){M}_LONGEST_OUTAGE + 1.5", "(double){M}_LONGEST_OUTAGE + 0.5"),
+    "one call too many": ("(double){M}_LONGEST_OUTAGE + 1.5", "(double){M}_LONGEST_OUTAGE + 2.5"),
 }
 """What surrounds the arithmetic of an export with every part of a shell but a rate, and what is planted in its place."""
 

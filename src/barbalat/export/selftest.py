@@ -65,7 +65,7 @@ def selftest(printed: Printed) -> str:
         limit_tests=indented(_limits(printed)),
         standstill=standstill + shell_tests(printed),
         timer_tests=_timer_tests(printed),
-        mirror_outage=indented(["other.outage = k - last + 3L;"] if members(contents.around) else [], 12),
+        mirror_outage=indented(_mirrored(contents.around), 12),
         refused_tests=indented(_refused_tests(printed)),
         fade_test=indented(
             ["test_fade();" if longest is None or longest > 0 else "(void)test_fade; /* there is no outage that is borne */"]
@@ -101,6 +101,12 @@ def _timer_tests(printed: Printed) -> str:
         told = f"{printed.name}_step(&c, &in, &out) == {printed.macro}_WRONG_SAMPLE_TIME"
         lines.append(f'require({told}, "another sample time is not flagged");')
     return indented(lines)
+
+
+def _mirrored(around: Around | None) -> list[str]:
+    """What a shell counts at a miss: one more in a row, and no repeat, as which the one that stands in would count."""
+    missed = ["other.outage = k - last + 3L;"] if members(around) else []
+    return [*missed, *(f"other.{name} = c.{name};" for name in counters(around))]
 
 
 def _refused_tests(printed: Printed) -> list[str]:

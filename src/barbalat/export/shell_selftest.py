@@ -12,6 +12,9 @@ from barbalat.validate import Array
 BEYOND_RATE = 1.5
 """Times what a channel may change in a sample: refused at once, taken after one miss."""
 
+MOST_MADE_UP = 10_000
+"""Missed calls up to which the longest time between two calls is looked at: the test runs them, and float32 resolves them."""
+
 
 def shell_tests(printed: Printed) -> str:
     """The text of ``test_shell``; empty without a shell."""
@@ -19,7 +22,8 @@ def shell_tests(printed: Printed) -> str:
     if around is None:
         return ""
     tests = [*_ranges(printed), *_rates(printed), *_stuck(printed), *(_OUTAGE if around.longest is not None else [])]
-    tests += _TIMER if around.band is not None else []
+    if around.band is not None:
+        tests += [*_TIMER, *(_LONGEST_TIME if (around.longest or 0) <= MOST_MADE_UP else [])]
     if around.longest is not None and around.longest > 0:
         tests += _SHORTER
     return _WHOLE.format(
@@ -38,10 +42,11 @@ def _filled(printed: Printed, lines: list[str]) -> list[str]:
     several = (around.longest or 0) >= 2
     calls = "{M}_MISSED_CALLS" if several else "({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK)"
     names = {
-        "n": printed.name, "M": printed.macro, "x": printed.measured, "fallen": fallen[around.fallback],
+        "n": printed.name, "M": printed.macro, "real": printed.real, "x": printed.measured, "fallen": fallen[around.fallback],
         "jitter": printed.number(around.T + off),
         "jittered": f"{printed.macro}_JITTER" if off > CLOCK_TOLERANCE * around.T else f"{printed.macro}_OK",
-        "half": printed.number(1.5 * around.T), "three": printed.number(3 * around.T),
+        "half": printed.number(1.5 * around.T), "three": printed.number(3 * around.T + off),
+        "beyond": printed.number(around.T + band + min(0.1 * band, (around.T / 2 - band) / 2)),
         "several": int(several), "close": int(around.fade > 0),
     }  # fmt: skip
     return [line.replace("{calls}", calls).format(**names) for line in lines]
@@ -135,9 +140,22 @@ _TIMER = [
     'require(same_state(&c, &other), "a timer within its band is not taken for the nominal one");',
     "in.sample_time = {half};",
     'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "the fallback does not act at a wrong time");',
+    "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = {beyond};",
+    'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time beyond the band is taken");',
+    "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = 0;",
+    'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "no time between two calls is taken");',
     "{n}_init(&c); (void)replay(&c, 4); other = c; in = sample(4); in.sample_time = {three};",
     'require({n}_step(&c, &in, &out) == {calls}, "missed calls are not told");',
     "in.sample_time = {M}_SAMPLE_TIME;",
     "(void){n}_step(&other, &none, &expected); (void){n}_step(&other, &none, &expected); (void){n}_step(&other, &in, &expected);",
     'require({several} == 0 || same_state(&c, &other), "missed calls are no misses");',
+]
+_LONGEST_TIME = [
+    "{n}_init(&c); (void)replay(&c, 4); other = c; in = sample(4);",
+    "in.sample_time = ({real})({M}_LONGEST_OUTAGE + 1L) * {M}_SAMPLE_TIME;",
+    "require({several} == 0 || ({n}_step(&c, &in, &out) & ({M}_MISSED_CALLS | {M}_WRONG_SAMPLE_TIME)) == {M}_MISSED_CALLS,",
+    '    "as many missed calls as an outage may last are not made up for");',
+    "in.sample_time = ({real})({M}_LONGEST_OUTAGE + 2L) * {M}_SAMPLE_TIME;",
+    "require({n}_step(&other, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK),",
+    '    "more missed calls than an outage may last are made up for");',
 ]
