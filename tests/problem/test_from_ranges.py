@@ -73,6 +73,17 @@ def test_the_set_holds_what_sampling_finds_and_is_little_wider(plant):
         assert (bound <= largest + (TIGHTNESS - 1) * (seen.max(axis=0) - seen.min(axis=0)) + 1e-9 * size).all()
 
 
+def test_the_nominal_plant_lies_in_its_own_set():
+    """Also where an entry is known exactly, and where a range ends at the nominal value, whatever the roundings."""
+    for make in (lambda: joint(tolerance=0.3), pendulum, lambda: joint(between=(1.3, 1.7))):
+        for seed in range(10):
+            plant = make()
+            scale = np.random.default_rng(seed).uniform(0.1, 3.0, plant.n)
+            moved = Plant(physical=plant.physical, A_m=plant.A_m, scale=scale)
+            problem = Problem(plant=moved, reference_model=ReferenceModel(), reference=Constant())
+            assert problem.known.estimate_set.contains(problem.parameters)
+
+
 def test_of_the_joint_s_stiffness_change_21_percent_is_unmatched():
     """The change acts along (1/J_eq, -1/J_eq - 1/J), b along (1, -1): the sine of the angle between them."""
     plant = joint(tolerance=0.3)

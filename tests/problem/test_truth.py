@@ -161,6 +161,18 @@ def test_what_a_truth_voids():
         assert {"error_bound", "error_bound_worst"} <= set(voided(replace(inside, truth=truth))["kept"]), truth
 
 
+def test_a_gain_of_a_plant_with_a_regressor_departs_too():
+    problem = load_case("wing-rock").problem
+    unknown = replace(problem, input_gain=(0.4, 2.5))
+    for truth in (Truth(b=2 * problem.plant.b), Truth(input=PlantInput(gain=2.0))):
+        (found,) = departures(replace(problem, truth=truth))
+        assert "its input gain is 2, and the plant's 1; the gain is declared as known" in found.sentence and not found.within
+        (found,) = departures(replace(unknown, truth=truth))
+        assert found.within and replace(unknown, truth=truth).true_parameters[-1] == 2.0
+    (found,) = departures(replace(problem, truth=Truth(b=[0.1, 1.0])))
+    assert "b has an unmatched rest" in found.sentence
+
+
 def test_certificates_come_from_the_plant_and_the_declared_sets_alone():
     inside = designed(uncertainty=ParameterBox(lower=[-2.0, -2.0], upper=[2.0, 2.0]))
     truth = Truth(A=A_TRUE, b=[0.0, 1.0], input=PlantInput(delay=0.05, saturation=[-1, 1]), disturbance=Step(amplitude=1.0))

@@ -11,7 +11,7 @@ from barbalat import validate
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import KnownSet
 from barbalat.problem.measurement import Sensor
-from barbalat.problem.physical import projection
+from barbalat.problem.physical import projected, projection
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.truth import TruePlant
 from barbalat.validate import Array
@@ -40,14 +40,12 @@ def departures(problem: Problem) -> list[Departure]:
 
 
 def true_parameters(problem: Problem) -> Array | None:
-    """(p,) theta of the linear plant that is simulated, by the weighted projection, and the input gains where they are unknown.
+    """(p,) theta of the plant that is simulated, by the weighted projection, and the input gains where they are unknown.
 
     None where it has other states than the plant.
     """
     simulated = problem.simulated
     if simulated is None:
-        return problem.parameters
-    if not problem.plant.is_linear:
         return problem.parameters
     if simulated.S is not None:
         return None
@@ -56,18 +54,18 @@ def true_parameters(problem: Problem) -> Array | None:
 
 
 def _projected(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
-    """theta and omega of the simulated A and b, with the gains before the inputs."""
+    """theta and omega of the simulated A and b, with the gains before the inputs; a regressor keeps its theta."""
     plant, n = problem.plant, problem.plant.n
-    g = projection(plant.b, np.ones(n) if plant.scale is None else plant.scale)
-    omega = np.diag(g @ simulated.b.reshape(n, -1)) * [path.gain for path in problem.surroundings.paths]
-    return (g @ (simulated.A - plant.A_m)).T.reshape(-1), omega
+    scale = np.ones(n) if plant.scale is None else plant.scale
+    omega = np.diag(projection(plant.b, scale) @ simulated.b.reshape(n, -1)) * [path.gain for path in problem.surroundings.paths]
+    return projected(simulated.A, plant.A_m, plant.b, scale) if plant.is_linear else plant.theta, omega
 
 
 def _of_the_dynamics(problem: Problem, simulated: TruePlant) -> Iterator[Departure]:
     plant = problem.plant
     if simulated.S is not None:
         yield Departure(f"it has {validate.counted(len(simulated.x0), 'state')}, and the plant {plant.n}")
-    elif plant.is_linear:
+    else:
         theta, omega = _projected(problem, simulated)
         yield from _of_theta(problem, theta)
         yield from _of_the_gain(problem, omega)
@@ -116,7 +114,7 @@ def _of_the_rests(problem: Problem, simulated: TruePlant, theta: Array) -> Itera
     plant, n = problem.plant, problem.plant.n
     b = plant.b.reshape(n, -1)
     g = projection(plant.b, np.ones(n) if plant.scale is None else plant.scale)
-    rest_A = simulated.A - plant.A_m - b @ theta.reshape(n, -1).T
+    rest_A = simulated.A - plant.A_m - (b @ theta.reshape(n, -1).T if plant.is_linear else 0.0)
     rest_b = simulated.b.reshape(n, -1) - b * np.diag(g @ simulated.b.reshape(n, -1))
     for name, rest, beside in (("A", rest_A, (simulated.A, plant.A_m)), ("b", rest_b, (simulated.b, plant.b))):
         largest = max(1.0, *(float(np.abs(one).max()) for one in beside))

@@ -26,8 +26,8 @@ from barbalat.linear.balls import Ball, as_arb
 from barbalat.linear.enclosure import float_above, float_below
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.laurent import ALONE, Product, Sum, added, multiplied, names_of, products_of, scaled, value_of
-from barbalat.problem.parameters import Symbolic
-from barbalat.problem.physical import PhysicalPlant, projection
+from barbalat.problem.parameters import Symbolic, evaluated
+from barbalat.problem.physical import PhysicalPlant, projected, projection
 from barbalat.validate import Array, InputError, show
 
 TIGHTNESS = 1.05
@@ -313,7 +313,7 @@ def _widest(
     ]
 
 
-def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_from: str, *, used: bool = True) -> FromRanges:
+def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_from: str) -> FromRanges:
     """The known set and the rests; ``b`` is that of the nominal plant.
 
     Raises InputError where a formula has no bound over the ranges.
@@ -326,14 +326,16 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
     found = _enclosed_once(quantities, plant.ranges, nothing)
     _require_finite(plant, found)
     nominal = quantities.at({name: np.array([value]) for name, value in plant.nominal.items()} or {"": np.zeros(1)})[0]
+    gains = evaluated("plant.input.gain", plant.gains(m), plant.nominal)
+    nominal[: n * m + m] = np.concatenate([projected(A, A_m, b, scale), gains])  # in the plant's own roundings
     moves = np.array([any(low < high for low, high in (plant.ranges[name] for name in names)) for names in quantities.names])
-    low, high = np.where(moves, found.low, nominal), np.where(moves, found.high, nominal)
+    low, high = (np.where(moves, end(one, nominal), nominal) for end, one in ((np.minimum, found.low), (np.maximum, found.high)))
     ends = np.cumsum(quantities.sizes)
     largest_rest = np.maximum(np.abs(low), np.abs(high))
     largest_rest = np.where(largest_rest <= nothing, 0.0, largest_rest)
     uncertain_gain = moves[ends[0] : ends[1]].any()
-    gains = tuple(zip(low[ends[0] : ends[1]].tolist(), high[ends[0] : ends[1]].tolist(), strict=True))
-    for lower, _ in gains if uncertain_gain else ():
+    intervals = tuple(zip(low[ends[0] : ends[1]].tolist(), high[ends[0] : ends[1]].tolist(), strict=True))
+    for lower, _ in intervals if uncertain_gain else ():
         if not lower > 0:
             raise InputError.of(
                 "parameters",
@@ -341,7 +343,7 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
             )
     return FromRanges(
         theta=ParameterBox(lower=low[: ends[0]], upper=high[: ends[0]]),
-        input_gain=gains if uncertain_gain else None,
+        input_gain=intervals if uncertain_gain else None,
         rest_A=largest_rest[ends[1] : ends[2]].reshape(n, n),
         rest_b=largest_rest[ends[2] :].reshape(n, m),
         scale=scale,
@@ -350,7 +352,6 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
         width_ratio=found.ratio,
         cells=found.cells,
         nominal={"parameters": plant.nominal, "A": A.tolist(), "b": np.asarray(b).tolist(), "theta": nominal[: ends[0]].tolist()},
-        used=used,
     )
 
 

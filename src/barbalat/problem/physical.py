@@ -131,3 +131,8 @@ def projection(b: Array, scale: Array) -> Array:
     """(b'W b)^-1 b'W with W = diag(1/scale^2), (m, n): of all theta = projection (A - A_m) the smallest rest in that norm."""
     weighted = (b / np.square(scale).reshape(-1, *[1] * (b.ndim - 1))).reshape(len(scale), -1).T
     return np.asarray(np.linalg.solve(weighted @ b.reshape(len(scale), -1), weighted))
+
+
+def projected(A: Array, A_m: Array, b: Array, scale: Array) -> Array:
+    """(n m,) theta of the weighted projection of A - A_m."""
+    return (projection(b, scale) @ (A - A_m)).T.reshape(-1)

@@ -16,7 +16,7 @@ from barbalat.linear.pole_placement import place
 from barbalat.linear.systems import open_loop
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.from_ranges import FromRanges, from_ranges
-from barbalat.problem.physical import PhysicalPlant, holds_formulas, input_matrix, projection
+from barbalat.problem.physical import PhysicalPlant, holds_formulas, input_matrix, projected
 from barbalat.problem.regressors import Linear, MatchedTerm, Regressor
 from barbalat.protocols import Value
 from barbalat.settings import Settings, one_line
@@ -245,8 +245,7 @@ def _nominal(physical: PhysicalPlant, A_m: Any, poles: Any, scale: Any) -> tuple
         raise InputError.of("plant.b", "must not be zero at the nominal parameters")
     A_m = place(A, b, poles) if A_m is None else validate.square_matrix("reference_model.A_m", A_m, len(A))
     weights = np.ones(len(A)) if scale is None else sizes_of_states(scale, len(A))
-    theta = (projection(b, weights) @ (A - A_m)).T.reshape(-1)
-    return A_m, b, theta, physical.initial(physical.nominal), physical.inputs(physical.nominal)
+    return A_m, b, projected(A, A_m, b, weights), physical.initial(physical.nominal), physical.inputs(physical.nominal)
 
 
 def sizes_of_states(scale: Any, n: int) -> Array:

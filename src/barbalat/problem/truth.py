@@ -93,11 +93,11 @@ class Truth(Settings):
 class TruePlant:
     """x' = A x + B v + terms, of which a controller is handed S x: what a loop integrates in the plant's place.
 
-    b_theta   (N, m) with the plant's regressor, where that is no state: the matched uncertainty enters there
-    S         (n, N); None where the states are the plant's own
-    friction  (row, coulomb, width) of each
-    terms     (row, formula) of each
-    values    of the parameters in the formulas
+    S          (n, N); None where the states are the plant's own
+    friction   (row, coulomb, width) of each
+    terms      (row, formula) of each
+    values     of the parameters in the formulas
+    nonlinear  the plant, where its regressor is not the state: its uncertainty b theta'phi(x) acts beside A, its own A_m, and B
     """
 
     A: Array
