@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 
 from barbalat.export.contents import Contents
+from barbalat.export.equivalence import Interval, Prover
 from barbalat.export.evidence import readme_evidence
+from barbalat.export.mutants import Mutant
 from barbalat.export.texts import Printed
 from barbalat.export.vectors import _Search, chosen
 from barbalat.lowering.c99 import DOUBLE, FLOAT
+from barbalat.lowering.operations import Operation, Program
 from export.examples import SIMULATION
 from export.mutation import coverage, found_in_c
 from export.targets import needs_gcc
@@ -57,6 +60,20 @@ def test_numbers_drawn_anew_kill_no_mutant_that_is_proven_to_be_none(beginning) 
         pool = search._usable(search._drawn())
         judge = search._judge(np.hstack([pool, search._usable(search._bisected(pool))]))
         assert [one for one in proven if judge.tell(one).any()] == []
+
+
+def test_the_sign_of_zero_and_the_rounding_of_a_root_are_not_proven_away() -> None:
+    """sqrt(-0.0) is -0.0, so that its size is another number; in 32 bits sqrt(2) lies below what 64 bits give, and equals c."""
+    x, within = Operation("input", (), source=(0, 0)), {(0, 0): Interval(0.0, 3.0)}
+    size = Program((x, Operation("sqrt", (0,)), Operation("fabs", (1,))), ((2,),))
+    left_out = Mutant(2, "fabs is left out", Operation("copy", (1,)))
+    assert Prover(size, within, DOUBLE).proof(left_out) == ""
+    constants = [Operation("constant", (), value=value) for value in (2**0.5, 5.0, 7.0)]
+    chosen_of = (x, Operation("sqrt", (0,)), *constants, Operation("le", (1, 2)), Operation("select", (5, 3, 4)))
+    second = Mutant(6, "select takes the second always", Operation("copy", (4,)))
+    for real in (FLOAT, DOUBLE):
+        assert Prover(Program(chosen_of, ((6,),)), {(0, 0): Interval(2.0, 3.0)}, real).proof(second) == ""
+    assert Prover(Program(chosen_of, ((6,),)), {(0, 0): Interval(2.1, 3.0)}, FLOAT).proof(second)
 
 
 def test_the_midpoint_laws_projection_is_reached_at_every_face() -> None:

@@ -24,6 +24,8 @@ CASES = 30
 """That a proof may have: the stated budget for one mutant."""
 MOST = 1e30
 """In size, of a number on the way, where nothing is shown for all of them: far beyond the range in which a result is taken."""
+ASSUMED = f", while all on the way are numbers of at most {MOST:g}"
+"""How a proof ends that needs it."""
 WORK = 500_000
 """Operations in the cases of all proofs of one export together."""
 NEAR = 3
@@ -87,7 +89,7 @@ class Prover:
                 return ""
             cases, assumed = (
                 max(cases, found),
-                assumed or ("" if most == math.inf else f", while all on the way are numbers of at most {MOST:g}"),
+                assumed or ("" if most == math.inf else ASSUMED),
             )
         return (f"the same terms in each of {cases} cases" if cases > 1 else "the same terms for all numbers") + assumed
 
@@ -369,7 +371,7 @@ class _Walk:
             if name in ("add", "mul"):
                 found = (name == "mul" and x[0] == x[1]) or all(self._positive(one) for one in x if isinstance(one, int))
             else:
-                found = name in ("fabs", "sqrt") or self.interval(term).low > 0
+                found = name == "fabs" or self.interval(term).low > 0  # no square root: that of -0.0 is -0.0
             self._positives[term] = found
         return found
 
@@ -385,7 +387,9 @@ class _Walk:
         if name == "exp" and a.high < MOST_EXPONENT:
             return Interval(0.0, math.exp(a.high) * (1 + 1e-6), none)
         if name == "sqrt":
-            return Interval(math.sqrt(max(a.low, 0.0)), math.sqrt(max(a.high, 0.0)) * (1 + 1e-6), none or a.low < 0)
+            return Interval(
+                self.prover.rounded(math.sqrt(max(a.low, 0.0))), math.sqrt(max(a.high, 0.0)) * (1 + 1e-6), none or a.low < 0
+            )
         if name not in ("add", "sub", "mul", "div") or (name == "div" and within[1].low <= 0 <= within[1].high):
             return ANY
         b = within[1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from barbalat.export.equivalence import ASSUMED
 from barbalat.export.mutants import Mutant
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.export.vectors import CANDIDATES, ROUNDS, chosen
@@ -75,6 +76,7 @@ def readme_evidence(printed: Printed) -> str:
     count, told, proven = vectors.counted(ties=False)
     ties, ties_told, ties_proven = vectors.counted(ties=True)
     nominal = sum(not one.tie for one in vectors.mutants) - sum(not one.tie for one in vectors.missed_by_the_run)
+    conditional = sum(proof.endswith(ASSUMED) and not one.tie for one, proof in vectors.missed.items())
     share = told / max(count - proven, 1)
     return filled(
         "README_evidence.md",
@@ -84,6 +86,7 @@ def readme_evidence(printed: Printed) -> str:
         nominal=nominal,
         told=told,
         proven=proven,
+        conditions=f"; {conditional} of them{ASSUMED.removeprefix(',')}" if conditional else "",
         undecided=count - told - proven,
         share=f"{100 * share:.1f}",
         ties=ties,

@@ -17,8 +17,9 @@ from barbalat.export.contents import Contents
 from barbalat.export.equivalence import Interval, Prover
 from barbalat.export.evaluation import evaluate, values
 from barbalat.export.mutants import Judge, Mutant, mutants
+from barbalat.export.source import ESTIMATE_TOLERANCE
 from barbalat.loop.true_values import estimate_set
-from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
+from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, STATE
 from barbalat.validate import Array
 
 ROUNDS = 40
@@ -35,7 +36,7 @@ PAIRS = 6
 """Between which a comparison's sides are brought together, in every second round."""
 HALVINGS = 64
 """Of the way between two of a pair: more than the bits of a number."""
-TOLERATED = 5e-7
+TOLERATED = ESTIMATE_TOLERANCE / 2
 """By how much, relatively, an estimate lies outside of its set here: half of what the exported C takes."""
 COMPARED = {"lt", "le", "eq", "ne", "fmin", "fmax"}
 
@@ -132,7 +133,7 @@ class _Search:
 
     def _proofs(self, left: Sequence[Mutant]) -> dict[Mutant, str]:
         """Of these mutants, those that are shown to be none."""
-        contents, most = self.contents, self.contents.range
+        contents, most = self.contents, float(self.numbers(self.contents.range))
         y, q, _, _ = contents.sizes
         anything = Interval(-most, most)
         within = {(STATE, row): anything for row in self.rows} | {(FREEZE, 0): Interval(0.0, 1.0)}
@@ -141,10 +142,9 @@ class _Search:
             for row, low, high in zip(
                 contents.layout.theta_hat.rows, *map(np.ndarray.tolist, contents.checked_limits), strict=True
             ):
-                ends = low - 2 * TOLERATED * (1 + abs(low)), high + 2 * TOLERATED * (1 + abs(high))
+                taken = low - ESTIMATE_TOLERANCE * (1 + abs(low)), high + ESTIMATE_TOLERANCE * (1 + abs(high))
+                ends = tuple(float(self.numbers(end)) for end in taken)  # as C has them
                 within[STATE, row] = Interval(max(-most, ends[0]), min(most, ends[1]))
-        if contents.opened is not None:
-            within |= {(PARAMETER, i): Interval(value, value) for i, value in enumerate(contents.opened.values.tolist())}
         prover = Prover(contents.step, within, contents.real)
         return {one: proof for one in left if (proof := prover.proof(one))}
 
