@@ -11,6 +11,7 @@ from barbalat.exports import export_controller
 from export.examples import SIMULATION
 from export.targets import ISO, STRICT, needs, needs_gcc
 from export.test_bit_identical import EXAMPLES
+from export.test_shell import SHELLS, surrounded
 
 KINDS = ("Mrac-several-euler", "LinearOutput-output", "Mrac-state-midpoint")
 
@@ -29,6 +30,15 @@ def test_the_crate_computes_the_simulations_bits(beginning, float32, tmp_path) -
     done = subprocess.run(["cargo", "test", "--offline"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "2 passed" in done.stdout and "warning" not in done.stderr
+
+
+@needs("cargo")
+def test_a_crate_whose_fallback_acts_at_once_passes_its_test(tmp_path) -> None:
+    """Its control does not stay where a measurement is lost."""
+    problem, controller = surrounded(KINDS[2], SHELLS["at once"])
+    export_controller(problem, controller, SIMULATION, out=tmp_path, target="rust")
+    done = subprocess.run(["cargo", "test", "--offline"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @needs_gcc

@@ -7,7 +7,7 @@ import numpy as np
 from barbalat.export.c99.files import named, sources
 from barbalat.export.plain import plain_functions
 from barbalat.export.target import Request
-from barbalat.export.texts import Printed, filled
+from barbalat.export.texts import Printed, filled, indented
 from barbalat.validate import Array, InputError
 
 TESTED = 100
@@ -21,6 +21,8 @@ def files(asked: Request) -> dict[str, str]:
     printed, texts = sources(asked.problem, asked.controller, asked.simulation, float32=asked.float32, name=asked.name)
     own = next(iter(named({"controller.h": ""}, asked.name))), next(iter(named({"controller.c": ""}, asked.name)))
     y, q, m, p = printed.contents.sizes
+    around = printed.contents.around
+    acts_at_once = around is not None and around.longest == 0 and around.fallback != "hold"
     number = "f64" if printed.real == "double" else "f32"
     given = {
         "name": printed.name,
@@ -33,6 +35,8 @@ def files(asked: Request) -> dict[str, str]:
         "start_argument": f"x: &[{number}; MEASURED], " if printed.contents.measures_state else "",
         "start_given": "x.as_ptr(), " if printed.contents.measures_state else "",
         "samples": _samples(printed),
+        "held": "" if acts_at_once else indented(["assert_eq!(out.u, before.u);"], 12),
+        "and_held": "" if acts_at_once else "_and_the_control_stays",
         "bits": f"u{number[1:]}",
         "sample_time": f"{float(printed.contents.real.numbers(printed.contents.sample_time))!r}",
     }
