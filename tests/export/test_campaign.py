@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from benchmarks.flight_cases import CASES
 
-from barbalat.export.campaign import LOST_SHARES, TOLERATED, export_campaign
-from barbalat.plants import Dropout, Shell, Spike
+from barbalat.export.campaign import LOST_SHARES, TOLERATED, Campaign, Degradation, export_campaign
+from barbalat.export.in_the_loop import simulate_export
+from barbalat.plants import Dropout, Jitter, Shell, Spike
 from barbalat.run.engine.engine import Batch, run
 from barbalat.solvers.simulation import Simulation
 from export.examples import T
@@ -57,6 +58,33 @@ def test_the_longest_outage_is_tolerated_and_the_next_one_is_not() -> None:
         return bool((np.array(errors) <= TOLERATED * np.array(found.nominal)).all())
 
     assert tolerated(found.longest) and not tolerated(found.longest + 1)
+
+
+@needs_gcc
+def test_a_jitter_within_the_shells_band_is_taken_and_so_is_one_without_a_band() -> None:
+    """The status tells both, and neither is a sample that is not taken."""
+    for shell in (None, Shell(longest_outage=0.04, jitter=0.45)):
+        problem, controller = surrounded("Mrac-state-midpoint", shell, (Jitter(time=0.002),))
+        found = simulate_export(problem, controller, replace(RUN, t_end=1.0, dt=T / 10))
+        assert found.refused == 0
+
+
+@needs_gcc
+def test_a_campaign_in_32_bits_flies_them() -> None:
+    problem, controller = one("Mrac-state-midpoint")
+    short = replace(RUN, t_end=2.0)
+    wide, narrow = (export_campaign(problem, controller, short, draws=1, float32=bits) for bits in (False, True))
+    assert wide.nominal != narrow.nominal
+    np.testing.assert_allclose(wide.nominal, narrow.nominal, rtol=1e-3)
+
+
+def test_a_component_without_any_error_does_not_count() -> None:
+    row = Degradation(faults="", draws=1, missed=0.0, beyond=0.0, worst=(0.0, 3.0), lost=0)
+    found = Campaign(
+        controller="c", names=("a", "b"), units=(), sample_time=T, nominal=(0.0, 2.0), rows=(row,), starts=(), longest=0, most=1
+    )
+    assert found.factor(row) == 1.5
+    assert found.factor(replace(row, worst=(1e-3, 3.0))) == np.inf
 
 
 def test_every_controller_whose_cost_is_counted_has_a_row() -> None:

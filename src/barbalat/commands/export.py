@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_budget, add_controllers
 from barbalat.commands.output import print_json, require_folder_name
-from barbalat.commands.progress import say
+from barbalat.commands.progress import say, work
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,19 +54,19 @@ class Targets:
         return name in iter(self)
 
 
-def _flown(case: Case, controller: Controller) -> Campaign:
+def _flown(case: Case, controller: Controller, *, float32: bool) -> Campaign:
     """The controller's C through the case's faults and others, with a bar."""
-    from barbalat.commands.progress import work
     from barbalat.export.campaign import EXPECTED_SECONDS, export_campaign
 
     with work({"campaign": EXPECTED_SECONDS}) as running, running.part("campaign") as progress:
-        return export_campaign(case.problem, controller, case.simulation, progress=progress)
+        return export_campaign(case.problem, controller, case.simulation, float32=float32, progress=progress)
 
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
     from barbalat.export.c99.files import FILES
+    from barbalat.export.layout import require_prefix
     from barbalat.export.target import targets
     from barbalat.export.write import export_controller
     from barbalat.validate import InputError, local_path, show
@@ -78,7 +78,10 @@ def execute(options: argparse.Namespace) -> int:
     if options.controller not in found:
         raise InputError(f"--controller must be one of {', '.join(map(show, found))}, got {show(options.controller)}")
     controller = found[options.controller]
-    flown = _flown(case, controller) if options.campaign else None
+    target = targets()[options.target]
+    if options.name is not None:
+        require_prefix(options.name)
+    flown = _flown(case, controller, float32=options.float32 or target.float32) if options.campaign else None
     folder = export_controller(
         case.problem,
         controller,
@@ -91,7 +94,7 @@ def execute(options: argparse.Namespace) -> int:
         place=list(found).index(controller.name),
         name=options.name,
     )
-    check = targets()[options.target].check(shlex.quote(str(folder)), options.closed_loop)
+    check = target.check(shlex.quote(str(folder)), options.closed_loop)
     if options.name is not None:
         check = FILES.sub(rf"{options.name}_\1", check)
     if options.json:

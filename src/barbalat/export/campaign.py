@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from barbalat.budget import Progress
 from barbalat.export.in_the_loop import Exported
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.problem.faults import Dropout, Fault, uniform
+from barbalat.problem.faults import LARGEST_SEED, Dropout, Fault, uniform
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.engine.engine import Batch
@@ -77,7 +77,8 @@ class Campaign:
         """How many times the nominal error the worst component reached; infinite where a run diverged."""
         if row.worst is None:
             return float("inf")
-        return max(worst / nominal if nominal else float("inf") for worst, nominal in zip(row.worst, self.nominal, strict=True))
+        pairs = zip(row.worst, self.nominal, strict=True)
+        return max(worst / nominal if nominal else float("inf") if worst else 1.0 for worst, nominal in pairs)
 
 
 def export_campaign(
@@ -86,35 +87,36 @@ def export_campaign(
     simulation: Simulation,
     *,
     draws: int = DRAWS,
+    float32: bool = False,
     progress: Progress | None = None,
 ) -> Campaign:
     """Fly the export of a sampled controller through faults: the case's own, drawn anew each time, and lost measurements.
 
-    Every flight has the compiled C in the loop, with the case's shell. InputError as of ``simulate_export``, and where the run
-    without faults diverges.
+    Every flight has the compiled C in the loop, with the case's shell; with ``float32`` its numbers have 32 bits. InputError as
+    of ``simulate_export``, and where the run without faults diverges.
     """
     quiet = replace(problem, faults=())  # type: ignore[type-var]
     loop = ClosedLoop.of(quiet, controller)
     require_sampled(controller.name, sampled=loop.sampled)
     T = loop.sample_time
     assert T is not None
-    flights = _Flights(quiet, controller, simulation, T)
+    flights = _Flights(quiet, Exported.of(quiet, controller, simulation, float32=float32, windows=0), T)
     kinds = _kinds(problem.faults, T)
     done = 0
 
-    def told(flown: int, of: int = 0) -> None:
+    def told(flown: int) -> None:
         nonlocal done
         done += flown
         if progress is not None:
-            progress(min(1.0, done / (draws * len(kinds) + of)))
+            progress(min(1.0, done / (draws * len(kinds) + EXPECTED_FLIGHTS)))
 
     rows = []
     for words, faults in kinds.items():
         rows.append(flights.through(words, faults, draws))
-        told(draws, EXPECTED_FLIGHTS)
+        told(draws)
     starts = tuple((simulation.t_end / 4 * (1 + uniform(0, 0, np.arange(STARTS)))).tolist())
     most = int(simulation.t_end / 4 / T)
-    longest = flights.longest(starts, most, lambda flown: told(flown, EXPECTED_FLIGHTS))
+    longest = flights.longest(starts, most, told)
     labels = problem.labels
     return Campaign(
         controller=controller.name,
@@ -146,14 +148,13 @@ def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
 class _Flights:
     """Flights of one export; those with faults of the same kinds share a kernel and a library."""
 
-    def __init__(self, problem: TrackingProblem, controller: Controller, simulation: Simulation, T: float) -> None:
-        self.problem, self.simulation, self.T = problem, simulation, T
-        self.exported = Exported.of(problem, controller, simulation, windows=0)
+    def __init__(self, problem: TrackingProblem, exported: Exported, T: float) -> None:
+        self.problem, self.exported, self.simulation, self.T = problem, exported, exported.simulation, T
         self.compiled: dict[tuple[tuple[str, str], ...], Exported] = {}
         batch, _ = self._fly(())
         found = self._errors(batch)
         if found is None:
-            raise InputError(f"{controller.name} diverges on this case without any fault: a campaign would say nothing")
+            raise InputError(f"{exported.controller.name} diverges on this case without any fault: a campaign would say nothing")
         self.nominal: Array = found
 
     def _fly(self, faults: tuple[Fault, ...]) -> tuple[Batch, int]:
@@ -170,9 +171,9 @@ class _Flights:
     def through(self, words: str, faults: tuple[Fault, ...], draws: int) -> Degradation:
         """What faults did, drawn so many times."""
         worst, lost, missed, beyond = np.zeros(len(self.nominal)), 0, 0.0, 0.0
-        samples = np.ceil(self.simulation.t_end / self.T)
+        samples = np.ceil(self.simulation.t_end / self.T * (1 - 1e-9))
         for k in range(draws):
-            batch, refused = self._fly(tuple(replace(fault, seed=fault.seed + k) for fault in faults))
+            batch, refused = self._fly(tuple(replace(fault, seed=(fault.seed + k) % (LARGEST_SEED + 1)) for fault in faults))
             missed += float(refused / samples / draws)
             beyond = max(beyond, self._beyond(batch))
             errors = self._errors(batch)
@@ -188,7 +189,7 @@ class _Flights:
         within = (np.maximum(-low, high) <= self.nominal).all(axis=1)
         return 1.0 - float(blocks.lengths[: len(within)][within].sum()) / self.simulation.steps
 
-    def longest(self, starts: tuple[float, ...], most: int, told: Any) -> int:
+    def longest(self, starts: tuple[float, ...], most: int, told: Callable[[int], None]) -> int:
         """The longest outage in samples that is tolerated from all starts, by doubling and bisection."""
         low, high = 0, 1
         while high <= most and self._tolerates(high, starts, told):
@@ -202,7 +203,7 @@ class _Flights:
             low, high = (middle, high) if self._tolerates(middle, starts, told) else (low, middle)
         return low
 
-    def _tolerates(self, samples: int, starts: tuple[float, ...], told: Any) -> bool:
+    def _tolerates(self, samples: int, starts: tuple[float, ...], told: Callable[[int], None]) -> bool:
         for start in starts:
             batch, _ = self._fly((Dropout(times=((start, start + samples * self.T),)),))
             told(1)

@@ -33,7 +33,7 @@ class InTheLoop:
     """A run whose control was computed by the compiled export.
 
     result   as of ``simulate``; at the instants that it records, the list says what a sample makes of the loop's state
-    refused  samples that the export answered with another status than OK
+    refused  samples of which the export did not take the measurement, the command or the result
     """
 
     result: Result
@@ -96,7 +96,7 @@ class Exported:
         return cls(Printed(contents, prefix="exported"), controller, simulation, windows)  # nobody reads its names
 
     def fly(self, problem: TrackingProblem, *, progress: Progress | None = None) -> tuple[Batch, int]:
-        """The batch of a recorded run, and how many samples were answered with another status than OK."""
+        """The batch of a recorded run, and of how many samples the export did not take everything."""
         members = Members.read([(problem, self.controller)], self.simulation, windows=self.windows)
         if self.library is None:
             self.library = _compiled(self.printed, members.loop)
@@ -140,7 +140,7 @@ def _adapter(printed: Printed, loop: ClosedLoop) -> str:
     entries = [text.replace("c->", "c.") for text in printed.contents.layout.entries().values()]
     load = [f"{text} = ({printed.real})kept[{i}];" for i, text in enumerate(entries)]
     store = [f"kept[{i}] = (double){text};" for i, text in enumerate(entries)]
-    spoil, sample_time, idle, told = [], f"{printed.macro}_SAMPLE_TIME", "0", 0
+    spoil, sample_time, idle, told, around = [], f"{printed.macro}_SAMPLE_TIME", "0", 0, printed.contents.around
     if loop.around is not None:
         held = loop.unpack(np.arange(loop.size)).held
         at = "numbers[{0}_MEASURED + {0}_COMMANDS + {1}]".format
@@ -167,6 +167,7 @@ def _adapter(printed: Printed, loop: ClosedLoop) -> str:
         measured=printed.measured,
         u=printed.contents.layout.u.name,
         told=told,
+        timer_status="JITTER" if around is not None and around.band is not None else "WRONG_SAMPLE_TIME",
         idle=idle,
         sample_time=sample_time,
         load=indented(load),

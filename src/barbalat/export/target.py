@@ -40,6 +40,7 @@ class Target:
     help      what they get, in one phrase
     files     the files' contents by their names; raises InputError for what the target can't take
     check     the shell command that checks an export, from the folder, quoted, and whether the closed loop is in it
+    float32   whether its numbers have 32 bits, whatever is asked for
     compiles  whether the files hold binaries for this machine, which ``sources_only`` leaves out
     replaced  names of an earlier export's files that go with it, made this time or not
     """
@@ -48,6 +49,7 @@ class Target:
     help: str
     files: Callable[[Request], Mapping[str, str | bytes]]
     check: Callable[[str, bool], str]
+    float32: bool = False
     compiles: bool = False
     replaced: tuple[str, ...] = ()
 

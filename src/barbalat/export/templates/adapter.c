@@ -30,7 +30,7 @@ ${load}    for (i = 0; i < ${macro}_INPUTS; ++i) {
     for (i = 0; i < ${macro}_COMMANDS; ++i) {
         in.r[i] = (${real})numbers[${macro}_MEASURED + i];
     }
-${spoil}    if (${name}_step(&c, &in, &out) != ${macro}_OK) {
+${spoil}    if ((${name}_step(&c, &in, &out) & ~${macro}_${timer_status}) != ${macro}_OK) {
         ++barbalat_refused;
     }
 ${store}}
