@@ -16,7 +16,7 @@ from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import Varied
-from barbalat.run.engine.judging import Refining
+from barbalat.run.engine.refining import Refining
 from barbalat.run.kernel import delay
 from barbalat.sweeps.chunks import Columns
 from barbalat.sweeps.study import FINER_BY, RINGS, SETTLED, VERDICT, Figured, Study, StudyPart, columns_of, run_here

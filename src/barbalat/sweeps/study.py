@@ -18,7 +18,8 @@ from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
 from barbalat.run.engine.engine import Batch, run
-from barbalat.run.engine.judging import FACTORS, NEGLIGIBLE, ORDER_EIGHT_FACTORS, Terms, finer_by, judged, needed_by_modes
+from barbalat.run.engine.judging import Terms, judged
+from barbalat.run.engine.refining import FACTORS, NEGLIGIBLE, ORDER_EIGHT_FACTORS, finer_by, needed_by_modes
 from barbalat.run.kernel import delay, template
 from barbalat.run.kernel.breaks import can_be_split
 from barbalat.run.kernel.members import Members

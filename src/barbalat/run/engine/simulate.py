@@ -18,7 +18,8 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.engine.by_tolerance import simulate_by_tolerance
 from barbalat.run.engine.engine import Batch, run
-from barbalat.run.engine.judging import Terms, finer_by_along, judged, watched_in_runs
+from barbalat.run.engine.judging import Terms, judged, watched_in_runs
+from barbalat.run.engine.refining import finer_by_along
 from barbalat.run.engine.stability_label import MOST_WINDOWS, Run, stiffness_along
 from barbalat.run.kernel import costs, delay
 from barbalat.run.kernel.breaks import lost_along, lost_order
