@@ -10,9 +10,9 @@ from labelled_runs import Gain, oscillator, relay_problem
 
 from barbalat import InputError, Judge, Simulation, simulate
 from barbalat.cases.load import CaseText, load_case, parse_case
-from barbalat.judge.scale import Surroundings, scale_of
+from barbalat.judge.scale import Uncommanded, scale_of
 from barbalat.judge.verdict import Class, Cycle, Verdict
-from barbalat.plants import Labels, Noise, Sensor
+from barbalat.plants import Disturbance, Labels, Noise, Sensor, Truth
 from barbalat.run.engine.settle import settle
 from barbalat.signals import Sine
 from barbalat.sweeps.sweep import sweep
@@ -83,11 +83,11 @@ def test_a_verdict_is_one_sentence(given, said):
 
 def test_a_component_without_motion_has_the_largest_of_what_else_moves_it_as_scale():
     model = np.array([[4.0, 1e-12, 0.0, 0.0, 0.02]])
-    beside = Surroundings(np.array([1.0, 1.0, 0.0, 7.0, 3.0]), np.eye(5))
+    beside = Uncommanded(np.array([1.0, 1.0, 0.0, 7.0, 3.0]), np.eye(5))
     noise = np.array([1.0, 1.0, 0.5, 0.0, 0.0])
     found = scale_of(model, np.array([[9.0, -2.0, 0.0, 0.0, 0.0]]), noise, beside)
     np.testing.assert_array_equal(found, [[4.0, 2.0, 0.5, 7.0, 3.0]])
-    nothing = Surroundings(np.zeros(2), np.array([[1.0, 0.1], [2.0, 1.0]]))
+    nothing = Uncommanded(np.zeros(2), np.array([[1.0, 0.1], [2.0, 1.0]]))
     np.testing.assert_allclose(scale_of(np.array([[3.0, 0.0]]), np.zeros((1, 2)), None, nothing), [[3.0, 6.0]])
 
 
@@ -95,13 +95,29 @@ def test_the_models_answer_to_a_disturbance_is_the_exact_one():
     """Of x'' + 2 x' + x = 3 sin t, at rest at first: x = 1.5 ((1 + t) e^-t - cos t). Let go at 1, x' comes to -1/e."""
     problem = replace(oscillator(0.7, [0.0, 0.0]), disturbance=Sine(3.0, 1.0))
     problem = replace(problem, plant=replace(problem.plant, A_m=np.array([[0.0, 1.0], [-1.0, -2.0]])))
-    found = Surroundings.of(problem, 40.0)
+    found = Uncommanded.of(problem, 40.0)
     t = np.linspace(0.0, 40.0, 40001)
     exact = 1.5 * ((1 + t) * np.exp(-t) - np.cos(t)), 1.5 * (np.sin(t) - t * np.exp(-t))
     np.testing.assert_allclose(found.answer, np.abs(exact).max(axis=1), rtol=0.01)
     assert found.spread[1, 0] == pytest.approx(np.exp(-1), rel=1e-5)
 
 
+def test_what_a_truth_starts_from_and_is_disturbed_by_sets_the_scale():
+    """The model rests, and the plant that is designed for has neither a start nor a disturbance; the truth has one state more."""
+    plain = replace(oscillator(0.7, [0.0, 0.0]), disturbance=Sine(3.0, 1.0))
+    A = [[0.0, 1.0, 0.0], [-1.0, -1.4, 1.0], [0.0, 0.0, -50.0]]
+    found = {}
+    for name, more in {"at the input": {"disturbance": Sine(3.0, 1.0)}, "elsewhere": {"unmatched": (PUSH,)}, "none": {}}.items():
+        truth = Truth(A=A, b=[0.0, 0.0, 50.0], x0=[0.0, 0.2, 0.0], states=["x_1", "x_2"], **more)
+        found[name] = replace(oscillator(0.7, [0.0, 0.0]), truth=truth)
+    expected = Uncommanded.of(plain, 20.0).answer
+    for name in ("at the input", "elsewhere"):
+        np.testing.assert_allclose(Uncommanded.of(found[name], 20.0).answer, expected, rtol=1e-12)
+    (result,) = simulate(found["none"], Gain(k=np.zeros(2)), Simulation(t_end=2.0, dt=0.01)).values()
+    assert "x_2 follows within 0.01 " in result.verdict.bands
+
+
+PUSH = Disturbance(direction=np.array([0.0, 1.0, 0.0]), signal=Sine(3.0, 1.0))
 RUNAWAY = """
 name = "Hold against a disturbance"
 [plant]

@@ -10,7 +10,7 @@ from barbalat.cases.build import Case
 from barbalat.explorer.encoded import doubles
 from barbalat.judge import cycles, held
 from barbalat.judge.memory import LEAST_RANGE, Begins
-from barbalat.judge.scale import RESTING, ROUNDING, Surroundings
+from barbalat.judge.scale import RESTING, ROUNDING, Uncommanded
 from barbalat.judge.settings import LOST_SHARE, component_names
 from barbalat.judge.verdict import FOLLOWS_SHARE, LEAST_SAID
 from barbalat.loop.closed_loop import ClosedLoop
@@ -21,7 +21,7 @@ from barbalat.signals.smooth import Clock
 
 def rules(case: Case) -> dict[str, Any]:
     """By the names that ``templates/judge.js`` has for them, with the case's bands and which signals are the time."""
-    judge, beside = case.judge, Surroundings.of(case.problem, case.simulation.t_end)
+    judge, beside = case.judge, Uncommanded.of(case.problem, case.simulation.t_end)
     return {
         "cycle": judge.cycle, "closely": judge.closely, "follows": dict(judge.follows), "lost": dict(judge.lost),
         "followsShare": FOLLOWS_SHARE, "lostShare": LOST_SHARE, "leastSaid": LEAST_SAID, "rounding": ROUNDING, "resting": RESTING,
@@ -42,7 +42,7 @@ def kept(case: Case, loop: ClosedLoop) -> dict[str, Any]:
     memory, names, labels = watched_in_sweeps(case.judge).memory(loop), component_names(case.problem), case.problem.labels
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
     rows = np.asarray(marked.x).reshape(-1)
-    measured = loop.measured_outputs or len(rows) != loop.errors
+    measures = np.zeros((0, len(rows))) if loop.measured_outputs else np.asarray(loop.plant.output(np.eye(len(rows))))
     noise = None if loop.noise_std is None or len(loop.noise_std) != loop.errors else np.abs(loop.noise_std)
     return {
         "rows": [[part.name, part.size] for part in memory.layout],
@@ -52,6 +52,6 @@ def kept(case: Case, loop: ClosedLoop) -> dict[str, Any]:
         "names": list(names),
         "units": ["" if labels is None else labels.unit(i)[1:-1] for i in range(len(names))],
         "inputUnits": [] if labels is None else list(labels.input_units),
-        "initial": [] if measured else rows.tolist(),
+        "initial": [[[int(rows[j]), float(row[j])] for j in np.flatnonzero(row)] for row in measures],
         "noise": [0.0] * loop.errors if noise is None else noise.tolist(),
     }  # fmt: skip

@@ -20,7 +20,7 @@ INSTANTS = 2**12
 
 
 @dataclass(frozen=True, eq=False)
-class Surroundings:
+class Uncommanded:
     """What moves the n components beside the command, whoever controls them.
 
     answer  (n,) their largest motion under the disturbances alone, where nothing counters these: that of the model, which is the
@@ -32,7 +32,7 @@ class Surroundings:
     spread: Array
 
     @classmethod
-    def of(cls, problem: TrackingProblem, t_end: float) -> Surroundings:
+    def of(cls, problem: TrackingProblem, t_end: float) -> Uncommanded:
         """From t = 0 to t_end [s]."""
         A, B, C = problem.model.matrices
         C = np.atleast_2d(C)
@@ -67,14 +67,15 @@ def _sampled(A: Array, inputs: Array, step: float) -> tuple[Array, Array]:
 
 
 def _disturbances(problem: TrackingProblem, B: Array) -> tuple[list[Signal], Array]:
-    """The signals that move the plant's state, and (k, n) along which direction each does."""
-    b = getattr(problem.plant, "b", None)
-    matched = [] if problem.disturbance is None else [(problem.disturbance, B if b is None else b)]
-    every = [*matched, *((one.signal, one.direction) for one in problem.unmatched)]
+    """The signals that move the state of what is simulated, and (k, n) along which direction of the plant's each does."""
+    b, acting = getattr(problem.plant, "b", None), problem.surroundings
+    matched = [] if acting.disturbance is None else [(acting.disturbance, B if b is None else b)]
+    measured = problem.dynamics.output  # of a truth with other states those of the plant
+    every = [*matched, *((one.signal, measured(np.asarray(one.direction, dtype=float))) for one in acting.unmatched)]
     return [signal for signal, _ in every], np.array([np.reshape(direction, -1) for _, direction in every]).reshape(-1, len(B))
 
 
-def scale_of(model: Array, initial: Array, noise: Array | None, beside: Surroundings) -> Array:
+def scale_of(model: Array, initial: Array, noise: Array | None, beside: Uncommanded) -> Array:
     """The scale of each component, (M, n): the largest |y_m| of the run.
 
     Where the model rests, the largest of |y| at t = 0, the noise's standard deviation, and the answer to the disturbances; where

@@ -46,13 +46,14 @@ export function renew(judge, memory, rows) {
 }
 
 // Of each component, as judge/scale.py, with the answer to the disturbances that the case was written with.
-// initial: the rows of the states that are the components, if any.
+// initial: of each component the rows of the states that it is made of, with their factors; empty where an output is measured.
 function scaleOf({ judge, states }, kept) {
   const model = Array.from(kept.of("largest y_m"));
   const most = Math.max(0, ...model);
   const found = model.map((one, i) => {
     const moves = one > judge.rounding * most ? one : 0;
-    const other = Math.max(Math.abs(states[judge.initial[i]] ?? 0), judge.noise[i], judge.answer[i]);
+    const initial = (judge.initial[i] ?? []).reduce((sum, [row, factor]) => sum + factor * states[row], 0);
+    const other = Math.max(Math.abs(initial), judge.noise[i], judge.answer[i]);
     return moves > judge.resting * other ? moves : other;
   });
   return found.map((one, i) => (one > 0 ? one : found.reduce((sum, other, j) => sum + judge.spread[i][j] * other, 0)));

@@ -29,7 +29,7 @@ from barbalat.judge.cycles import (
 from barbalat.judge.held import Held
 from barbalat.judge.judged import Cycles, Judged, Kept
 from barbalat.judge.memory import Begins
-from barbalat.judge.scale import Surroundings, scale_of
+from barbalat.judge.scale import Uncommanded, scale_of
 from barbalat.judge.settings import Judge, component_names
 from barbalat.judge.verdict import FOLLOWS_SHARE
 from barbalat.loop.closed_loop import ClosedLoop
@@ -76,7 +76,7 @@ class Terms:
     input_units: tuple[str, ...]
     held: Held
     slowest: float
-    beside: Surroundings
+    beside: Uncommanded
 
     @classmethod
     def of(cls, problem: TrackingProblem, simulation: Simulation, judge: Judge) -> Terms:
@@ -89,7 +89,7 @@ class Terms:
             () if labels is None else tuple(labels.input_units),
             Held.of(problem.signals, float(simulation.time(simulation.tail_start)), simulation.t_end),
             slowest_period(problem.model.matrices[0]),
-            Surroundings.of(problem, simulation.t_end),
+            Uncommanded.of(problem, simulation.t_end),
         )
 
 
@@ -162,12 +162,12 @@ def _limited(kept: Kept, simulation: Simulation) -> Array:
 
 
 def _initial(batch: Batch) -> Array:
-    """(M, n) |y| at t = 0, where the state is what is measured; else zeros."""
-    loop, n = batch.loop, batch.loop.errors
+    """(M, n) the components at t = 0; zeros where an output is fed back, since such a plant starts at rest."""
+    loop = batch.loop
+    if loop.measured_outputs:
+        return np.zeros((batch.states.shape[1], loop.errors))
     rows = np.asarray(loop.unpack(np.arange(loop.size)).x).reshape(-1)
-    if loop.measured_outputs or len(rows) != n:
-        return np.zeros((batch.states.shape[1], n))
-    return batch.states[rows].T
+    return np.asarray(loop.plant.output(batch.states[rows])).T
 
 
 def _noise(loop: ClosedLoop) -> Array | None:
