@@ -124,7 +124,7 @@ class Motion:
         blocks = self.at_once = int(min(max(needed, FEWEST_ATTEMPTS), 2 * self.at_once, MOST_ATTEMPTS))
         kernel = self.code.for_steps(blocks)
         out = np.empty((blocks, carried.size + kernel.shape.accumulators))
-        numbers = self.attempts.numbers(np.empty(0), t_stop, self.tolerance, 0.0, self.numbers[self.piece])
+        numbers = self.attempts.numbers(t_stop, self.tolerance, self.numbers[self.piece])
         before = out[:, self._at("t")]
         kernel(blocks, 1, self.state, numbers, np.empty(0), out, sample_every=1)
         written = out[:, carried.size :]
@@ -172,6 +172,15 @@ def _node_kernel(states: int) -> Kernel:
     traced = ca.Function("nodes", inputs, [nothing, ca.vertcat(*found), nothing], {"cse": True})
     count = (NODES_EACH_STEP - 1) * states
     return Kernel(optimize(read(traced), fused=False), LoopShape(0, count, 0, row.numel()), (0.0,) * count, 1)
+
+
+def _first_nodes(written: Array, states: int) -> Array:
+    """The states at NODES_EACH_STEP nodes of each of these steps, but for those at their starts."""
+    found = np.empty((len(written), NODES_EACH_STEP, states))
+    kernel, out = _node_kernel(states), np.empty((len(written), (NODES_EACH_STEP - 1) * states))
+    kernel(len(written), 1, np.empty(0), np.empty(0), np.ascontiguousarray(written), out)
+    found[:, 1:] = out.reshape(len(written), NODES_EACH_STEP - 1, states)
+    return found.reshape(-1, states)
 
 
 @dataclass(eq=False)
@@ -291,24 +300,17 @@ class Nodes:
         joins = np.append(self._joins, code[:-1] == 1)
         self._joins = bool(code[-1] == 1 and not breaks)
         unit = self.grid.steps + 1
-        if (h <= WITHIN * NODES_EACH_STEP * self.grid.dt).all():
-            count = len(written)
-            kernel, out = _node_kernel(states), np.empty((count, (NODES_EACH_STEP - 1) * states))
-            kernel(count, 1, np.empty(0), np.empty(0), np.ascontiguousarray(written), out)
-            inner = out.reshape(count, NODES_EACH_STEP - 1, states)
-            found = np.concatenate([x[:, None], inner], axis=1).reshape(-1, states)
-            each = np.full(count, NODES_EACH_STEP)
-        else:
-            each = np.maximum(NODES_EACH_STEP, 2 * np.ceil(h / (2 * WITHIN * self.grid.dt)).astype(int))
-            which = np.repeat(np.arange(len(written)), each)
-            place = np.arange(len(which)) - np.repeat(np.cumsum(each) - each, each)
-            found = dense_output(written[which], states, place / each[which])
-            found[place == 0] = x
-        which = np.repeat(np.arange(len(written)), each)
+        few = bool((h <= WITHIN * NODES_EACH_STEP * self.grid.dt).all())
+        each = np.full(len(h), NODES_EACH_STEP)
+        if not few:
+            each = np.maximum(each, 2 * np.ceil(h / (2 * WITHIN * self.grid.dt)).astype(int))
+        which = np.repeat(np.arange(len(h)), each)
         place = np.arange(len(which)) - np.repeat(np.cumsum(each) - each, each)
+        starts = place == 0
+        found = _first_nodes(written, states) if few else dense_output(written[which], states, place / each[which])
+        found[starts] = x
         own = h / each / 3 * unit / self.grid.t_end
         weights = own[which] * np.where(place % 2 == 1, 4.0, 2.0)
-        starts = place == 0
         weights[starts] = own + np.append(self._end_weight, own[:-1])
         self._end_weight = float(own[-1])
         times = t[which] + h[which] * (place / each[which])

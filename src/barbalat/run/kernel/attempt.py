@@ -115,21 +115,16 @@ class Attempts:
 
     loop: ClosedLoop
     signals: TimeSignals
-    parameters: Any = None  # CasADi's column of the symbols in the loop
     fused: bool = True
 
-    @cached_property
-    def _own(self) -> int:
-        return 0 if self.parameters is None else int(self.parameters.numel())
-
-    @cached_property
+    @property
     def count(self) -> int:
-        """Numbers that a call is given: the loop's own, t_stop, tolerance, whether a sampled controller acts, the signals'."""
-        return self._own + 3 + self.signals.numbers
+        """Numbers that a call is given: t_stop, tolerance, the signals'."""
+        return 2 + self.signals.numbers
 
-    def numbers(self, own: np.ndarray, t_stop: float, tolerance: float, acts: float, signals: np.ndarray) -> np.ndarray:
+    def numbers(self, t_stop: float, tolerance: float, signals: np.ndarray) -> np.ndarray:
         """Those of a call, (count,)."""
-        return np.concatenate([own, [t_stop, tolerance, acts], signals])
+        return np.concatenate([[t_stop, tolerance], signals])
 
     @cached_property
     def _rates(self) -> ca.Function:
@@ -138,8 +133,7 @@ class Attempts:
 
         state_column, state = symbols("state", self.loop.size)
         signal_column, signals = symbols("signals", self.loop.signal_count)
-        inputs = [state_column, signal_column, *([] if self.parameters is None else [self.parameters])]
-        return ca.Function("rates", inputs, [column(self.loop.derivative(state, signals))], {"cse": True})
+        return ca.Function("rates", [state_column, signal_column], [column(self.loop.derivative(state, signals))], {"cse": True})
 
     @cached_property
     def _limits(self) -> ca.Function:
@@ -147,8 +141,7 @@ class Attempts:
         import casadi as ca
 
         state_column, state = symbols("state", self.loop.size)
-        inputs = [state_column, *([] if self.parameters is None else [self.parameters])]
-        return ca.Function("limits", inputs, [column(self.loop.limit(state))], {"cse": True})
+        return ca.Function("limits", [state_column], [column(self.loop.limit(state))], {"cse": True})
 
     @cached_property
     def carried(self) -> Carried:
@@ -160,9 +153,8 @@ class Attempts:
 
     def _switched(self, x: ca.SX, s: ca.SX, choices: ca.SX | None) -> tuple[ca.SX, list[Any]]:
         """The slope and all conditions; those of the limits are watched, and never chosen otherwise than they stand."""
-        own = [] if self.parameters is None else [self.parameters]
-        rates = switched(self._rates, [x, s, *own], choices)
-        limits = switched(self._limits, [x, *own])
+        rates = switched(self._rates, [x, s], choices)
+        limits = switched(self._limits, [x])
         return rates.values[0], [*rates.conditions, *limits.conditions]
 
     @property
@@ -176,7 +168,7 @@ class Attempts:
         """What is renewed: choices and slope where a piece of the run begins, or where a step ended at a choice."""
         import casadi as ca
 
-        _, parts, numbers, inputs = self._inputs()
+        parts, numbers, inputs = self._inputs()
         x, t = parts["x"], parts["t"]
         s = self._driven(t, numbers)
         _, conditions = self._switched(x, s, None)
@@ -206,17 +198,16 @@ class Attempts:
 
         return ca.vertcat(*(parts[name] for name in self.carried.places))
 
-    def _inputs(self) -> tuple[ca.SX, dict[str, ca.SX], ca.SX, list[ca.SX]]:
-        """The carried state as a column and by its parts, the numbers of a call but for the loop's own, and all inputs."""
+    def _inputs(self) -> tuple[dict[str, ca.SX], ca.SX, list[ca.SX]]:
+        """The carried state by its parts, the numbers of a call, and all inputs."""
         import casadi as ca
 
         carried = self.carried
-        given, others = ca.SX.sym("state", carried.size), ca.SX.sym("numbers", self.count - self._own)
+        given, numbers = ca.SX.sym("state", carried.size), ca.SX.sym("numbers", self.count)
         parts = {name: given[rows] for name, rows in carried.places.items()}
         nothing = ca.SX(0, 1)
-        parameters = others if self.parameters is None else ca.vertcat(self.parameters, others)
         written = ca.SX.sym("written", Written(self.loop.size).size)
-        return given, parts, others, [given, written, parameters, nothing, nothing, nothing]
+        return parts, numbers, [given, written, numbers, nothing, nothing, nothing]
 
     def _lowered(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> Program:
         import casadi as ca
@@ -227,7 +218,7 @@ class Attempts:
         """One attempt; without ``dense`` it writes no coefficients, and takes three evaluations less."""
         import casadi as ca
 
-        _, parts, numbers, inputs = self._inputs()
+        parts, numbers, inputs = self._inputs()
         x, t, status = parts["x"], parts["t"], parts["status"]
         t_stop, tolerance = numbers[0], numbers[1]
         running = ca.logic_and(status == RUNNING, t < t_stop)
@@ -238,7 +229,7 @@ class Attempts:
         error = _error(stages, scale, h)
         good = error <= 1
         found = self._meeting(parts, numbers, x_new, t_new, stages[0], scale, h, inside)
-        kept = self._limits(x_new, *([] if self.parameters is None else [self.parameters]))
+        kept = self._limits(x_new)
         measure = divergence_measure(self.loop, self._outputs(kept, numbers, t_new), ca.array(kept).reshape(-1))
         sound = ca.SX(column(np.reshape(np.where(measure <= DIVERGENCE_LIMIT, 1.0, 0.0), 1)))
         fits = ca.logic_and(running, ca.logic_and(good, ca.logic_and(found.ready, sound)))
@@ -255,9 +246,8 @@ class Attempts:
             "slope": ca.if_else(fits, stages[12], parts["slope"]),
             "margins": ca.if_else(fits, found.margins, parts["margins"]) if self.carried.choices else parts["margins"],
         }
-        coefficients = _dense(stages, x, x_new, h) if dense else ca.SX(7 * self.loop.size, 1)
-        if dense:
-            coefficients = _dense(self._more(stages, parts, numbers, h), x, x_new, h)
+        zeros = ca.SX(7 * self.loop.size, 1)
+        coefficients = _dense(self._more(stages, parts, numbers, h), x, x_new, h) if dense else zeros
         step = ca.if_else(fits, ca.if_else(ends, 2.0, 1.0), 0.0)
         written = ca.vertcat(step, t, h, x, coefficients)
         return self._lowered("attempt", inputs, [self._packed(parts | new), ca.SX(ca.densify(written)), ca.SX(0, 1)])
@@ -269,7 +259,7 @@ class Attempts:
 
     def _driven(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
         """The signals at t; those numbers of a call that are not theirs stand first."""
-        return self.signals.at(t, numbers[3:])
+        return self.signals.at(t, numbers[2:])
 
     def _slope(self, x: ca.SX, numbers: ca.SX, t: ca.SX, choices: ca.SX) -> ca.SX:
         return self._switched(x, self._driven(t, numbers), choices)[0]
@@ -442,11 +432,9 @@ def _weighted(weights: tuple[float, ...], slopes: list[ca.SX]) -> ca.SX:
 
 
 def _dense(slopes: list[ca.SX], x: ca.SX, x_new: ca.SX, h: ca.SX) -> ca.SX:
-    """The seven coefficients, (7 S,), of the polynomial of ``dense_output``."""
+    """The seven coefficients, (7 S,), of the polynomial of ``dense_output``, from all sixteen slopes."""
     import casadi as ca
 
-    if len(slopes) < 16:
-        return ca.SX(0, 1)
     moved = x_new - x
     rows = [moved, h * slopes[0] - moved, 2 * moved - h * (slopes[12] + slopes[0])]
     return ca.vertcat(*rows, *(h * _weighted(row, slopes) for row in embedded().dense))

@@ -46,14 +46,14 @@ class NodeRow(NamedTuple):
     @classmethod
     def of(cls, loop: ClosedLoop, row: Value) -> NodeRow:
         """The parts of a row, whose length is ``row_length``."""
-        timed, size = loop.signals.timed + loop.signals.noise, loop.size
+        timed, size = loop.signals.timed, loop.size
         weight, smooth, apart = row[timed + size : timed + size + 3]
         return cls(row[:timed], row[timed : timed + size], weight, smooth, apart, row[-PIECE:])
 
 
 def row_length(loop: ClosedLoop) -> int:
     """Entries of a row."""
-    return loop.signals.timed + loop.signals.noise + loop.size + 3 + PIECE
+    return loop.signals.timed + loop.size + 3 + PIECE
 
 
 class Turn(NamedTuple):

@@ -35,16 +35,15 @@ def is_straight(signal: Signal) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class TimeSignals:
-    """The signals of a loop in their order, and channels of noise behind them, which are constant between samples of theirs.
+    """The signals of a loop in their order.
 
     A piece of a run lies between two instants at which one of them breaks, and has numbers of its own: see ``rows``.
     """
 
     signals: tuple[Signal, ...]
-    noise: int = 0
 
     @classmethod
-    def of(cls, signals: tuple[Signal, ...], noise: int = 0) -> TimeSignals:
+    def of(cls, signals: tuple[Signal, ...]) -> TimeSignals:
         """InputError for a signal that is known at a grid's instants alone."""
         for signal in signals:
             if not (is_formula(signal) or is_straight(signal)):
@@ -53,12 +52,12 @@ class TimeSignals:
                     f"needs signals that are known at every instant, and {type(signal).__name__} is a Python function of the "
                     "times that it is asked for: give simulation.dt",
                 )
-        return cls(signals, noise)
+        return cls(signals)
 
     @property
     def numbers(self) -> int:
-        """Numbers of a piece: when it begins, whether the signals are held, of each its value and its slope, the noise."""
-        return 2 + 2 * len(self.signals) + self.noise
+        """Numbers of a piece: when it begins, whether the signals are held, of each its value and its slope."""
+        return 2 + 2 * len(self.signals)
 
     def breaks(self, t_end: float) -> Array:
         """The instants in (0, t_end) at which any of them breaks."""
@@ -66,7 +65,7 @@ class TimeSignals:
         return np.unique(np.concatenate([np.zeros(0), *found]))
 
     def rows(self, begins: Array, ends: Array) -> Array:
-        """(K, numbers) of pieces that begin and end at these times (K,) [s], without noise."""
+        """(K, numbers) of pieces that begin and end at these times (K,) [s]."""
         columns = [begins, np.zeros(len(begins))]
         for signal in self.signals:
             if is_formula(signal):
@@ -74,12 +73,11 @@ class TimeSignals:
                 continue
             first, last = np.asarray(signal(begins), float), np.asarray(signal.before(ends), float)
             columns += [first, (last - first) / (ends - begins)]
-        return np.column_stack([*columns, np.zeros((len(begins), self.noise))])
+        return np.column_stack(columns)
 
     def held(self, begins: float, values: Array) -> Array:
         """(numbers,) of a piece in which each signal keeps one of ``values``, but for a clock, whose value is NaN."""
-        pairs = [(float(value), 0.0) for value in values]
-        return np.concatenate([[begins, 1.0], np.ravel(pairs), np.zeros(self.noise)])
+        return np.concatenate([[begins, 1.0], np.ravel([(float(value), 0.0) for value in values])])
 
     def at(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
         """(signal_count,) at the time t of a piece with these ``numbers``."""
@@ -93,5 +91,4 @@ class TimeSignals:
                 continue
             formula = ca.SX(column(np.reshape(signal(ca.array(t).reshape(-1)), -1)))
             found.append(formula if isinstance(signal, Clock) else ca.if_else(held, value, formula))
-        rest = 2 + 2 * len(self.signals)
-        return ca.vertcat(*found, numbers[rest : rest + self.noise] if self.noise else ca.SX(0, 1))
+        return ca.vertcat(ca.SX(0, 1), *found)
