@@ -175,6 +175,12 @@ def test_what_jumps_is_kept_as_runs_of_rows() -> None:
     assert len(table) == simulation.steps + len(grid.cuts)
 
 
+def test_a_simulation_that_is_none_is_told() -> None:
+    case = load_case("first-order")
+    with pytest.raises(InputError, match="simulation must be a Simulation, got 5"):
+        explore(case.problem, Mrac(gamma=2.0), 5)  # type: ignore[arg-type]
+
+
 @pytest.mark.full
 def test_objects_of_python_get_a_page_too() -> None:
     case = load_case("first-order")

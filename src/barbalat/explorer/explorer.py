@@ -96,9 +96,9 @@ def explore(problem: TrackingProblem, controllers: Controller | Iterable[Control
 
     Runs in it have no fused multiply-adds: ``Simulation(fused=False)`` has their bits.
     """
-    simulation.require_steps("a page that simulates")
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
+    simulation.require_steps("a page that simulates")
     return Explorer(ObjectSource(Case(problem, tuple(numbered(controllers)), simulation)))
 
 
