@@ -25,6 +25,7 @@ TAIL_SHARE = 0.75
 """Of a flight's duration, before its tail."""
 WHOLE_SWING = 0.8
 """Of a control's range: one that moves by more from turn to turn, on average, goes from limit to limit."""
+SWINGS = "swings from limit to limit"
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,12 +105,12 @@ def _suspected(seen: Followed, kept: Kept, tail: int, t: Array) -> str:
     count = int(reversals[0, worst])
     each = swings[0, worst] / count if count else 0.0
     if each > WHOLE_SWING:
-        return f"swings from limit to limit in the tail, {count} times"
+        return f"{SWINGS} in the tail, {count} times"
     return f"its control turns {count} times in the tail, by {percent(each)} of its range"
 
 
 def said_of(verdicts: Sequence[Verdict]) -> str:
-    """A controller's flights in one sentence: "follows in 7 of 11 flights, is off in 3 and lost in 1; ..."."""
+    """A controller's flights in one sentence: "follows in 7, is off in 3, is lost in 1 of 11 flights, ..."."""
     counts = {kind: sum(one.kind is kind for one in verdicts) for kind in (Class.FOLLOWS, Class.OFF, Class.LOST)}
     words = {Class.FOLLOWS: "follows in", Class.OFF: "is off in", Class.LOST: "is lost in"}
     said = ", ".join(f"{words[kind]} {count}" for kind, count in counts.items() if count)
@@ -120,6 +121,6 @@ def said_of(verdicts: Sequence[Verdict]) -> str:
     most = max((max(one.at_limit, default=0.0) for one in verdicts), default=0.0)
     if most > 0:
         parts.append(f"at its limits up to {percent(most)} of the time")
-    if swinging := sum("limit to limit" in one.suspect for one in verdicts):
-        parts.append(f"it swings from limit to limit in {swinging}")
+    if swinging := sum(one.suspect.startswith(SWINGS) for one in verdicts):
+        parts.append(f"it {SWINGS} in {swinging}")
     return ", ".join(parts)
