@@ -207,14 +207,20 @@ SECTION_III_A = (
     _row(
         "bound-9",
         "Theorem 1 (i), (9)",
-        "||e(t)|| <= nu_0/sqrt(Gamma)",
+        "||e(t)||_inf <= nu_0/sqrt(Gamma)",
         "The standard MRAC's error never exceeds nu_0/sqrt(Gamma)",
         "no run of those drawn has an |e_i| above nu_0/sqrt(Gamma): theta over the known set, Gamma from 0.1 to 100",
+    ),
+    _same(
+        "Theorem 1 (ii)",
+        "there exists a kappa_max > 0 so that for any kappa in [0, kappa_max) all signals are uniformly bounded",
+        "bound-10",
+        "by (10), which the row tests for kappa up to 0.95 kappa_max",
     ),
     _row(
         "bound-10",
         "Theorem 1 (ii), (10)",
-        "||e(t)|| <= kappa nu_1 + nu_2/sqrt(Gamma)",
+        "||e(t)||_inf <= kappa nu_1 + nu_2/sqrt(Gamma)",
         "L1-AC's error never exceeds kappa nu_1 + nu_2/sqrt(Gamma)",
         "no run of those drawn has an |e_i| above it: theta over the known set, Gamma from 0.1 to 100, kappa up to 0.95 kappa_max",
     ),
@@ -322,6 +328,11 @@ SECTION_III_B = (
     ),
     _none(
         "Section III.B",
+        "What they often referred to as robustness analysis requires an adequate knowledge of the unmodeled dynamics",
+        ABROAD,
+    ),
+    _none(
+        "Section III.B",
         "the claim of guaranteed robustness in the presence of fast adaptation made by the authors of L1-AC as the key feature of the L1-AC scheme is misleading",
         JUDGEMENT + "; what fast adaptation does to the margins is l1-margins",
     ),
@@ -335,7 +346,7 @@ SECTION_III_B = (
     ),
     _none(
         "Section III.B, (12)",
-        "Since (A_m, b) is controllable, there exists a vector c_0 so that W_m(s) = c_0'W_b(s) is a strictly proper minimum-phase transfer function.",
+        "Since (A_m, b) is controllable, there exists a vector c_0 in R^n so that W_m(s) = c_0'W_b(s) is a strictly proper minimum-phase transfer function.",
         "proved in three lines: in the controllable canonical form c_0's entries are the coefficients of W_m's numerator; choose any Hurwitz polynomial of degree below n; Section V's c_0 = [1, 1] gives s + 1",
     ),
     _none(
@@ -390,14 +401,14 @@ SECTION_III_B = (
     _row(
         "tau-error",
         "Theorem 2, (17); Section III.B, after it",
-        "in the absence of unmodeled dynamics there is a quantifiable bound ||e(t)|| <= tau nu for the tracking error",
+        "in the absence of unmodeled dynamics there is a quantifiable bound ||e(t)||_inf <= tau nu for the tracking error",
         "Without modelling error the largest error of the robust MRAC is at most proportional to tau",
         "one nu serves all tau from 0.5 s down to 0.005 s: max |e|/tau is nowhere more than a twentieth above its value at the smallest tau",
     ),
     _row(
         "delta-2-term",
         "Theorem 2, (17)",
-        "||e(t)|| <= tau nu + Delta_2 nu",
+        "||e(t)||_inf <= tau nu + Delta_2 nu",
         "The modelling error adds at most Delta_2 nu to the error, with the same nu for all tau and sizes",
         "one nu bounds max |e| by (tau + Delta_2) nu for every tau and size that was tried, and it does not grow as tau falls",
     ),
@@ -415,10 +426,22 @@ SECTION_III_B = (
         "Beside Delta_m = -mu s tau has a lower limit, which grows with mu",
         "with (16), alpha_0 > 0, the smallest tau that is borne is above the smallest tried with each of three mu, and rises from each to the next",
     ),
+    _same(
+        "Theorem 2",
+        "in the absence of modeling error (i.e., Delta_m(s) = 0), the tracking error converges to zero as t -> infinity",
+        "any-command",
+        part=1,
+    ),
     _none(
         "Theorem 2",
         "guarantees that for any tau in (tau_min, 1/delta_0)",
         "not testable here: tau < 1/delta_0 is an assumption that suffices; nothing is said of larger tau, and Delta* is not given",
+    ),
+    _same(
+        "Section III.B, after Theorem 2",
+        "This demonstrates the trade-off between improving performance and ensuring robust stability.",
+        "tau-limit-delay",
+        "and tau-limit-mu; what tau does to the error is tau-error",
     ),
     _row(
         "small-tau-numerics",
@@ -467,6 +490,7 @@ SECTION_IV = (
         "a constant disturbance leaves an error below 1e-9",
         "after saturation the mean |e| is less than half of that without the bound on sigma: the projection is an anti-windup",
     ),
+    _none("Section IV", "It is therefore very confusing to call such schemes adaptive.", JUDGEMENT),
     _same(
         "Section IV",
         "Adaptive schemes are nonlinear and are designed to handle large parametric uncertainties that non-adaptive schemes cannot handle.",
@@ -476,6 +500,11 @@ SECTION_IV = (
         "Section IV, (18) to (20)",
         "It is assumed that a strictly proper filter C(s) with dc gain of one can be found",
         DEFINITION,
+    ),
+    _none(
+        "Section IV, after (20)",
+        "This assumption essentially implies that any uncertainty in the plant parameter values is accommodated by using a stabilizing controller C(s)",
+        JUDGEMENT,
     ),
     _none(
         "Section IV, after (20)",
@@ -515,6 +544,11 @@ SECTION_IV = (
         "What is said of Ref. 24, on our quadrotor: no improvement of L1-AC over the MRAC, both tuned by one rule",
         "through no failure of the quadrotor does L1-AC, state feedback with the filter, follow with less error than the MRAC beyond chance",
     ),
+    _none(
+        "Section IV, last paragraph",
+        "On the contrary, the performance of L1-AC in comparison to MRAC was mediocre.",
+        ABROAD + "; see ref-24-in-flight",
+    ),
 )
 SECTIONS_V_AND_VI = (
     _none("Section V", "the sampling rate is 10 KHz (fixed sampling period of 10^-4 sec)", DEFINITION),
@@ -532,6 +566,30 @@ SECTIONS_V_AND_VI = (
         "Figure 2, 3 show the simulation results.",
         "Figures 2 to 5 look as their captions and the text describe them",
         "every statement of the captions and of the text on Figures 2 to 5 holds, at the gains and steps that they name",
+    ),
+    _same(
+        "Figure 2, caption",
+        "The tracking error e(t) = [e_1(t), e_2(t)]' for any reference signal converges to zero with improved transient performance",
+        "figures-2-5",
+        "for Section V's command; any command is any-command",
+    ),
+    _same(
+        "Figure 2, caption",
+        "Since the signals are persistently exciting, the estimated parameter theta_hat(t) = [theta_hat_1(t), theta_hat_2(t)]' converges to the true value theta* = [4, -3]'",
+        "figures-2-5",
+        "one of its statements",
+    ),
+    _same(
+        "Figure 4, caption",
+        "Non-zero steady state tracking error remains but the high frequency oscillations are gone due to smaller step size.",
+        "figures-2-5",
+        "two of its statements",
+    ),
+    _same(
+        "Figure 5, caption",
+        "Choosing a larger adaptive gain Gamma = 10^6 leads again to numerical instability, loss of learning and permanent high frequency oscillations",
+        "figures-2-5",
+        "one of its statements",
     ),
     _row(
         "numerical-oscillation",
@@ -554,6 +612,7 @@ SECTIONS_V_AND_VI = (
         "numerical-oscillation",
         part=1,
     ),
+    _same("Section V", "The fact that there is still boundedness is due to the use of projection.", "no-projection"),
     _row(
         "no-projection",
         "Section V; Figures 3 and 5, captions",
@@ -619,6 +678,6 @@ SECTIONS_V_AND_VI = (
     ),
 )
 COVERAGE = (*ABSTRACT, *SECTIONS_I_AND_II, *SECTION_III_A, *SECTION_III_B, *SECTION_IV, *SECTIONS_V_AND_VI)
-"""Every sentence of the paper that states something, in its order."""
+"""What the paper states, in its order; a definition of symbols or a pointer to what follows stands in it where it helps."""
 SENTENCES = {one.row: one for one in (*COVERAGE, *OTHERS, *STATEMENTS) if isinstance(one, Sentence)}
 """All that has a row, by the row's name."""
