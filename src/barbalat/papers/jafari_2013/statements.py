@@ -6,10 +6,10 @@ is at hand nothing is quoted, and the statement is ours.
 
 from __future__ import annotations
 
+from barbalat.papers.cao_2006.sentences import SOURCE as CAO_2006
 from barbalat.papers.finding import Sentence, Source
 
 OURS = Source("barbalat", "this project", "ours")
-CAO_2006 = Source("cao_2006", "Cao, Patel, Reddy, Hovakimyan, Lavretsky, Wise (AIAA 2006-6347)", "L1's authors")
 CAO_HOVAKIMYAN_2006 = Source("cao_hovakimyan_2006", "Cao, Hovakimyan (arXiv:math/0608320)", "L1's authors")
 ROHRS_1985 = Source("rohrs_1985", "Rohrs, Valavani, Athans, Stein (1982, 1985)", "others")
 

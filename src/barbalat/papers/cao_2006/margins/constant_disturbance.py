@@ -139,7 +139,7 @@ def _delay() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(sentence.reads(steady, f"over the last decade {told}"),),
-        shows=f"At the highest gain L1-AC bears {delays[KAPPAS[0]][-1]:.3g} s with kappa = {KAPPAS[0]:g} s, pi/2 of it; the MRAC {over_gains(None).delay[-1]:.0e} s.",
+        shows=f"At the highest gain L1-AC bears {delays[KAPPAS[0]][-1]:.3g} s with kappa = {KAPPAS[0]:g} s, {delays[KAPPAS[0]][-1] / KAPPAS[0]:.3g} times as long; the MRAC {over_gains(None).delay[-1]:.0e} s.",
         measured=f"over the last decade of gain {told}; the limit of fast adaptation is pi kappa/2",
         how=HOW, listings=(_listing(),), would_change="a delay margin that goes on falling with the gain",
     )  # fmt: skip

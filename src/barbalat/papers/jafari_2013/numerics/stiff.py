@@ -81,8 +81,9 @@ def _claim(tried: StiffRuns, *more: Reading, listings: tuple[Listing, ...] = ())
 
 
 def _literal(tried: StiffRuns) -> tuple[Reading, Reading]:
-    """No solver at Figure 3's gain follows the equations; and a singularity, which a proof decides."""
+    """No solver at Figure 3's gain follows the equations; and a singularity: a converged solution that ends, against the proof that none does."""
     sentence, boxed = SENTENCES["stiff-solvers"], PAPER_SETTING.right[1]
+    ends = min(path.reached for path in PAPER_SETTING.right)
     rows = [*tried.fixed, *tried.automatic, *tried.longer, *tried.loose]
     following = [row for row in rows if agrees(row.boxed, boxed, row.span)]
     return (
@@ -91,7 +92,9 @@ def _literal(tried: StiffRuns) -> tuple[Reading, Reading]:
             f"{len(following)} of {len(rows)} follow them: {'; '.join(f'{row.name}, {row.setting} {cell(row, 1, PAPER_SETTING.right)}' for row in following) or 'none'}",
         ),
         sentence.reads(
-            False, f"the converged solution reaches {T_END:g} s, its estimates at most {_highest(T_END):.2g}. {NO_SINGULARITY}", 1
+            any(path.lost for path in PAPER_SETTING.right),
+            f"the converged solution reaches {ends:g} s, its estimates at most {_highest(T_END):.2g}. {NO_SINGULARITY}",
+            1,
         ),
     )
 
