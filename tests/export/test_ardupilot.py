@@ -13,9 +13,11 @@ import pytest
 
 from barbalat import InputError
 from barbalat.exports import export_controller
+from barbalat.plants import Shell
 from export.examples import SIMULATION
 from export.targets import ISO, needs_gxx
 from export.test_bit_identical import EXAMPLES
+from export.test_shell import surrounded
 
 INTERFACES = Path(__file__).parent / "ardupilot"
 MAIN = """\
@@ -76,7 +78,46 @@ def backend(beginning, folder, **given):
 @pytest.mark.short(kept=lambda beginning, places: beginning.startswith("Mrac-"))
 def test_the_backend_against_the_published_interfaces(beginning, places, tmp_path) -> None:
     backend(beginning, tmp_path)
-    (tmp_path / "main.cpp").write_text(MAIN % places)
+    compile_and_run(MAIN % places, tmp_path)
+
+
+TIMED = """\
+#include "AC_CustomControl_Pitch.h"
+#define CHECK(x) if (!(x)) { std::printf("%s\\n", #x); return 1; }
+
+int main()
+{
+    AC_CustomControl frontend;
+    AP_AHRS_View view{{{0.1f, 0.2f, 0.3f}}, {0.01f, 0.02f, 0.03f}}, *ahrs = &view;
+    AC_AttitudeControl attitude{{{0.0f, 0.25f, 0.0f}}, {0.0f, 0.0f, 0.0f}}, *control = &attitude;
+    AP_MotorsMulticopter made{}, *motors = &made;
+    made.state = AP_Motors::SpoolState::THROTTLE_UNLIMITED;
+    made.pitch = 0.125f;
+    AC_CustomControl_Pitch backend(frontend, ahrs, control, motors, PITCH_SAMPLE_TIME);
+    const uint64_t period = uint64_t(PITCH_SAMPLE_TIME * 1e6f + 0.5f);
+    for (int k = 0; k < 10; ++k) {
+        CHECK(backend.update().y != 0.0f)
+        AP_HAL::micros64() += period;
+    }
+    AP_HAL::micros64() += period / 2;
+    CHECK(backend.update().y == 0.0f)  /* one and a half periods: the fallback acts at once */
+    backend.reset();
+    AP_HAL::micros64() += 100 * period + period / 2;
+    CHECK(backend.update().y != 0.0f)  /* what lies before a start is no time between two updates */
+    return 0;
+}
+"""
+
+
+@needs_gxx
+def test_a_shells_timer_is_given_the_time_between_two_updates(tmp_path) -> None:
+    problem, controller = surrounded("Mrac-state-euler", Shell(longest_outage=0.05, fallback="zero", jitter=0.1))
+    export_controller(problem, controller, SIMULATION, out=tmp_path, target="ardupilot", name="pitch")
+    compile_and_run(TIMED, tmp_path)
+
+
+def compile_and_run(main, tmp_path) -> None:
+    (tmp_path / "main.cpp").write_text(main)
     for empty in ("AC_CustomControl_config.h", "AP_Logger/AP_Logger.h", "GCS_MAVLink/GCS.h"):
         (tmp_path / empty).parent.mkdir(exist_ok=True)
         (tmp_path / empty).write_text('#include "AC_CustomControl_Backend.h"\n')

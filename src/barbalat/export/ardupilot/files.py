@@ -5,11 +5,17 @@ from __future__ import annotations
 from barbalat.export.c99.files import sources
 from barbalat.export.layout import prefix_of
 from barbalat.export.target import Request
-from barbalat.export.texts import Printed, filled
+from barbalat.export.texts import Printed, filled, indented
 from barbalat.validate import InputError
 
 MOST_MEASURED = 2
 """An angle and its rate."""
+TIMED = (
+    "const uint64_t now = AP_HAL::micros64();",
+    "in.sample_time = _last == 0 ? _period : float(now - _last) * 1e-6f;",
+    "_last = now;",
+)
+"""The time between two updates, where the case's shell looks at it; the first one after a start comes in time."""
 
 
 def files(asked: Request) -> dict[str, str]:
@@ -20,6 +26,7 @@ def files(asked: Request) -> dict[str, str]:
     printed, texts = sources(asked.problem, asked.controller, asked.simulation, float32=True, name=name)
     _require_axis(printed)
     measured, state = printed.contents.sizes[0], printed.contents.measures_state
+    timed = printed.contents.around is not None and printed.contents.around.band is not None
     given = {
         "origin": printed.origin,
         "name": name,
@@ -28,6 +35,10 @@ def files(asked: Request) -> dict[str, str]:
         "measured": printed.measured,
         "read": "_measure(x, r);",
         "start_given": "x, " if state else "",
+        "timer": indented(TIMED if timed else ["in.sample_time = _period;"]),
+        "timed": "The time between two updates is measured, as the shell asks."
+        if timed
+        else "The time between two updates is not measured: without `jitter` in the case's `[shell]` nothing depends on it.",
         "both": int(measured == MOST_MEASURED),
         "sample_time": f"{printed.contents.sample_time!r}",
         "rate": f"{1 / printed.contents.sample_time:.6g}",

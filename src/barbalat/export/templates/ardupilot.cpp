@@ -46,7 +46,8 @@ AC_CustomControl_${kind}::AC_CustomControl_${kind}(AC_CustomControl& frontend, A
     AC_CustomControl_Backend(frontend, ahrs, att_control, motors, dt),
     _starting(true),
     _logged(0),
-    _period(dt)
+    _period(dt),
+    _last(0)
 {
     AP_Param::setup_object_defaults(this, var_info);
     ${name}_init(&_controller);
@@ -103,8 +104,7 @@ Vector3f AC_CustomControl_${kind}::update(void)
     if (_starting) {
         return out;
     }
-    in.sample_time = _period;
-    for (int i = 0; i < ${macro}_MEASURED; ++i) {
+${timer}    for (int i = 0; i < ${macro}_MEASURED; ++i) {
         in.${measured}[i] = x[i];
     }
     in.r[0] = r[0];
@@ -127,6 +127,7 @@ Vector3f AC_CustomControl_${kind}::update(void)
 void AC_CustomControl_${kind}::reset(void)
 {
     _starting = true;
+    _last = 0;
 }
 
 #endif

@@ -28,6 +28,7 @@ protected:
     bool _starting; // with the next update
     uint8_t _logged; // updates since the last line of the log
     float _period; // [s] of the main loop
+    uint64_t _last; // [us] when the last update was, where that is measured; 0 after a start
     AP_Int8 _axis;
     AP_Int8 _angle;
     AP_Int16 _fade;
