@@ -194,13 +194,15 @@ def shell_readme(printed: Printed) -> str:
         told.append(
             f"*The longest outage*: after {around.longest} misses in a row {acts}, and the status has {macro}_FALLBACK. "
             "The next good sample begins with the u that is put out then; "
-            f"the difference to the controller's own fades out over {around.fade} samples."
+            f"the difference to the controller's own fades out over {around.fade} samples. "
+            "A sample that would lead out of range, see below, is not counted: u stays, and the fallback does not begin with it."
         )
     if around.band is not None:
         told.append(
             f"*The time between two calls* counts here: within {around.band:g} s of the nominal one this is taken "
             f"({macro}_JITTER); where it is a whole number of sample times, the missed calls are made up for as misses "
-            f"({macro}_MISSED_CALLS); "
+            f"({macro}_MISSED_CALLS), so that a call after m missed ones computes m + 1 samples, at most "
+            f"{(around.longest or 0) + 1}, and takes as many times as long; "
             "any other time, and one beyond the longest outage, is a miss after which the fallback acts at once "
             f"({macro}_WRONG_SAMPLE_TIME)."
         )
