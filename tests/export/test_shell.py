@@ -272,6 +272,10 @@ sample_time = 0.01
             "a latency's time must be a whole number of sample times of 0.01 s, got 0.015 s",
         ),
         ('[[faults]]\nkind = "jitter"\ntime = 0.003', "a jitter's time must be at most a quarter of the sample time of 0.01 s"),
+        (
+            2 * '[[faults]]\nkind = "jitter"\ntime = 0.002\n',
+            "a quarter of the sample time of 0.01 s, also that of several together, got 0.004 s",
+        ),
         ('[[faults]]\nkind = "jitter"\ntime = 1e-5', "a jitter's time must be at least simulation.dt = 0.001 s, got 1e-05 s"),
         (
             '[[faults]]\nkind = "dropout"\nshare = 0.1\n[[controller]]\nname = "c"\nscheme = "mrac"\ngamma = 2.0',

@@ -80,8 +80,6 @@ class OnLoop:
                 raise InputError(f"a latency's time must be a whole number of sample times of {T:g} s, got {fault.time:g} s")
             if samples > MOST_LATE:
                 raise InputError(f"a latency's time must be at most {MOST_LATE} sample times of {T:g} s, got {fault.time:g} s")
-        if isinstance(fault, Jitter) and fault.time > T / 4 * (1 + 1e-9):
-            raise InputError(f"a jitter's time must be at most a quarter of the sample time of {T:g} s, got {fault.time:g} s")
         time = fault.time if isinstance(fault, Jitter) else 0.0
         return cls(fault.kind, on, fault.channels == COMMAND and COMMAND not in names, time, samples)
 
@@ -123,6 +121,10 @@ class Around:
         rate = np.array([inf if shell is None else shell.rate.get(name, inf) for name in names]) * T
         ends = shell is not None and shell.longest_outage is not None
         longest, fade = shell.samples(T) if shell is not None and ends else (None, 0)
+        faults = tuple(OnLoop.of(fault, names, T) for fault in problem.faults)
+        if (late := sum(one.time for one in faults)) > T / 4 * (1 + 1e-9):  # else two calls could come at once
+            limit = f"a quarter of the sample time of {T:g} s, also that of several together"
+            raise InputError(f"a jitter's time must be at most {limit}, got {late:g} s")
         return cls(
             low=low,
             high=high,
@@ -132,7 +134,7 @@ class Around:
             longest=longest,
             fade=fade,
             fallback="hold" if shell is None else shell.fallback,
-            faults=tuple(OnLoop.of(fault, names, T) for fault in problem.faults),
+            faults=faults,
             repeats=() if shell is None else _repeats(shell, names, T),
             ranged=tuple(np.flatnonzero(np.isfinite(low)).tolist()),
             rated=tuple(np.flatnonzero(np.isfinite(rate)).tolist()),

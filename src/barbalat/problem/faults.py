@@ -194,8 +194,8 @@ class Latency(OnChannel, Fault):
 class Jitter(Fault):
     """A timer that calls early or late, evenly distributed: measurement and control move with the call.
 
-    time  by how much at most [s]: at least one solver step, at most a quarter of the sample time. All the time unless share or
-          times say otherwise
+    time  by how much at most [s]: at least one solver step, and at most a quarter of the sample time, of all jitters of a case
+          together. All the time unless share or times say otherwise
     """
 
     time: float
