@@ -28,6 +28,7 @@ from export.test_name import CONTROLLER
         ("1/s", {"s": "-1"}),
         ("%", {"factor": "0.01"}),
         ("furlong", None),
+        ("g", None),  # a gram, or the load factor of an aircraft
         ("m/", None),
     ],
 )

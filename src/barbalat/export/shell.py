@@ -13,8 +13,8 @@ from barbalat.lowering import c99
 CLOCK_TOLERANCE = 1e-3
 """By how much, relatively, a measured sample time may differ from the one that the export was made for.
 
-A crystal is off by 100 ppm at most, and a clock that counts microseconds reads 1 ms to within 0.1 %. To the law a time that is
-off by 0.1 % is a plant whose A and b are: well within what it is robust to. A wrong rate is off by far more.
+A crystal is off by 100 ppm at most, and a clock that counts microseconds reads 1 ms to within 0.1 %. To the law a sample time
+that is off by 0.1 % is a plant whose A and b are off by as much. A wrong rate is off by far more.
 """
 
 

@@ -104,7 +104,8 @@ class OnChannel:
 class Dropout(OnChannel, Fault):
     """A measurement, or a command, that does not come.
 
-    channel  a measured one, "command", or by default all that are measured. Without one entry the whole measurement is lost
+    channel  a measured one, "command", or by default all that are measured. Where one entry does not come the whole
+             measurement is lost
     """
 
     channel: str = ""
@@ -119,7 +120,7 @@ class Dropout(OnChannel, Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Spike(OnChannel, Fault):
-    """A measurement that is off by a size, upwards or downwards as it is drawn for each sample.
+    """A measurement with an error of a given size, whose sign is drawn for each sample.
 
     channel  the measured one; all by default
     size     [the channel's unit]
@@ -142,7 +143,7 @@ class Spike(OnChannel, Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Stuck(OnChannel, Fault):
-    """A sensor that goes on saying what it said last.
+    """A sensor that repeats its last value.
 
     channel  the measured one; all by default
     """
@@ -153,7 +154,7 @@ class Stuck(OnChannel, Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Bias(OnChannel, Fault):
-    """A measurement that jumps by a size, and back.
+    """A measurement with a constant error while the fault is there.
 
     channel  the measured one; all by default
     size     [the channel's unit], of either sign
@@ -174,7 +175,7 @@ class Bias(OnChannel, Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Latency(OnChannel, Fault):
-    """A measurement that comes late: at a sample the controller gets what was measured some samples ago.
+    """A measurement that comes late: at each sample the controller gets what was measured some samples before.
 
     channel  the measured one; all by default
     time     [s], a whole number of sample times. All the time unless share or times say otherwise
@@ -192,7 +193,7 @@ class Latency(OnChannel, Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Jitter(Fault):
-    """A timer that calls early or late, evenly distributed: measurement and control move with the call.
+    """A timer that calls early or late, uniformly distributed: measurement and control move with the call.
 
     time  by how much at most [s]: at least one solver step, and at most a quarter of the sample time, of all jitters of a case
           together. All the time unless share or times say otherwise

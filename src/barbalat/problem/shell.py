@@ -1,4 +1,4 @@
-"""What surrounds a sampled controller on a flight computer: which samples it takes, and what acts when none come."""
+"""The code around a sampled controller on a flight computer: which samples it takes, and what acts when none come."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ CHECKS = ("range", "rate", "stuck")
 
 @dataclass(frozen=True, kw_only=True)
 class Shell(Settings):
-    """The measurements and the sample times that a controller takes, and what acts after an outage; nothing needs to be given.
+    """The measurements and the sample times that a controller takes, and what acts after an outage; every key may be left out.
 
-    range    by measured channels, [lowest, highest] value that is taken, in the channel's unit. A value outside is a miss
-    rate     by measured channels, the fastest change that is taken, in the channel's unit per second, since the last good sample
-    stuck    by measured channels, how long a channel may repeat itself exactly [s]; beyond it is a miss until it changes. Off
+    range    for each measured channel, [lowest, highest] value that is taken, in the channel's unit. A value outside is a miss
+    rate     for each measured channel, the fastest change since the last good sample that is taken, in the channel's unit per
+             second
+    stuck    for each measured channel, how long it may repeat itself exactly [s]; after that it is a miss until it changes. Off
              unless given: a quantised sensor at a standstill repeats itself
-    jitter   how far the time between two calls may be off, as a part of the sample time: within it the nominal time is taken, a
-             whole number of sample times counts as so many misses, and any other time makes the fallback act. Goes with
-             longest_outage. Without it another time is told and nothing else
-    longest_outage  how long misses in a row may last until the fallback acts [s]; no end by default
-    fallback  what acts then: "hold" the last control, "zero", or "fade", from the last control to zero. "baseline" is for cases
+    jitter   by how much the time between two calls may differ from the sample time, as a fraction of it. Within that a call is
+             punctual; after a whole number of sample times each call that did not come is a miss; any other time makes the
+             fallback act. Goes with longest_outage. Without it a wrong time is only reported in the status
+    longest_outage  how long misses in a row may last before the fallback acts [s]; no limit by default
+    fallback  what acts then: "hold", the last control, "zero", or "fade", from the last control to zero. "baseline" is for cases
              with a baseline controller
-    fade     the time of that fade, and that over which the bump of a return after a fallback fades out [s]; by default the
-             longest outage
+    fade     the time of that fade, and of the one by which the control returns without a bump after a fallback [s]; by default
+             the longest outage
 
     On a miss the estimates are frozen, the last good measurement and the last control are held, and model, predictor and filters
     go on. Raises InputError.

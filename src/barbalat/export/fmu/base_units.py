@@ -12,7 +12,6 @@ NAMED: dict[str, tuple[float, dict[str, int]]] = {name: (1.0, {name: 1}) for nam
     "rpm": (2 * math.pi / 60, {"rad": 1, "s": -1}),
     "%": (0.01, {}),
     "1": (1.0, {}),
-    "g": (1e-3, {"kg": 1}),
     "mm": (1e-3, {"m": 1}),
     "cm": (1e-2, {"m": 1}),
     "km": (1e3, {"m": 1}),
@@ -26,7 +25,7 @@ NAMED: dict[str, tuple[float, dict[str, int]]] = {name: (1.0, {name: 1}) for nam
     "Pa": (1.0, {"kg": 1, "m": -1, "s": -2}),
     "V": (1.0, {"kg": 1, "m": 2, "s": -3, "A": -1}),
 }
-"""What units of cases are made of; of others nothing is said."""
+"""What units of cases are made of; of others nothing is said, and not of g, a gram to some and gravity to others."""
 PART = re.compile(r"(/?)\s*([A-Za-z%°]+|1)(?:\^?(-?\d+)|([²³]))?\s*[·*]?\s*")
 
 
