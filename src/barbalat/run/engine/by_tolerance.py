@@ -24,10 +24,10 @@ from barbalat.run.engine.judging import Terms, judged, watched_in_runs
 from barbalat.run.engine.motion import Motion, Nodes
 from barbalat.run.kernel.grid import Segment
 from barbalat.run.kernel.observer import observer_program
-from barbalat.run.kernel.portable import at_instants, run_times
-from barbalat.run.kernel.step import output_function
+from barbalat.run.kernel.portable import run_times
 from barbalat.run.results.accuracy import Accuracy
 from barbalat.run.results.result import Envelope, Result, Results
+from barbalat.run.results.series import series_along
 from barbalat.run.results.spectrum import Stiffness
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -155,20 +155,11 @@ class Observation:
             known = min(known, int(np.searchsorted(grid.time(np.arange(grid.steps + 1)), self.motion.t)))
         t, states = grid.time(np.arange(known)), self.nodes.recorded[:known]
         signals = np.array([signal(run_times(grid, t)) for signal in problem.signals])
-        e, u, theta_hat, x, x_m, y = (value.T for value in at_instants(output_function(loop), grid, states.T, signals))
         return Result(
             problem=problem,
             controller=self.controller,
             simulation=self.simulation,
-            t=t,
-            x=x,
-            x_m=x_m,
-            y=y[:, 0] if loop.measured_outputs else None,
-            e=e,
-            u=u[:, 0] if loop.inputs == 1 else u,
-            r=signals[0] if loop.commands is None else signals[: loop.commands].T,
-            theta_hat=theta_hat,
-            states=states,
+            **series_along(loop, grid, t, states, signals),
             envelope=Envelope.of(batch.blocks(grid), max(known - 1, 0)),
             metrics=metrics,
             stiffness=Stiffness(np.nan, None, 0),

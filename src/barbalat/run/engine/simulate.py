@@ -25,10 +25,9 @@ from barbalat.run.kernel import costs, delay
 from barbalat.run.kernel.breaks import lost_along, lost_order
 from barbalat.run.kernel.delay import brings_bends
 from barbalat.run.kernel.grid import CHUNK_STEPS, signal_table
-from barbalat.run.kernel.portable import at_instants
 from barbalat.run.kernel.sampled_controller import initial_acting
-from barbalat.run.kernel.step import output_function
 from barbalat.run.results.result import Envelope, Result, Results
+from barbalat.run.results.series import series_along
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -88,20 +87,12 @@ def result_of(
         steps, states = steps[:kept], states[:kept]
     made = Run(problem, simulation, batch, steps, states, stop)
     t, signals, states = simulation.time(steps), made.signals(steps), made.acted(steps, states)
-    e, u, theta_hat, x, x_m, y = (value.T for value in at_instants(output_function(loop), simulation, states.T, signals))
+    series = series_along(loop, simulation, t, states, signals)
     return Result(
         problem=problem,
         controller=controller,
         simulation=simulation,
-        t=t,
-        x=x,
-        x_m=x_m,
-        y=y[:, 0] if loop.measured_outputs else None,
-        e=e,
-        u=u[:, 0] if loop.inputs == 1 else u,
-        r=signals[0] if loop.commands is None else signals[: loop.commands].T,
-        theta_hat=theta_hat,
-        states=states,
+        **series,
         envelope=Envelope.of(blocks, max(len(steps) - 1, 0)),
         metrics=metrics,
         stiffness=stiffness_along(made),
@@ -113,7 +104,7 @@ def result_of(
             loop,
             simulation,
             metrics.max_abs_u.reshape(1, -1),
-            theta_hat,
+            series["theta_hat"],
         ),
     )
 
