@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from barbalat.certificates.certify import Certified
 from barbalat.papers.claim import Claim
-from barbalat.papers.finding import Unmeasured
+from barbalat.papers.finding import Finding, Unmeasured
 from barbalat.papers.paper import Paper, PaperFigure
 from barbalat.run.results.result import Result
 
@@ -37,6 +38,15 @@ def coverage(paper: Paper, claims: Sequence[Claim]) -> list[dict[str, Any]]:
             part = one.part if isinstance(one, Unmeasured) else None
             finding = claim.finding if part is None else literal[part]
         found.append({"sentence": one.quote, "where": one.where, "row": one.row, "finding": finding, "why": one.why})
+    return found
+
+
+def by_side(claims: Sequence[Claim]) -> dict[str, Counter[Finding]]:
+    """For each side of the dispute, named as a line begins, its rows by their findings."""
+    found: dict[str, Counter[Finding]] = {}
+    for claim in claims:
+        side = "statements of ours" if claim.ours else claim.sentence.source.side
+        found.setdefault(f"{side[0].upper()}{side[1:]}", Counter())[claim.finding] += 1
     return found
 
 

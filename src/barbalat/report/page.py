@@ -31,7 +31,7 @@ from barbalat.pictures.symbols import number_text
 from barbalat.report import contest as contest_rows
 from barbalat.report import dispersed, flights, tradeoff
 from barbalat.report import tuning as tuning_rows
-from barbalat.report.documents import coverage
+from barbalat.report.documents import by_side, coverage
 from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
 from barbalat.report.notation import mathematics
@@ -98,7 +98,7 @@ def reproduction(
     described = [figure for figure in figures if figure.key != ADDED_FIGURE]
     values: dict[str, object] = {"tally": dict(tally.most_common()), "tried": tried}
     values |= {"reproduced": sum(figure.reproduced for figure in described), "described": len(described)}
-    values |= {"paper": paper, "findings": get_args(Finding), "by_source": by_source(claims)}
+    values |= {"paper": paper, "findings": get_args(Finding), "by_side": by_side(claims)}
     values["coverage"] = coverage(paper, claims)
     values["siblings"] = REPRODUCTION | ({EXPLORER: "Explorer"} if tried else {})
     values |= {
@@ -112,12 +112,6 @@ def reproduction(
     }
     templates = dict(zip(REPRODUCTION, ("reproduction.html", "claims.html", "coverage.html", "guarantees.html"), strict=True))
     return {file: _render(template, here=file, **values) for file, template in templates.items()}
-
-
-def by_source(claims: Sequence[Claim]) -> dict[str, Counter[Finding]]:
-    """For each side of the dispute its rows, by their findings."""
-    sides = dict.fromkeys(claim.sentence.source.side for claim in claims)
-    return {side: Counter(claim.finding for claim in claims if claim.sentence.source.side == side) for side in sides}
 
 
 def comparison(

@@ -9,6 +9,7 @@ from barbalat.papers.claim import Claim, Listing
 from barbalat.papers.finding import Finding, Reading
 from barbalat.papers.paper import ADDED_FIGURE, Paper, PaperFigure
 from barbalat.pictures.symbols import held
+from barbalat.report.documents import by_side
 from barbalat.report.terminal.layout import Screen, capitalized
 
 STYLES: dict[Finding, str] = {"holds": "green", "holds if": "yellow", "mixed": "yellow", "fails": "red", "erratum": "red"}
@@ -26,10 +27,8 @@ def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Clai
             screen.line(", ".join(held(claim.id) for claim in mine), "", "  ", "  ")
         for claim in mine if finding != "holds" else ():
             screen.line(f"{claim.id}: {claim.headline}", "", "    ", "  ")
-    for side in dict.fromkeys(claim.sentence.source.side for claim in claims):
-        found = [claim.finding for claim in claims if claim.sentence.source.side == side]
-        counts = ", ".join(f"{found.count(finding)} {finding}" for finding in get_args(Finding) if finding in found)
-        screen.line(f"{capitalized(side) if side != 'ours' else 'Statements of ours'}: {counts}")
+    for side, counts in by_side(claims).items():
+        screen.line(f"{side}: {', '.join(f'{counts[finding]} {finding}' for finding in get_args(Finding) if counts[finding])}")
     _figures(screen, shown)
 
 
@@ -37,9 +36,9 @@ def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
     """How many of the paper's figures, with the statements on them, hold; ours beside them, and what does not."""
     paper = [figure for figure in shown if figure.key != ADDED_FIGURE]
     checks = [check for figure in paper for check in figure.checks]
-    said = f"{sum(check.holds for check in checks)} of {len(checks)} statements hold; no curve is compared"
     if not paper:
         return
+    said = f"{sum(check.holds for check in checks)} of {len(checks)} statements hold; no curve is compared"
     missed = [check for figure in shown for check in figure.checks if not check.holds]
     reproduced = sum(figure.reproduced for figure in paper)
     screen.line(f"Figures: {reproduced} of {len(paper)} as described, {said}", "red" if missed else "green")
@@ -78,10 +77,8 @@ def in_full(screen: Screen, claim: Claim) -> None:
 
 
 def _reading(one: Reading) -> str:
-    return f"{ROLES[one.role]}, {held(one.finding)}: {one.says}. {capitalized(one.measured)}"
-
-
-ROLES = {"literal": "literal", "weaker": "weaker", "mended": "mended", "beside": "beside the sentence"}
+    role = one.role if one.decides else "beside the sentence"
+    return f"{role}, {held(one.finding)}: {one.says}. {capitalized(one.measured)}"
 
 
 def _listing(screen: Screen, listing: Listing) -> None:
