@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
+from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.entry import NUMBERS_ALONE, Entry
+from barbalat.certificates.certificates import column_of
+from barbalat.certificates.entry import NUMBERS_ALONE, Entry, of_the_design
 from barbalat.problem.departures import Departure, departures, true_parameters
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -28,10 +30,12 @@ class Apart:
 
     departures  from the plant and the declared sets
     voids       by controllers the keys whose guarantees do not speak of the truth
+    cells       the same of the cells of Table 1
     """
 
     departures: tuple[Departure, ...]
     voids: Mapping[str, tuple[str, ...]]
+    cells: Mapping[str, tuple[str, ...]]
 
     @property
     def sentence(self) -> str:
@@ -40,10 +44,11 @@ class Apart:
 
     def note(self, name: str) -> str:
         """What that means for one controller."""
-        keys = self.voids[name]
-        if keys:
-            return f"of what is guaranteed of the design, {', '.join(keys)} do{'es' * (len(keys) == 1)} not speak of the truth"
-        return "nothing that is guaranteed of the motion is voided by the truth"
+        rows = ", ".join(PROPERTIES[key] for key in self.cells[name])
+        voided = [", ".join(self.voids[name]), rows and f"in Table 1 {rows}"]
+        if any(voided):
+            return f"the truth voids of what is guaranteed of the design: {'; '.join(filter(None, voided))}"
+        return "the truth voids nothing that is guaranteed of the motion"
 
     def as_json(self) -> dict[str, Any]:
         """The differences and, by controllers, the keys that they void."""
@@ -71,19 +76,31 @@ def apart(
         return None
     found = tuple(departures(problem))
     voids: dict[str, tuple[str, ...]] = {}
+    cells: dict[str, tuple[str, ...]] = {}
     for controller in controllers:
-        certificate = certificates[controller.name]
-        claimed = [entry for entry in certificate.entries if speaks_of_the_motion(entry)]
-        if all(one.within for one in found):
-            kept = _values(compute(_at_the_truth(problem), controller)) if found and claimed else _values(certificate)
-            voids[controller.name] = tuple(one.key for one in claimed if kept.get(one.key) != one.value)
-        else:
-            voids[controller.name] = tuple(one.key for one in claimed)
-    return Apart(found, voids)
+        claimed = _claims(problem.design, controller, certificates[controller.name])
+        kept = claimed if not found else _Claims({}, {})
+        if found and any(claimed) and all(one.within for one in found):
+            moved = _at_the_truth(problem)
+            kept = _claims(moved, controller, compute(moved, controller))
+        voids[controller.name], cells[controller.name] = map(_missing_in, kept, claimed)
+    return Apart(found, voids, cells)
 
 
-def _values(certificate: Certificate) -> dict[str, Any]:
-    return {entry.key: entry.value for entry in certificate.entries if speaks_of_the_motion(entry)}
+class _Claims(NamedTuple):
+    """What is guaranteed of the motion, by keys."""
+
+    entries: dict[str, Any]
+    cells: dict[str, Any]
+
+
+def _claims(problem: Problem, controller: Controller, certificate: Certificate) -> _Claims:
+    cells = column_of(problem, controller, certificate).cells.values()
+    return _Claims(*({one.key: one.value for one in part if speaks_of_the_motion(one)} for part in (certificate.entries, cells)))
+
+
+def _missing_in(kept: Mapping[str, Any], claimed: Mapping[str, Any]) -> tuple[str, ...]:
+    return tuple(key for key, value in claimed.items() if kept.get(key) != value)
 
 
 def _at_the_truth(problem: Problem) -> Problem:
@@ -106,7 +123,7 @@ def beside(problem: TrackingProblem, found: Apart | None) -> dict[str, Any]:
 
 
 def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate], found: Apart | None) -> dict[str, Certificate]:
-    """The certificates with what was derived from ranges and what the truth voids, as notes."""
+    """The certificates with what the truth voids as guarantees of the design, and with notes on that and on derived sets."""
     derived = problem.derived if isinstance(problem, Problem) else None
     shared = [] if derived is None else list(derived.sentences)
     if found is not None and found.sentence:
@@ -114,5 +131,7 @@ def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate]
     noted = {}
     for name, certificate in certificates.items():
         own = [found.note(name)] if found is not None and found.departures else []
-        noted[name] = certificate.with_entries(certificate.entries, *shared, *own) if shared or own else certificate
+        voided = () if found is None else found.voids[name]
+        entries = tuple(of_the_design(one) if one.key in voided else one for one in certificate.entries)
+        noted[name] = certificate.with_entries(entries, *shared, *own) if shared or own else certificate
     return noted

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
 
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.entry import Assumption, Entry, checked, missing
+from barbalat.certificates.entry import Assumption, Entry, checked, missing, of_the_design
 from barbalat.certificates.quantities import ON_DAMPING, Quantity
 
 PROPERTIES = {
@@ -30,6 +31,10 @@ class Column:
     name: str
     scheme: str
     cells: dict[str, Entry]
+
+    def with_design(self, keys: Collection[str]) -> Column:
+        """Return a copy whose cells of these keys are guaranteed of the design alone."""
+        return replace(self, cells=self.cells | {key: of_the_design(self.cells[key]) for key in keys}) if keys else self
 
     def as_json(self) -> dict[str, Any]:
         """The contract's block for a column; ``text`` is the statement, or why there is none."""

@@ -8,7 +8,17 @@ from dataclasses import dataclass, field, replace
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from barbalat.certificates.entry import Assumption, Entry, Kind, NotApplicable, PlaceOfRest, checked, missing, of_finite_numbers
+from barbalat.certificates.entry import (
+    OF_THE_DESIGN,
+    Assumption,
+    Entry,
+    Kind,
+    NotApplicable,
+    PlaceOfRest,
+    checked,
+    missing,
+    of_finite_numbers,
+)
 from barbalat.certificates.picture import TITLE, MarginLoop, figure_of
 from barbalat.certificates.quantities import QUANTITIES, Quantity
 from barbalat.certificates.rows import CertificateRow, down, rows_of, up
@@ -68,8 +78,9 @@ class Certificate:
         """Whether the condition holds, and the first of the numbers, in a few words: one of several on a line."""
         condition = self.values.get("condition") or {}
         holds = [f"condition {'holds' if condition['holds'] else 'does not hold'}"] if "holds" in condition else []
+        bound = self.entry("error_bound")
         shown = {
-            "error_bound": ("guaranteed |e| <= {}", up),
+            "error_bound": (f"{'' if bound is None else bound.kind} |e| <= {{}}", up),
             "delay_margin": ("delay margin {} s", down),
             "gamma_max": ("gamma up to {}", down),
         }
@@ -131,8 +142,9 @@ class Certificate:
         return (*(f"{', '.join(of)}: does not apply ({why})" for why, of in keys.items()), *self.notes)
 
     def as_json(self) -> dict[str, Any]:
-        """The JSON contract's block for a controller: flat keys for what applies, and all entries."""
-        document = {key: value for key, value in self.values.items() if value is not None}
+        """The JSON contract's block for a controller: flat keys for what applies and is not of the design alone, all entries."""
+        of_design = {entry.key for entry in self.entries if entry.kind == OF_THE_DESIGN}
+        document = {key: value for key, value in self.values.items() if value is not None and key not in of_design}
         document["guaranteed"] = sorted(self.guaranteed)
         document["assumptions"] = list(self.assumptions)
         if self.findings:

@@ -6,7 +6,7 @@ stands in docs/table-1.md with its source. A scheme joins by one file in ``schem
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
@@ -50,9 +50,18 @@ class Table1:
         return {"properties": PROPERTIES, "columns": [column.as_json() for column in self.columns]}
 
 
-def table_1(problem: TrackingProblem, controllers: Sequence[Controller], certificates: dict[str, Certificate]) -> Table1:
-    """Table 1 with one column for each controller, each cell checked on the problem."""
-    return Table1(tuple(column_of(problem, controller, certificates[controller.name]) for controller in controllers))
+def table_1(
+    problem: TrackingProblem,
+    controllers: Sequence[Controller],
+    certificates: Mapping[str, Certificate],
+    of_design: Mapping[str, Collection[str]] = MappingProxyType({}),
+) -> Table1:
+    """Table 1 with one column for each controller, each cell checked on the problem.
+
+    ``of_design`` are by controllers the keys of cells that do not speak of what is simulated.
+    """
+    columns = (column_of(problem, controller, certificates[controller.name]) for controller in controllers)
+    return Table1(tuple(column.with_design(of_design.get(column.name, ())) for column in columns))
 
 
 CAPTION = "Bode, Nyquist and sensitivity"
@@ -70,18 +79,20 @@ class Certificates(Named[Certificate]):
         controllers: Sequence[Controller],
         simulation: Simulation,
         beside: Mapping[str, Any] = MappingProxyType({}),
+        of_design: Mapping[str, Collection[str]] = MappingProxyType({}),
     ) -> None:
         super().__init__(found)
         self.problem, self.controllers, self.simulation, self.beside = problem, controllers, simulation, dict(beside)
+        self.of_design = of_design
 
     def with_changed(self, changed: Mapping[str, Certificate]) -> Certificates:
         """Return a copy with other certificates for some of the controllers."""
-        return Certificates({**self, **changed}, self.problem, self.controllers, self.simulation, self.beside)
+        return Certificates({**self, **changed}, self.problem, self.controllers, self.simulation, self.beside, self.of_design)
 
     @cached_property
     def table(self) -> Table1:
         """Table 1 of the controllers, each cell checked on the problem."""
-        return table_1(self.problem, self.controllers, self)
+        return table_1(self.problem, self.controllers, self, self.of_design)
 
     def __repr__(self) -> str:
         return f"<Certificates: {'; '.join(f'{name!r} {certificate.in_brief}' for name, certificate in self.items())}>"

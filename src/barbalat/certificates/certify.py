@@ -63,7 +63,8 @@ def certify(
     does not fit the problem: no run of it is possible either. ``progress`` is called with the fraction done. Where only some
     ``keys`` are needed, certificates may lack others: searches over the known set, limits along the command.
 
-    Their numbers come from the plant and the declared sets alone; what a problem's truth voids of them is said in their notes.
+    Their numbers come from the plant and the declared sets alone; what a problem's truth voids of them is "guaranteed of the
+    design" in their place, and their notes say why.
     """
     found, told, design = {}, numbered(controllers), problem.design
     if keys is None:
@@ -74,7 +75,8 @@ def certify(
         if progress is not None:
             progress(i / len(told))
     checked = apart(problem, told, found, partial(_computed, simulation=simulation))
-    return Certificates(with_notes(problem, found, checked), design, told, simulation, beside(problem, checked))
+    noted, cells = with_notes(problem, found, checked), {} if checked is None else checked.cells
+    return Certificates(noted, design, told, simulation, beside(problem, checked), cells)
 
 
 def _require_room(problem: TrackingProblem, controllers: int) -> None:
@@ -175,4 +177,5 @@ def certified_case(
     certificates = certify_where_possible(problem, controllers, simulation, progress)
     checked = apart(problem, controllers, certificates, partial(_computed, simulation=simulation))
     noted = with_notes(problem, certificates, checked)
-    return Certified(noted, table_1(problem.design, controllers, certificates), beside(problem, checked))
+    cells = {} if checked is None else checked.cells
+    return Certified(noted, table_1(problem.design, controllers, certificates, cells), beside(problem, checked))

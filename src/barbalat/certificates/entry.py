@@ -8,15 +8,19 @@ from typing import Any, Literal, NamedTuple
 
 from barbalat.certificates.quantities import Quantity
 
-Kind = Literal["guaranteed", "exact", "estimate", "advice", "does not apply"]
+Kind = Literal["guaranteed", "guaranteed of the design", "exact", "estimate", "advice", "does not apply"]
 """What a reader may do with a value.
 
-guaranteed      a bound, or a statement, that holds on this case; every assumption was checked on it
-exact           exact for the linear loop that ``of`` names, and for nothing else
-estimate        computed, without a guarantee
-advice          a fact for orientation that claims nothing of the loop
-does not apply  nothing is claimed on this case, and ``why`` says why
+guaranteed                a bound, or a statement, that holds on this case; every assumption was checked on it
+guaranteed of the design  the same of the plant and the declared sets alone: it says nothing of the truth, which is simulated
+exact                     exact for the linear loop that ``of`` names, and for nothing else
+estimate                  computed, without a guarantee
+advice                    a fact for orientation that claims nothing of the loop
+does not apply            nothing is claimed on this case, and ``why`` says why
 """
+OF_THE_DESIGN: Kind = "guaranteed of the design"
+GUARANTEED: tuple[Kind, Kind] = ("guaranteed", OF_THE_DESIGN)
+"""The kinds of bounds, which are rounded outward."""
 
 
 @dataclass(frozen=True)
@@ -131,6 +135,11 @@ class Entry:
         document = {"key": self.key, "value": self.value, "kind": self.kind, "unit": self.unit, "meaning": self.meaning}
         document |= {"assumptions": list(self.assumptions)} | ({"of": self.of} if self.of else {})
         return document | ({"rest": self.rest.as_json()} if self.rest is not None else {}) | {"why": self.why}
+
+
+def of_the_design(entry: Entry) -> Entry:
+    """The entry of a guarantee that says nothing of the truth."""
+    return replace(entry, kind=OF_THE_DESIGN)
 
 
 def of_finite_numbers(entry: Entry) -> Entry:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from typing import Any, NamedTuple
 
-from barbalat.certificates.entry import Entry
+from barbalat.certificates.entry import GUARANTEED, Entry
 from barbalat.certificates.quantities import QUANTITIES, Form
 from barbalat.pictures.symbols import number_text
 
@@ -35,7 +35,7 @@ SMALLEST_SHOWN = 1e-12
 
 
 class CertificateRow(NamedTuple):
-    """``kind`` is "guaranteed", "estimate", "does not apply", "linear loop" for what is exact of one, or empty for advice."""
+    """``kind`` is an entry's, but "linear loop" for what is exact of one, and empty for advice."""
 
     quantity: str
     value: str
@@ -56,7 +56,7 @@ def rows_of(entry: Entry) -> list[CertificateRow]:
 def _text(entry: Entry, value: Any) -> str:
     if not isinstance(value, float):
         return number_text(value)
-    if entry.kind == "guaranteed":
+    if entry.kind in GUARANTEED:
         return (down if entry.quantity.below else up)(value, 6)
     return f"{value:.6g}"
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from barbalat.certificates.cells import Column
 from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.entry import Entry
+from barbalat.certificates.entry import OF_THE_DESIGN, Entry
 from barbalat.certificates.rows import up
 from barbalat.pictures.symbols import held
 
@@ -52,11 +52,14 @@ def _condition(stability: Entry | None, condition: Entry | None) -> Line:
         if value["holds"] and stability is not None and not stability.applies:
             return Line("condition", f"{of} {size}; not enough: {stability.why}", "does not apply")
         if value["holds"]:
-            return Line("condition", f"holds: {of} {size} < 1", condition.kind)
+            apart = stability is not None and stability.kind == OF_THE_DESIGN
+            said = f"; what follows is {OF_THE_DESIGN}" if apart else ""
+            return Line("condition", f"holds: {of} {size} < 1{said}", OF_THE_DESIGN if apart else condition.kind)
         return Line("condition", f"not shown: {of} {size}, less than 1 needed", "does not apply")
     if stability is None or not stability.applies:
         return Line("condition", f"not shown: {'' if stability is None else stability.why}", "does not apply")
-    return Line("condition", f"none needed; bounded: {stability.text}", stability.kind)
+    bounded = f"bounded, {OF_THE_DESIGN}" if stability.kind == OF_THE_DESIGN else "bounded"
+    return Line("condition", f"none needed; {bounded}: {stability.text}", stability.kind)
 
 
 def _bound(certificate: Certificate) -> Line:
@@ -65,7 +68,8 @@ def _bound(certificate: Certificate) -> Line:
         return Line("bound of e", f"none: {'not known for this scheme' if bound is None else bound.why}", "does not apply")
     text = f"{held(bound.kind)}: {up(bound.value)}"
     if worst is not None and worst.applies and worst.value is not None:
-        text += f"; {up(worst.value)} for any theta of the known set"
+        kind = "" if worst.kind == bound.kind else f"{held(worst.kind)}: "
+        text += f"; {kind}{up(worst.value)} for any theta of the known set"
     return Line("bound of e", text, bound.kind)
 
 
@@ -139,13 +143,18 @@ def _text_of(span: list[float]) -> str:
     return " to ".join(f"{value:.{digits}g}" for value, digits in zip(span, (3, 2), strict=False))
 
 
+NOT_THE_PLANT = "the truth is not the plant, see the notes"
+"""What is said where a guarantee is of the design alone."""
+
+
 def _assumed(column: Column, certificate: Certificate) -> Line:
     """Return the line on assumptions, of the values and of Table 1's cells: a scheme without a bound has its assumptions
     there."""
     stated = [*certificate.entries, *column.cells.values()]
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}
     asked = (assumption for entry in stated if not entry.applies for assumption in entry.rests_on)
-    broken = ", ".join(dict.fromkeys(assumption.broken for assumption in asked if assumption.broken))
+    apart = [NOT_THE_PLANT] * any(entry.kind == OF_THE_DESIGN for entry in stated)
+    broken = ", ".join(dict.fromkeys([*(assumption.broken for assumption in asked if assumption.broken), *apart]))
     if broken:
         return Line("assumed", f"fails here: {broken}", "does not apply")
     if not claimed:

@@ -121,17 +121,13 @@ class Bounds:
         row = self.study.tried.middle.copy()
         row[others] = values
         case = self.study.varied.at(row)
-        certificates = certify(case.problem, [case.controllers[place]], case.simulation)
-        (certificate,) = certificates.values()
+        (certificate,) = certify(case.problem, [case.controllers[place]], case.simulation).values()
         over_the_set = bool(self.thetas or self.parameters)
         entry = certificate.entry("error_bound_worst" if over_the_set else "error_bound")
         known = case.problem.uncertainty if isinstance(case.problem, Problem) else None
         bound = np.nan
         if entry is not None and entry.kind == "guaranteed" and isinstance(entry.value, float):
             bound = entry.value
-        apart = certificates.beside.get("truth")
-        if apart is not None and (entry is None or entry.key in apart["voids"][case.controllers[place].name]):
-            bound = np.nan
         return _Certified(bound, known, for_its_theta=not self.thetas)
 
     def _thetas(self, rows: Array) -> Array:

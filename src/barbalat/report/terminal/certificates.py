@@ -16,6 +16,7 @@ from barbalat.report.terminal.layout import Screen
 
 GROUPS = {
     "guaranteed": ("Guaranteed on this case", "green"),
+    "guaranteed of the design": ("Guaranteed of the design, but not of the truth, which is simulated", "yellow"),
     "exact": ("Exact for the linear loop named, and for nothing else", "green"),
     "estimate": ("Estimates, without a guarantee", ""),
     "searched": ("Least margins found over the known set, without a guarantee", ""),
@@ -23,7 +24,7 @@ GROUPS = {
     "does not apply": ("Does not apply on this case", "red"),
 }
 """How the values of a kind are headed, in the order in which they are shown; what was searched for stands together."""
-STYLES = {"guaranteed": "green", "exact": "green", "does not apply": "red"}
+STYLES = {"guaranteed": "green", "guaranteed of the design": "yellow", "exact": "green", "does not apply": "red"}
 LABEL_COLUMNS = 10
 """Columns of the five lines' labels: as many as the longest one has."""
 LEGEND = (
