@@ -84,6 +84,14 @@ def test_the_nominal_plant_lies_in_its_own_set():
             assert problem.known.estimate_set.contains(problem.parameters)
 
 
+def test_parameters_without_ranges_give_a_known_plant():
+    """Names for numbers alone: theta is known, by hand -k/J + 12 and -d/J + 7 over 1/J, and so is the gain."""
+    plant = PhysicalPlant(A=[[0, 1], ["-k/J", "-0.1"]], b=[0, "1/J"], parameters=[Parameter("k", 1.3), Parameter("J", 0.5)])
+    found = derived(Plant(physical=plant, poles=[-3, -4]))
+    assert found.theta.lower == pytest.approx([(12 - 2.6) / 2, (7 - 0.1) / 2]) and (found.theta.lower == found.theta.upper).all()
+    assert found.is_matched and found.input_gain is None and found.cells == 1
+
+
 def test_of_the_joint_s_stiffness_change_21_percent_is_unmatched():
     """The change acts along (1/J_eq, -1/J_eq - 1/J), b along (1, -1): the sine of the angle between them."""
     plant = joint(tolerance=0.3)
@@ -125,6 +133,8 @@ def test_what_cancels_between_formulas_cancels_before_ranges_are_put_in():
     ("make", "words"),
     [
         (lambda: Parameter("k", 1.0, between=(2.0, 3.0)), ["parameters.k.between", "contain the value"]),
+        (lambda: Parameter("k", 1.0, between=(-1e308, 1e308)), ["parameters.k.between", "width"]),
+        (lambda: Parameter("k", 0.0, tolerance=0.5), ["parameters.k.tolerance", "give between"]),
         (lambda: Parameter("k", 1.0, tolerance=1.5), ["parameters.k.tolerance", "below 1"]),
         (lambda: PhysicalPlant(A=[["-K"]], b=[1], parameters=[Parameter("k", 1.0)]), ["plant.A[0][0]", "K", "did you mean 'k'"]),
         (lambda: PhysicalPlant(A=[["1/k"]], b=[1], parameters=[Parameter("k", 0.0)]), ["plant.A[0][0]", "k = 0"]),

@@ -281,7 +281,7 @@ def _points(names: list[str], low: Mapping[str, float], high: Mapping[str, float
     a, b = (np.array([side[name] for name in names]) for side in (low, high))
     corners = np.array(list(product(*zip(a, b, strict=True)))) if 2 ** len(names) <= MOST_CORNERS else np.array([a, b])
     inside = np.random.default_rng(0).uniform(a, b, (drawn, len(names)))
-    return np.vstack([(a + b)[None] / 2, corners.reshape(-1, len(names)), inside])
+    return np.vstack([(a + b)[None] / 2, corners, inside])
 
 
 def _columns(points: Array, names: list[str], ranges: Mapping[str, tuple[float, float]]) -> dict[str, Array]:

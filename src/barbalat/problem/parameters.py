@@ -131,11 +131,17 @@ class Parameter(Symbolic, Settings):
             freeze(self, tolerance=validate.positive(f"{place}.tolerance", self.tolerance))
             if self.tolerance >= 1:
                 raise InputError.of(f"{place}.tolerance", f"must be below 1, a part of the value, got {self.tolerance:g}")
+            if self.value == 0:
+                raise InputError.of(f"{place}.tolerance", "is a part of the value, which is 0: give between = [lower, upper]")
         if self.between is not None:
             low, high = validate.vector(f"{place}.between", self.between, 2)
             if not low <= self.value <= high:
                 raise InputError.of(
                     f"{place}.between", f"must contain the value, {self.value:g}, got {validate.show(self.between)}"
+                )
+            if not np.isfinite(high - low):
+                raise InputError.of(
+                    f"{place}.between", f"must have a width that a double holds, got {validate.show(self.between)}"
                 )
             freeze(self, between=(float(low), float(high)))
         if self.distribution not in DISTRIBUTIONS:
