@@ -139,6 +139,7 @@ def test_what_cancels_between_formulas_cancels_before_ranges_are_put_in():
         (lambda: PhysicalPlant(A=[["-K"]], b=[1], parameters=[Parameter("k", 1.0)]), ["plant.A[0][0]", "K", "did you mean 'k'"]),
         (lambda: PhysicalPlant(A=[["1/k"]], b=[1], parameters=[Parameter("k", 0.0)]), ["plant.A[0][0]", "k = 0"]),
         (lambda: derived(Plant(A=[[1 / Parameter("k", 1.0, between=(-1, 2))]], b=[1], poles=[-1])), ["parameters", "bounded"]),
+        (lambda: derived(Plant(A=[[1 / Parameter("k", 1.0, between=(0, 2))]], b=[1], poles=[-1])), ["parameters", "bounded"]),
         (lambda: derived(Plant(A=[[1]], b=[Parameter("k", 1.0, between=(-1, 2))], poles=[-1])), ["input's gain positive"]),
     ],
 )

@@ -250,6 +250,9 @@ def _enclosed(found: _Quantities, ranges: Mapping[str, tuple[float, float]], flo
     points = _points(names, low, high, DRAWN)
     seen = found.at(_columns(points, names, ranges))
     seen_low, seen_high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
+    if not np.isfinite([seen_low, seen_high]).all():
+        unbounded = np.full(len(seen_low), np.inf)  # a pole lies at a corner of the ranges
+        return _Enclosure(-unbounded, unbounded, seen_low, seen_high, 1)
     boxes, bounds = [(low, high)], [found.enclosed(low, high)]
     lows, highs = np.array([bounds[0][0]]), np.array([bounds[0][1]])
     while len(boxes) < MOST_CELLS:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
 from typing import Any
@@ -139,7 +140,7 @@ class Parameter(Symbolic, Settings):
                 raise InputError.of(
                     f"{place}.between", f"must contain the value, {self.value:g}, got {validate.show(self.between)}"
                 )
-            if not np.isfinite(high - low):
+            if not math.isfinite(float(high) - float(low)):
                 raise InputError.of(
                     f"{place}.between", f"must have a width that a double holds, got {validate.show(self.between)}"
                 )
