@@ -99,7 +99,7 @@ def limits_text(certificate: Certificate) -> str:
     if values.get("gamma_max") is not None:
         beyond = values.get("gamma_max_at_model")
         text = f"the solver at its step bears Gamma up to {values['gamma_max']:.3g}{sure['gamma_max']}"
-        parts.append(text if beyond is None else f"{text}, oscillations are due above about {beyond:.3g}")
+        parts.append(text if beyond is None else f"{text}, oscillations start near {beyond:.3g}")
     if values.get("step_max") is not None:
         parts.append(f"this gain bears a step up to {values['step_max']:.3g} s{sure['step_max']}")
     if not all(sure.values()):

@@ -30,7 +30,7 @@ LABEL_COLUMNS = 10
 LEGEND = (
     "condition: for bounded signals. bound of e: of every component's size. margin: the largest added delay of linear loops, at "
     "the case's theta, the least found in the known set, and with the law linearised at the largest command (adapting). gain, "
-    "step: what the solver bears {}, with everything at its largest, to where oscillations are due; estimates. dt: the "
+    "step: what the solver bears {}, with everything at its largest, to near where oscillations start; estimates. dt: the "
     "case's step."
 )
 UNSAMPLED = " unsampled: of the continuous controller; the sampled one may tolerate more or less."
