@@ -54,8 +54,12 @@ QUANTITIES = {
     "gamma_max": Quantity("gain that the solver, or a law that takes Euler steps, bears at its step at least: |x| at its bound"),
     "step_max": Quantity("step that the gain bears at least: |x| at its bound", "s"),
     "gamma_float32": Quantity("gain from which on a compiled export in 32 bits, in the loop, is no longer the simulation"),
-    "gamma_max_at_model": Quantity("the same with |x| as large as the command makes |x_m|: near it, in runs from 0.6 times it, oscillations start"),
-    "step_max_at_model": Quantity("the same with |x| as large as the command makes |x_m|: near it, in runs from 0.8 times it, oscillations start", "s"),
+    "gamma_max_at_model": Quantity(
+        "the same with |x| as large as the command makes |x_m|: near it, in runs from 0.6 times it, oscillations start"
+    ),
+    "step_max_at_model": Quantity(
+        "the same with |x| as large as the command makes |x_m|: near it, in runs from 0.8 times it, oscillations start", "s"
+    ),
     "delay_margin": Quantity("smallest destabilising delay: linear, without limits", "s"),
     "phase_margin": Quantity("smallest destabilising phase lag: linear, without limits", "rad"),
     "gain_margin": Quantity("smallest destabilising factor above 1, up to 1e6: linear, without limits"),

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from barbalat.commands.options import add_budget, add_controllers
-from barbalat.commands.output import folder_of, print_json
+from barbalat.commands.output import STANDARD_OUTPUT, folder_of, print_json
 from barbalat.commands.progress import Work, work
 
 if TYPE_CHECKING:
+    from contextlib import AbstractContextManager
+
     from barbalat.cases.build import Case
     from barbalat.certificates.certificates import Certificates
     from barbalat.certificates.certify import Certified
     from barbalat.commands import Commands
+    from barbalat.folders import Folder
 
 
 def add(commands: Commands) -> None:
@@ -32,6 +36,7 @@ def add(commands: Commands) -> None:
         help="with --simulate: the gain at which a compiled export in 32 bits parts from the run",
     )
     parser.add_argument("--out", metavar="DIR", help="Bode, Nyquist and sensitivity pictures of the loops, page and JSON")
+    parser.add_argument("--proof", metavar="FILE", help="write each guaranteed number with its witness, for barbalat-check FILE")
     parser.add_argument("--full", action="store_true", help="every value with its kind, all assumptions, and Table 1")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
@@ -49,8 +54,13 @@ def execute(options: argparse.Namespace) -> int:
         raise InputError("--share needs --simulate: without it no loop is simulated")
     if options.float32 and not options.simulate:
         raise InputError("--float32 needs --simulate: without it no loop is simulated")
+    proof = _proof_file(options)
     case = load_case(options.case, options.controllers)
-    with folder_of(options.out, None) as folder, work(_expected(case, options)) as running:
+    with (
+        folder_of(options.out, None) as folder,
+        _folder_of_proof(proof, folder) as beside,
+        work(_expected(case, options)) as running,
+    ):
         certificates = _certified(case, options, running)
         found = Certified(certificates, certificates.table, certificates.beside)
         document = as_json(found.as_document(case.name))
@@ -59,7 +69,12 @@ def execute(options: argparse.Namespace) -> int:
                 from barbalat.report.write import write_certificates
 
                 write_certificates(folder, case.name, found, document)
-                folder.commit()
+        if proof is not None and beside is not None:
+            with running.part("proving"):
+                beside.write(proof.name, _proof_of(case, certificates))
+            beside.commit()
+        if folder is not None:
+            folder.commit()
     if options.json:
         print_json(document)
     else:
@@ -81,12 +96,44 @@ def _show(case: Case, found: Certified, options: argparse.Namespace) -> None:
         screen.whole(f"  barbalat certify {options.case} --full")
     if options.out is not None:
         screen.whole(f"page: {Path(options.out) / PAGE}")
+    if options.proof is not None:
+        screen.whole(f"proof: {options.proof}; check it with: barbalat-check {options.proof}")
+
+
+def _proof_file(options: argparse.Namespace) -> Path | None:
+    from barbalat.validate import InputError, local_path
+
+    if options.proof is None:
+        return None
+    file = local_path("--proof", options.proof)
+    if not options.proof or options.proof == STANDARD_OUTPUT or file.is_dir():
+        raise InputError(f"--proof must name a file, such as case.proof.json, got {options.proof!r}")
+    return file
+
+
+def _folder_of_proof(file: Path | None, out: Folder | None) -> AbstractContextManager[Folder | None]:
+    """The folder that the proof is written in: that of ``--out`` where it is the same one."""
+    from barbalat.folders import output_folder
+
+    if file is None or (out is not None and out.path.resolve() == file.parent.resolve()):
+        return nullcontext(None if file is None else out)
+    return output_folder(file.parent)
+
+
+def _proof_of(case: Case, certificates: Certificates) -> str:
+    import json
+
+    from barbalat.certificates.proof import proof
+
+    return json.dumps(proof(case.name, case.problem, case.controllers, certificates), allow_nan=False) + "\n"
 
 
 CERTIFYING_SECONDS, SIMULATING_SECONDS = 0.5, 20.0
 """For each controller, about, until its own pace is known."""
 DRAWING_SECONDS = 2.0
 """For the loops of all."""
+PROVING_SECONDS = 0.3
+"""For each controller: the witnesses of its L1 norms."""
 
 
 def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:
@@ -95,7 +142,8 @@ def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:
     simulating = {"simulating": SIMULATING_SECONDS * count} if options.simulate else {}
     simulating |= {"float32": SIMULATING_SECONDS * count} if options.float32 else {}
     drawing = {"drawing": DRAWING_SECONDS} if options.out is not None else {}
-    return {"certifying": CERTIFYING_SECONDS * count} | simulating | drawing
+    proving = {"proving": PROVING_SECONDS * count} if options.proof is not None else {}
+    return {"certifying": CERTIFYING_SECONDS * count} | simulating | drawing | proving
 
 
 def _certified(case: Case, options: argparse.Namespace, running: Work) -> Certificates:

@@ -39,6 +39,15 @@ class HeldFile(SchemeFile, Protocol):
 
 
 @runtime_checkable
+class ProvenFile(SchemeFile, Protocol):
+    """The file of a scheme whose guarantees can be checked by somebody else."""
+
+    def grounds(self, problem: TrackingProblem, controller: Controller) -> dict[str, Any]:
+        """The controller's numbers; ``scheme`` is the name of the rules that speak of it."""
+        ...
+
+
+@runtime_checkable
 class LinearFile(SchemeFile, Protocol):
     """The file of a scheme that may be linear and time-invariant: sampled, its loop is known exactly from sample to sample."""
 

@@ -6,6 +6,8 @@ stays zero and x is x_m. What theta - theta_0 adds is a matched disturbance: ``f
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT
@@ -68,6 +70,14 @@ def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> C
     modes = np.linalg.eigvals(sensitivity(with_dynamics(problem, loop.at(problem.plant.theta))).A)
     draft.estimate({"step_max": largest_step(simulation, modes)}, STEP, of=WHOLE_LOOP)
     return draft.finish()
+
+
+def grounds(problem: Problem, controller: Adrc) -> dict[str, Any]:
+    """The numbers of the loop around the observer."""
+    equations = controller.bind(problem.known)
+    observer = {key: getattr(equations.observer, key).tolist() for key in "FGHMN"}
+    own = {"observer": observer, "b_0": controller.b_0, "theta_0": equations.theta_0[:, 0].tolist()}
+    return {"scheme": "adrc", "P": problem.known.P.tolist()} | own
 
 
 def linear_when(problem: Problem, _: Adrc) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import denied, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
+from barbalat.certificates.grounds import of_lyapunov_law, of_system
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins, add_margins, finite
@@ -99,6 +100,13 @@ def _beyond_the_paper(problem: Problem, controller: L1Adaptive, simulation: Simu
         return of_lyapunov_law_beyond(excited, simulation)
     poles = np.linalg.eigvals(controller.filter.realise().A)
     return of_lyapunov_law_beyond(excited, simulation, poles, no_bound="no bound is known for this scheme on this plant")
+
+
+def grounds(problem: Problem, controller: L1Adaptive) -> dict[str, Any]:
+    """The numbers of Theorem 1 (ii); with C = 1 those of (i)."""
+    equations = controller.bind(problem.known)
+    scheme = "mrac" if controller.filter is None else "l1"
+    return of_lyapunov_law(scheme, equations, controller.gamma, problem.known, controller) | {"filter": of_system(equations.C)}
 
 
 def midpoint_form(problem: Problem, controller: L1Adaptive, sample_time: float) -> midpoint.MidpointForm:

@@ -5,11 +5,14 @@ The error obeys e = W_b(s) S(s)[(theta - theta_0)'x].
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, beyond_the_paper
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.grounds import of_system
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER
 from barbalat.certificates.schemes.unregistered import add_step_of_modes
@@ -51,6 +54,13 @@ def certificate(problem: Problem, controller: LinearFeedback, simulation: Simula
         add_loop(draft, problem, loop)
         add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
+
+
+def grounds(problem: Problem, controller: LinearFeedback) -> dict[str, Any]:
+    """The numbers of the loop around K(s)."""
+    equations = controller.bind(problem.known)
+    own = {"K": of_system(equations.K), "c": equations.c.tolist(), "theta_0": equations.theta_0.tolist()}
+    return {"scheme": "linear", "P": problem.known.P.tolist()} | own
 
 
 def linear_when(problem: Problem, _: LinearFeedback) -> str | None:

@@ -10,6 +10,7 @@ from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
+from barbalat.certificates.grounds import of_lyapunov_law
 from barbalat.certificates.linear_loops.margin_values import add_adapting_margins
 from barbalat.certificates.rows import up
 from barbalat.certificates.schemes import midpoint
@@ -61,6 +62,11 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
 
 def _excited(problem: Problem, controller: Mrac) -> any_regressor.Excited:
     return any_regressor.Excited(problem, controller, divides_by_gain=True)
+
+
+def grounds(problem: Problem, controller: Mrac) -> dict[str, Any]:
+    """The numbers of Theorem 1 (i)."""
+    return of_lyapunov_law("mrac", controller.bind(problem.known), controller.gamma, problem.known, controller)
 
 
 def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0: float) -> dict[str, Any]:

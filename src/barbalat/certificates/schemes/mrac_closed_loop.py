@@ -7,6 +7,7 @@ The error against the open-loop model (2) is e = [I - (sI - A_m)^-1 L] e_c, whos
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
+from barbalat.certificates.grounds import of_lyapunov_law
 from barbalat.certificates.schemes.mrac import lyapunov_cells
 from barbalat.certificates.schemes.state_feedback import (
     add_margins_at_rest,
@@ -60,6 +62,13 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     add_margins_at_rest(draft, problem)
     add_adapting(draft, problem, controller)
     return draft.finish()
+
+
+def grounds(problem: Problem, controller: MracClosedLoop) -> dict[str, Any]:
+    """The numbers of Theorem 1 (i) with A_m + L in the place of A_m."""
+    equations = controller.bind(problem.known)
+    closed = replace(problem.known, A_m=problem.known.A_m + equations.L)
+    return of_lyapunov_law("mrac-closed-loop", equations, controller.gamma, closed) | {"L": equations.L.tolist()}
 
 
 def column(problem: Problem, controller: MracClosedLoop, certificate: Certificate) -> tuple[str, dict[str, Entry]]:

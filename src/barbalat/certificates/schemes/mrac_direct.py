@@ -22,6 +22,7 @@ from barbalat.certificates.bounds.model import largest_along_the_command, model_
 from barbalat.certificates.cells import statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
+from barbalat.certificates.grounds import plain
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
@@ -74,6 +75,20 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
             over_known_set.add_at_rest(draft, problem)
         add_adapting(draft, problem, controller)
     return draft.finish()
+
+
+def grounds(problem: Problem, controller: DirectMrac) -> dict[str, Any]:
+    """The numbers of V with the input's gains in it."""
+    gains = controller.bind(problem.known).gains
+    return {
+        "scheme": "mrac-direct",
+        "P": problem.known.P.tolist(),
+        "theta_hat0": gains.theta_hat0.tolist(),
+        "k_r0": gains.k_r0.tolist(),
+        "gamma": plain(gains.gamma.value),
+        "gamma_r": gains.gamma_r,
+        "projection": gains.estimate_set is not None or gains.interval is not None,
+    }
 
 
 def _of_several(

@@ -5,6 +5,8 @@ What is guaranteed is Lemma 1's boundedness and convergence; its constants are n
 
 from __future__ import annotations
 
+from typing import Any
+
 from barbalat.adaptation.guarantee import Estimates, Guarantee
 from barbalat.certificates.assumptions import (
     BEYOND_ONE_LINEAR_INPUT,
@@ -19,6 +21,7 @@ from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.cells import NONLINEAR, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
+from barbalat.certificates.grounds import plain
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.rows import down
 from barbalat.certificates.schemes import midpoint
@@ -58,6 +61,13 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
         if below.broken:
             draft.note(f"{below.sentence}, but {below.broken}")
     return draft.finish()
+
+
+def grounds(problem: Problem, controller: NormalizedMrac | RobustMrac) -> dict[str, Any]:
+    """Where the estimates start."""
+    equations = controller.bind(problem.known)
+    projects = equations.estimate_set is not None
+    return {"scheme": "robust-mrac", "theta_hat0": plain(equations.theta_hat0), "projection": projects}
 
 
 def midpoint_form(problem: Problem, controller: NormalizedMrac | RobustMrac, _: float) -> midpoint.MidpointForm:

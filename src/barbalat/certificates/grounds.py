@@ -1,0 +1,51 @@
+"""What a proof holds of a controller: the numbers that its guarantees follow from, as ``barbalat-check`` reads them.
+
+A scheme's file hands them out by a function ``grounds``; docs/proofs.md says what each stands for.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from barbalat.adaptation.lyapunov import ModifiedSettings
+from barbalat.adaptation.modifications import SwitchingSigma
+from barbalat.certificates.bounds.laws import Bound
+from barbalat.linear.systems import StateSpace
+from barbalat.problem.state_feedback import Known
+from barbalat.validate import Array
+
+
+def of_lyapunov_law(
+    scheme: str, equations: Bound, gamma: float | Array, closed: Known, law: ModifiedSettings | None = None
+) -> dict[str, Any]:
+    """Of a scheme with V = e'P e + theta_tilde'Gamma^-1 theta_tilde, P that of ``closed``, and its law's modifications."""
+
+    def name_of(part: Any) -> str | None:
+        return None if part is None else type(part).__name__
+
+    leakage = None if law is None else law.leakage
+    pulls: dict[str, Any] | None = None if leakage is None else {"kind": type(leakage).__name__}
+    if isinstance(leakage, SwitchingSigma):
+        pulls = {"kind": "switching", "M_0": leakage.M_0}
+    return {
+        "scheme": scheme,
+        "P": closed.P.tolist(),
+        "theta_hat0": equations.theta_hat0.tolist(),
+        "gamma": plain(gamma),
+        "projection": equations.estimate_set is not None,
+        "leakage": pulls,
+        "dead_zone": None if law is None else name_of(law.dead_zone),
+        "learning": None if law is None else name_of(law.learning),
+    }
+
+
+def plain(value: float | Array) -> Any:
+    """A number, or lists of them."""
+    return np.asarray(value, dtype=float).tolist()
+
+
+def of_system(system: StateSpace) -> dict[str, Any]:
+    """The matrices of a system with one input and one output."""
+    return {"A": system.A.tolist(), "B": system.B.tolist(), "C": system.C.tolist(), "D": float(system.D)}

@@ -1,0 +1,285 @@
+"""The proof of a case's guaranteed numbers: each with its witness, for ``barbalat-check``, which knows nothing of this package.
+
+A line is a number with what it takes to check it; lines come in the order in which they rest on each other. The file has the
+case's numbers, from which the checker derives everything else: docs/proofs.md has the theorems and the file's form.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+
+from barbalat.certificates.bounds.laws import least_gain
+from barbalat.certificates.bounds.model import model_bounds, state_bounds
+from barbalat.certificates.certificate import Certificate
+from barbalat.certificates.entry import GUARANTEED, Entry
+from barbalat.certificates.schemes import ProvenFile, scheme_file
+from barbalat.controllers import Sampled
+from barbalat.linear.conditions import smallest_eigenvalue
+from barbalat.linear.l1_norms import l1_norm
+from barbalat.linear.l1_norms.witness import as_floats, witness
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.known_set import KnownSet, ParameterBall
+from barbalat.problem.regressors import GaussianRBF, Linear, Polynomial, Regressor, Terms
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import BoundedSignal, Controller, Signal
+from barbalat.signals import Constant, Sine, Sines, Square, Step, Steps
+from barbalat.signals.recorded import Recorded
+from barbalat.signals.smooth import Chirp
+
+FORMAT = "barbalat proof 1"
+EXACT_BITS = 1024
+"""At which products and sums of a few float64 numbers are exact."""
+RESTS_ON: dict[str, tuple[str, ...]] = {
+    "nu_0": ("lambda_min",),
+    "nu_0_worst": ("lambda_min",),
+    "initial_parameter_error": (),
+    "lambda_min": (),
+    "theta_max": (),
+    "bounds": ("lyapunov", "L1 norm of W_b"),
+    "kappa_max": ("theta_max", "L1 norm of sW_b"),
+    "kappa_admissible": ("theta_max", "L1 norm of W_b(1-C) at kappa"),
+    "nu_1": ("lyapunov", "theta_max", "bounds", "L1 norm of sW_b"),
+    "nu_2": ("lyapunov", "lambda_min", "theta_max", "L1 norm of sW_b"),
+    "reference_error_bound": ("lyapunov", "lambda_min", "theta_max", "L1 norm of C", "L1 norm of W_b(1-C)"),
+}
+"""By keys what their rules need to have been proven before, of every scheme."""
+BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = {
+    "mrac": {"error_bound": ("lyapunov", "lambda_min"), "error_bound_worst": ("lyapunov", "lambda_min")},
+    "mrac-direct": {"error_bound": ("lyapunov", "lambda_min"), "error_bound_worst": ("lyapunov", "lambda_min")},
+    "mrac-closed-loop": dict.fromkeys(("error_bound", "error_bound_worst"), ("lyapunov", "lambda_min", "L1 norm of 1-L")),
+    "robust-mrac": {},
+    "l1": {
+        "norms": ("L1 norm of W_b(1-C)", "L1 norm of sW_b"),
+        "condition": ("theta_max", "L1 norm of W_b(1-C)"),
+        "error_bound": ("lyapunov", "lambda_min", "theta_max", "bounds", "L1 norm of W_b(1-C)"),
+    },
+    "linear": dict.fromkeys(("norms", "condition"), ("L1 norm of W_b S",)) | {"error_bound": ("bounds", "L1 norm of W_b S")},
+    "adrc": dict.fromkeys(("norms", "condition"), ("L1 norm of T",)) | {"error_bound": ("bounds", "L1 norm of T")},
+}
+NO_RULE = "no rule speaks of it"
+NO_WITNESS = "no witness was found for the L1 norm of {}"
+
+
+def proof(
+    case: str, problem: TrackingProblem, controllers: Sequence[Controller], found: Mapping[str, Certificate]
+) -> dict[str, Any]:
+    """The document that ``certify --proof`` writes."""
+    design = problem.design.nominal
+    plant = plant_facts(design) if isinstance(design, Problem) else None
+    return {
+        "format": FORMAT,
+        "case": case,
+        "plant": plant,
+        "controllers": {one.name: _of_controller(design, one, found[one.name]) for one in controllers},
+    }
+
+
+def _of_controller(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> dict[str, Any]:
+    inner = controller.controller if isinstance(controller, Sampled) else controller
+    claimed = [one for one in certificate.entries if one.kind in GUARANTEED and one.value is not None]
+    file = scheme_file(inner)
+    if not (claimed and isinstance(problem, Problem) and isinstance(file, ProvenFile)):
+        return {"facts": {}, "lines": [], "not in the proof": [f"{one.key}: {NO_RULE}" for one in claimed]}
+    facts = file.grounds(problem, inner)
+    if isinstance(controller, Sampled):
+        facts["sample_time"] = controller.sample_time
+    lines = _Lines(problem, inner, facts, {one.key: one for one in claimed})
+    missing = [f"{key}: {why}" for key in lines.claimed if (why := lines.add(key))]
+    return {"facts": facts, "lines": list(lines.found.values()), "not in the proof": missing}
+
+
+@dataclass
+class _Lines:
+    """The lines so far, by what they prove."""
+
+    problem: Problem
+    controller: Any
+    facts: dict[str, Any]
+    claimed: dict[str, Entry]
+    found: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def add(self, key: str) -> str:
+        """Add a line with all that it rests on; why there is none, or nothing."""
+        if key in self.found:
+            return ""
+        if key.startswith("L1 norm of "):
+            return self._add_norm(key)
+        rests_on = (RESTS_ON | {"lyapunov": ()} | BY_SCHEME[self.facts["scheme"]]).get(key)
+        if rests_on is None:
+            return NO_RULE
+        for one in rests_on:
+            if why := self.add(one):
+                return why
+        entry = self.claimed.get(key)
+        value = self._beside(key) if entry is None else entry.value
+        line = {"key": key, "value": value, "claimed": entry is not None}
+        if key == "error_bound_worst" and np.ndim(self.facts["gamma"]) == 2:
+            line["witness"] = {"least_gain": least_gain(np.array(self.facts["gamma"]))}
+        self.found[key] = line
+        return ""
+
+    def _beside(self, key: str) -> Any:
+        """A value that is needed on the way and that the certificate does not claim."""
+        known = self.problem.known
+        if key == "lyapunov":
+            return True
+        if key == "lambda_min":
+            return smallest_eigenvalue(np.array(self.facts["P"]))
+        if key == "theta_max":
+            assert known.theta_set is not None
+            return known.theta_set.theta_max
+        assert key == "bounds"
+        if known.inputs > 1:
+            return {"x_m": max(state_bounds(self.problem))}
+        model = model_bounds(self.problem)
+        return {"r": model.r, "x_m": model.x_m}
+
+    def _add_norm(self, key: str) -> str:
+        name = key.removeprefix("L1 norm of ")
+        entry = self.claimed.get("kappa_admissible")
+        kappa = None if entry is None else entry.value
+        with ctx.workprec(EXACT_BITS):
+            A, B, C, D = _system(name, self.problem, self.facts, kappa)
+        size = l1_norm(*map(as_floats, (A, B, C, D)), relative_width=1e-3).lower
+        found = witness(A, B, C, size)
+        if found is None:
+            return NO_WITNESS.format(name)
+        own = {"kappa": kappa} if name == "W_b(1-C) at kappa" else {}
+        self.found[key] = {"key": "L1 norm", "of": name, "claimed": False, "witness": found} | own
+        return ""
+
+
+def _system(name: str, problem: Problem, facts: dict[str, Any], kappa: float | None) -> tuple[arb_mat, ...]:
+    """The system of a name in balls, from float64 numbers without a rounding that counts."""
+    known, n = problem.known, problem.known.n
+    A_m, b, identity, nothing = _balls(known.A_m), _balls(known.b.reshape(n, -1)), _balls(np.eye(n)), _zeros(n, known.inputs)
+    if name == "W_b":
+        return A_m, b, identity, nothing
+    if name == "sW_b":
+        return A_m, b, A_m, b
+    if name == "1-L":
+        return A_m, -_balls(facts["L"]), identity, identity
+    if name.startswith("W_b(1-C)"):
+        A, B, C, D = _state_space(facts["filter"])
+        if name.endswith("kappa"):
+            assert kappa is not None
+            pole = arb_mat([[1 / arb(kappa)]])
+            A, B, C, D = -pole, pole, _balls([[1.0]]), arb(0)
+        whole = _blocks([[A_m, -(b * C)], [_zeros(A.nrows(), n), A]])
+        return whole, _blocks([[b * (1 - D)], [B]]), _blocks([[identity, _zeros(n, A.nrows())]]), nothing
+    if name == "C":
+        A, B, C, D = _state_space(facts["filter"])
+        return A, B, C, arb_mat([[D]])
+    return _disturbed(A_m, b, facts)
+
+
+def _disturbed(A_m: arb_mat, b: arb_mat, facts: dict[str, Any]) -> tuple[arb_mat, ...]:
+    """From a matched disturbance to x, in the loop with theta_0."""
+    n, theta_0 = A_m.nrows(), _balls([facts["theta_0"]])
+    if facts["scheme"] == "linear":
+        A, B, C, D = _state_space(facts["K"])
+        c = _balls([facts["c"]])
+        feedback, inner = _blocks([[theta_0 + c * D, C]]), [B * c, A]
+    else:
+        o = {key: _balls(value) for key, value in facts["observer"].items()}
+        of_estimates = _blocks([[theta_0, _balls([[1.0]])]])
+        of_x, of_xi = of_estimates * o["N"], of_estimates * o["M"]
+        feedback, inner = _blocks([[of_x, of_xi]]), [o["G"] - o["H"] * of_x, o["F"] - o["H"] * of_xi]
+    k = inner[1].nrows()
+    B = _blocks([[b], [_zeros(k, 1)]])
+    whole = _blocks([[A_m + b * theta_0, _zeros(n, k)], inner]) - B * feedback
+    return whole, B, _blocks([[_balls(np.eye(n)), _zeros(n, k)]]), _zeros(n, 1)
+
+
+def _state_space(facts: dict[str, Any]) -> tuple[arb_mat, arb_mat, arb_mat, arb]:
+    return _balls(facts["A"]), _balls([[one] for one in facts["B"]]), _balls([facts["C"]]), arb(facts["D"])
+
+
+def _balls(rows: Any) -> arb_mat:
+    return arb_mat(np.asarray(rows, dtype=float).tolist())
+
+
+def _zeros(rows: int, columns: int) -> arb_mat:
+    return _balls(np.zeros((rows, columns)))
+
+
+def _blocks(parts: list[list[arb_mat]]) -> arb_mat:
+    rows: list[list[arb]] = []
+    for line in parts:
+        tables = [part.tolist() for part in line]
+        rows += [[entry for table in tables for entry in table[i]] for i in range(len(tables[0]))]
+    return arb_mat(rows)
+
+
+def plant_facts(problem: Problem) -> dict[str, Any]:
+    """The plant as its designer knows it, and what acts on it."""
+    plant, known = problem.plant, problem.known
+    unmatched = "" if problem.derived is None else problem.derived.unmatched
+    sensor = problem.sensor
+    quiet = sensor is None or (sensor.lag == 0 and sensor.noise is None)
+    return {
+        "A_m": known.A_m.tolist(),
+        "b": known.b.reshape(known.n, -1).tolist(),
+        "k_0": np.reshape(known.k_0, (known.inputs, -1)).tolist(),
+        "theta": plant.theta.tolist(),
+        "x0": known.x0.tolist(),
+        "gain": [float(path.gain) for path in plant.paths],
+        "input_gain": None if known.gains is None else {"lower": known.gains.lower.tolist(), "upper": known.gains.upper.tolist()},
+        "regressor": _regressor(plant.regressor),
+        "uncertainty": _known_set(problem.uncertainty),
+        "inputs": [_path(path) for path in plant.paths],
+        "disturbance": None if problem.disturbance is None else type(problem.disturbance).__name__,
+        "unmatched": [type(one.signal).__name__ for one in problem.unmatched],
+        "unmatched_ranges": unmatched,
+        "sensor": None if quiet else type(sensor).__name__,
+        "reference": [_command(one) for one in problem.commands],
+    }
+
+
+def _regressor(regressor: Regressor) -> dict[str, Any]:
+    if isinstance(regressor, Terms):
+        return {"kind": "terms", "terms": list(regressor.terms)}
+    kinds: dict[type, str] = {Linear: "x", Polynomial: "polynomial", GaussianRBF: "gaussian"}
+    return {"kind": kinds.get(type(regressor), "unknown")}
+
+
+def _known_set(known_set: KnownSet | None) -> dict[str, Any] | None:
+    if known_set is None:
+        return None
+    if isinstance(known_set, ParameterBall):
+        return {"center": known_set.center.tolist(), "radius": known_set.radius}
+    return {"lower": known_set.lower.tolist(), "upper": known_set.upper.tolist()}
+
+
+def _path(path: PlantInput) -> dict[str, Any]:
+    def given(part: Any) -> Any:
+        return part if part is None or isinstance(part, float) else str(part)
+
+    names = ("quantization", "saturation", "rate_limit", "actuator", "multiplicative")
+    return {"delay": path.delay} | {name: given(getattr(path, name)) for name in names}
+
+
+def _command(signal: Signal) -> dict[str, Any]:
+    """The numbers that its bound follows from; of a class from outside the bound that it states."""
+    if isinstance(signal, Constant):
+        return {"kind": "constant", "amplitudes": [signal.amplitude]}
+    if isinstance(signal, (Sine, Square, Chirp)):
+        name = type(signal).__name__.lower()
+        return {"kind": name, "amplitudes": [signal.amplitude], "constant": getattr(signal, "constant", 0.0)}
+    if isinstance(signal, Sines):
+        return {"kind": "sines", "amplitudes": list(signal.amplitudes), "constant": signal.constant}
+    if isinstance(signal, Step):
+        return {"kind": "levels", "values": [signal.constant, signal.constant + signal.amplitude]}
+    if isinstance(signal, Steps):
+        return {"kind": "levels", "values": [signal.initial, *signal.values]}
+    if isinstance(signal, Recorded):
+        return {"kind": "recorded", "values": signal.values.tolist()}
+    if isinstance(signal, BoundedSignal):
+        return {"kind": "bounded", "bound": float(signal.bound), "name": type(signal).__name__}
+    return {"kind": "unbounded", "name": type(signal).__name__}

@@ -1,0 +1,853 @@
+# /// script
+# requires-python = ">=3.11"
+# dependencies = ["python-flint>=0.7"]
+# ///
+"""``barbalat-check FILE``: whether every guaranteed number of a proof follows from the case's numbers that stand beside it.
+
+A program of its own: it imports nothing of Barbalat. The numbers of the file are binary64 numbers or dyadic ones ("5p-3" is
+5 * 2**-3), read exactly. What is rational is computed in exact rationals; roots and integrals are enclosed in ball arithmetic
+(python-flint, Arb). Each line of a proof is a number with a witness; its rule, a theorem of docs/proofs.md with the same name,
+says what has to hold for it. The first line that does not hold is named, and the exit code is 1; 0 says that all hold.
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+import re
+import sys
+from collections.abc import Callable
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+from flint import arb, arb_mat, ctx, fmpq, fmpq_mat
+
+FORMAT = "barbalat proof 1"
+DEGREE = 24
+"""Of the Taylor polynomials that impulse responses are followed by."""
+LEAST_BITS, MOST_BITS = 128, 8192
+Rule = Callable[["Controller", Any, dict[str, Any]], None]
+RULES: dict[str, Rule] = {}
+
+
+class Refused(Exception):
+    """A line does not hold, or the file is no proof."""
+
+
+def require(holds: Any, why: str) -> None:
+    if holds is not True:
+        raise Refused(why)
+
+
+def number(value: Any) -> fmpq:
+    """A binary64 number, a whole one, or a dyadic one written as "mantissa p exponent"."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise Refused(f"a number is needed, got {value!r}")
+    if isinstance(value, float):
+        return fmpq(*value.as_integer_ratio())
+    if isinstance(value, int):
+        return fmpq(value)
+    found = re.fullmatch(r"(-?\d{1,4000})p(-?\d{1,5})", value)
+    if found is None:
+        raise Refused(f"a dyadic number is written as 5p-3, got {value!r}")
+    return fmpq(int(found[1])) * fmpq(2) ** int(found[2])
+
+
+def vector(value: Any, size: int | None = None) -> list[fmpq]:
+    require(isinstance(value, list) and (size is None or len(value) == size), f"a list of {size} numbers is needed")
+    return [number(one) for one in value]
+
+
+def matrix(value: Any, rows: int | None = None, columns: int | None = None) -> fmpq_mat:
+    """An exact matrix from its rows."""
+    require(isinstance(value, list) and len(value) > 0, "a matrix is a list of rows")
+    found = [vector(row, columns) for row in value]
+    require(len({len(row) for row in found}) == 1 and rows in (None, len(found)), "the matrix has another shape")
+    return fmpq_mat(found)
+
+
+def column(values: list[fmpq]) -> fmpq_mat:
+    return fmpq_mat([[one] for one in values])
+
+
+def identity(n: int) -> fmpq_mat:
+    return fmpq_mat([[fmpq(int(i == j)) for j in range(n)] for i in range(n)])
+
+
+def zeros(rows: int, columns: int) -> fmpq_mat:
+    return fmpq_mat([[fmpq(0)] * columns for _ in range(rows)])
+
+
+def blocks(parts: list[list[fmpq_mat]]) -> fmpq_mat:
+    """One matrix of blocks; those without columns or rows are left out by their callers."""
+    rows: list[list[Any]] = []
+    for line in parts:
+        tables = [part.tolist() for part in line]
+        rows += [[entry for table in tables for entry in table[i]] for i in range(len(tables[0]))]
+    return fmpq_mat(rows)
+
+
+def quadratic(x: fmpq_mat, M: fmpq_mat) -> fmpq:
+    return (x.transpose() * M * x)[0, 0]
+
+
+def positive_definite(M: fmpq_mat) -> bool:
+    """Symmetric, with positive pivots in exact elimination."""
+    rows, n = M.tolist(), M.nrows()
+    if any(rows[i][j] != rows[j][i] for i in range(n) for j in range(i)):
+        return False
+    for k in range(n):
+        if not rows[k][k] > 0:
+            return False
+        for i in range(k + 1, n):
+            factor = rows[i][k] / rows[k][k]
+            for j in range(k, n):
+                rows[i][j] -= factor * rows[k][j]
+    return True
+
+
+def root(value: fmpq | arb) -> arb:
+    return arb(value).sqrt()
+
+
+def at_least(claimed: Any, needed: fmpq | arb, what: str) -> None:
+    """The claimed number is certainly not below what is needed."""
+    value = number(claimed)
+    holds = value >= needed if isinstance(needed, fmpq) else bool(arb(value) >= needed)
+    require(holds, f"{what} must be at least {text(needed)}, and {text(value)} is claimed")
+
+
+def text(value: fmpq | arb) -> str:
+    return arb(value).str(10, radius=False)
+
+
+# --- L1 norms: docs/proofs.md, "The L1 norm" ------------------------------------------------------------------------------------
+
+
+class Norms:
+    """Enclosures of |D_ij| + integral |c_i e^(At) b_j| dt for every output i and input j of an exact system."""
+
+    def __init__(self, A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, witness: dict[str, Any]) -> None:
+        self.C, self.D, bits = C, D, witness.get("bits", LEAST_BITS)
+        require(isinstance(bits, int) and LEAST_BITS <= bits <= MOST_BITS, "bits must be a whole number of a working precision")
+        n = A.nrows()
+        P, self.rate = matrix(witness.get("P"), n, n), number(witness.get("rate"))
+        require(self.rate > 0 and positive_definite(P), "P must be positive definite, and its rate positive")
+        product = A.transpose() * P
+        gap = -(product + product.transpose() + P * (2 * self.rate) + C.transpose() * C)
+        require(positive_definite(gap), "A'P + PA + 2 rate P + C'C must be negative definite")
+        steps = witness.get("steps")
+        if not (isinstance(steps, list) and len(steps) == B.ncols()):
+            raise Refused("steps are a list for each input")
+        before, ctx.prec = ctx.prec, bits
+        try:
+            self.A, self.P = arb_mat(A), arb_mat(P)
+            found = [self._channel(B, j, vector(steps[j])) for j in range(B.ncols())]
+        finally:
+            ctx.prec = before
+        self.lower = [[ends[0] for ends in row] for row in zip(*found, strict=True)]
+        self.upper = [[ends[1] for ends in row] for row in zip(*found, strict=True)]
+
+    def _size(self, x: arb_mat) -> arb:
+        """An upper bound of sqrt(x'Px)."""
+        return arb(max((x.transpose() * self.P * x)[0, 0].upper(), arb(0))).sqrt().upper()
+
+    def _channel(self, B: fmpq_mat, j: int, steps: list[fmpq]) -> list[tuple[arb, arb]]:
+        """From the state b_j on, step by step; the state is x, exact, and an error e with |e|_P <= error."""
+        exact = arb_mat([[arb(B[i, j])] for i in range(B.nrows())])
+        x, C, p = exact.mid(), arb_mat(self.C), self.C.nrows()
+        error = self._size(exact - x)
+        lower = [abs(arb(self.D[i, j])) for i in range(p)]
+        upper = list(lower)
+        for step in steps:
+            require(step > 0, "a step must be positive")
+            d = arb(step)
+            terms = [x]
+            for k in range(1, DEGREE + 2):
+                terms.append(self.A * terms[-1] * (d / k))
+            # integral of |c e| over the step, and of the Taylor polynomial's remainder
+            beyond = self._size(terms.pop())  # |A^25 x|_P d^25/25!
+            spread = d.sqrt() * (error + beyond * (DEGREE + 1) / ((2 * arb(DEGREE) + 1).sqrt() * (DEGREE + arb(3) / 2)))
+            outputs = [C * term for term in terms]
+            for i in range(p):
+                controls = bernstein([out[i, 0] for out in outputs])
+                lower[i] += abs(sum(controls, arb(0))) * d / (DEGREE + 1) - spread
+                upper[i] += sum((abs(one) for one in controls), arb(0)) * d / (DEGREE + 1) + spread
+            moved = terms[0]
+            for term in terms[1:]:
+                moved += term
+            x = moved.mid()
+            error = (error + self._size(moved - x) + beyond).upper()
+        rest = (self._size(x) + error) / (2 * arb(self.rate)).sqrt()
+        return [(low.lower(), (high + rest).upper()) for low, high in zip(lower, upper, strict=True)]
+
+    @property
+    def norm(self) -> tuple[arb, arb]:
+        """The largest row sum, from below and from above."""
+        below, above = arb(0), arb(0)
+        for low, high in zip(self.lower, self.upper, strict=True):
+            below, above = below.max(sum(low, arb(0))), above.max(sum(high, arb(0)))
+        return below.lower(), above.upper()
+
+
+def bernstein(taylor: list[arb]) -> list[arb]:
+    """Coefficients in Bernstein's basis of a polynomial on [0, 1]: b_i = sum_k binomial(i, k)/binomial(d, k) a_k."""
+    return (bernstein_matrix() * arb_mat([[one] for one in taylor])).entries()
+
+
+_TABLES: dict[int, arb_mat] = {}
+
+
+def bernstein_matrix() -> arb_mat:
+    from math import comb
+
+    if ctx.prec not in _TABLES:
+        size = range(DEGREE + 1)
+        _TABLES[ctx.prec] = arb_mat([[arb(fmpq(comb(i, k), comb(DEGREE, k))) for k in size] for i in size])
+    return _TABLES[ctx.prec]
+
+
+# --- What is given: the case's numbers, and what they are premises of -----------------------------------------------------------
+
+
+class Case:
+    """The plant x' = A_m x + b diag(gain) (u + d) + b Phi(x)'theta as it is known to its designer, and what acts on it."""
+
+    def __init__(self, facts: dict[str, Any]) -> None:
+        self.facts, self.assumed = facts, dict[str, None]()
+        self.A_m = matrix(facts["A_m"])
+        self.n = self.A_m.nrows()
+        require(self.A_m.ncols() == self.n, "A_m must be square")
+        self.b, self.k_0 = matrix(facts["b"], self.n), matrix(facts["k_0"])
+        self.m = self.b.ncols()
+        require(self.k_0.nrows() == self.m, "k_0 needs a row for each input")
+        self.theta, self.x0 = vector(facts["theta"]), column(vector(facts["x0"], self.n))
+        self.gain = vector(facts["gain"], self.m)
+        self.interval = None if facts["input_gain"] is None else Box(facts["input_gain"], self.m)
+        self.linear = facts["regressor"] == {"kind": "x"}
+        require(
+            not self.linear or len(self.theta) == self.n * self.m, "phi(x) = x needs an entry of theta for each state and input"
+        )
+
+    @property
+    def parameters(self) -> list[fmpq]:
+        """All that is estimated: theta, and the input gains where they are unknown."""
+        return self.theta if self.interval is None else self.theta + self.gain
+
+    def command_bounds(self) -> list[arb]:
+        """sup |r_q| of each command, from the numbers of its kind."""
+        commands = self.facts["reference"]
+        require(len(commands) == self.k_0.ncols(), "k_0 needs a column for each command")
+        return [arb(self._bound(one)) for one in commands]
+
+    def _bound(self, signal: dict[str, Any]) -> fmpq:
+        kind = signal["kind"]
+        if kind in ("constant", "square", "chirp", "sine", "sines"):
+            return abs(number(signal.get("constant", 0))) + sum((abs(one) for one in vector(signal["amplitudes"])), fmpq(0))
+        if kind in ("levels", "recorded"):  # constant, or straight, between these
+            return max(abs(one) for one in vector(signal["values"]))
+        require(kind == "bounded", "the command has no bound")
+        self.assumed[f"the command {signal.get('name', '')} stays within {text(number(signal['bound']))}"] = None
+        return number(signal["bound"])
+
+    def pushed(self) -> list[arb]:
+        """sup |(k_0 r)_j| of each input."""
+        bounds = self.command_bounds()
+        return [sum((arb(abs(self.k_0[j, q])) * r for q, r in enumerate(bounds)), arb(0)) for j in range(self.m)]
+
+    def require_nominal(self, *, any_gain: bool = False) -> None:
+        """The plant is (1): nothing acts on it or stands before it, its state is measured, the command is bounded."""
+        for path in self.facts["inputs"]:
+            for name in ("quantization", "saturation", "rate_limit", "actuator", "multiplicative"):
+                require(path[name] is None, f"the plant is (1), but its input has {name}")
+            require(number(path["delay"]) == 0, "the plant is (1), but its input has a delay")
+        require(len(self.facts["inputs"]) == self.m, "each input has its path")
+        known = self.interval is None and not any_gain
+        require(not known or all(one == 1 for one in self.gain), "the plant is (1), but its input has a gain of its own")
+        require(all(one > 0 for one in self.gain), "the input's gain must be positive")
+        for name in ("disturbance", "unmatched", "sensor", "unmatched_ranges"):
+            require(self.facts[name] in (None, [], ""), f"the plant is (1), but there is: {name}")
+        self.command_bounds()
+
+    def require_regular(self) -> None:
+        """phi(x) is finite wherever x is; of a formula with a quotient or a root that is assumed, and said."""
+        regressor = self.facts["regressor"]
+        kind = regressor["kind"]
+        if kind in ("x", "polynomial", "gaussian"):
+            return
+        if kind == "terms" and all(total(ast.parse(term, mode="eval").body) for term in regressor["terms"]):
+            return
+        self.assumed["phi(x) is finite wherever x may go"] = None
+
+
+def total(node: ast.expr) -> bool:
+    """Whether a formula is defined for all x: sums, products, whole powers and entire functions."""
+    if isinstance(node, ast.BinOp):
+        if isinstance(node.op, ast.Pow):
+            exponent = node.right
+            whole = isinstance(exponent, ast.Constant) and isinstance(exponent.value, int) and exponent.value >= 0
+            return whole and total(node.left)
+        return isinstance(node.op, (ast.Add, ast.Sub, ast.Mult)) and total(node.left) and total(node.right)
+    if isinstance(node, ast.UnaryOp):
+        return total(node.operand)
+    if isinstance(node, ast.Call):
+        entire = isinstance(node.func, ast.Name) and node.func.id in ("abs", "exp", "sin", "cos", "tanh")
+        return entire and all(map(total, node.args))
+    return isinstance(node, (ast.Name, ast.Constant))
+
+
+class Box:
+    """lower <= theta <= upper."""
+
+    def __init__(self, facts: dict[str, Any], size: int | None = None) -> None:
+        self.lower = vector(facts["lower"], size)
+        self.upper = vector(facts["upper"], len(self.lower))
+        require(all(a <= b for a, b in zip(self.lower, self.upper, strict=True)), "the known set is empty")
+
+    def holds(self, theta: list[fmpq]) -> bool:
+        ends = zip(self.lower, theta, self.upper, strict=True)
+        return len(theta) == len(self.lower) and all(a <= one <= b for a, one, b in ends)
+
+    def farthest(self, theta: list[fmpq], weights: list[fmpq] | None = None) -> arb:
+        """The largest Euclidean distance from theta to a point of the set, its squares weighted: at a vertex."""
+        each = [max(abs(a - one), abs(b - one)) for a, one, b in zip(self.lower, theta, self.upper, strict=True)]
+        return root(sum((w * one * one for w, one in zip(weights or [fmpq(1)] * len(each), each, strict=True)), fmpq(0)))
+
+    def farthest_1(self, theta: list[fmpq]) -> arb:
+        """The largest sum of absolute differences."""
+        ends = zip(self.lower, theta, self.upper, strict=True)
+        return arb(sum((max(abs(a - one), abs(b - one)) for a, one, b in ends), fmpq(0)))
+
+    @property
+    def faces(self) -> int:
+        """The components with an end within 1e150: no run reaches the others."""
+        ends = zip(self.lower, self.upper, strict=True)
+        return sum(min(abs(a), abs(b)) < fmpq(10) ** 150 for a, b in ends)
+
+
+class Ball:
+    """|theta - center| <= radius."""
+
+    faces = 0
+
+    def __init__(self, facts: dict[str, Any], size: int | None = None) -> None:
+        self.center, self.radius = vector(facts["center"], size), number(facts["radius"])
+        require(self.radius >= 0, "a radius must not be negative")
+
+    def holds(self, theta: list[fmpq]) -> bool:
+        away = sum(((a - b) ** 2 for a, b in zip(theta, self.center, strict=True)), fmpq(0))
+        return bool(away <= self.radius**2)
+
+    def farthest(self, theta: list[fmpq], weights: list[fmpq] | None = None) -> arb:
+        each = weights or [fmpq(1)] * len(theta)
+        away = sum((w * (a - b) ** 2 for w, a, b in zip(each, theta, self.center, strict=True)), fmpq(0))
+        return root(away) + arb(self.radius) * root(max(each))
+
+    def farthest_1(self, theta: list[fmpq]) -> arb:
+        away = sum((abs(a - b) for a, b in zip(theta, self.center, strict=True)), fmpq(0))
+        return arb(away) + arb(self.radius) * root(fmpq(len(theta)))
+
+
+def known_set(facts: dict[str, Any] | None) -> Box | Ball | None:
+    return None if facts is None else Ball(facts) if "center" in facts else Box(facts)
+
+
+class Controller:
+    """A controller's numbers, and what has been proven of it and its loop so far."""
+
+    def __init__(self, case: Case, facts: dict[str, Any]) -> None:
+        self.case, self.facts, self.proven = case, facts, dict[str, Any]()
+        self.norms = dict[str, Norms]()
+
+    @property
+    def scheme(self) -> str:
+        return str(self.facts["scheme"])
+
+    def fact(self, name: str) -> Any:
+        require(name in self.facts, f"the controller's {name} is missing")
+        return self.facts[name]
+
+    def earlier(self, name: str) -> Any:
+        """What an earlier line has proven."""
+        require(name in self.proven, f"it needs an earlier line on {name}")
+        return self.proven[name]
+
+    def norm(self, name: str) -> Norms:
+        require(name in self.norms, f"it needs an earlier line on the L1 norm of {name}")
+        return self.norms[name]
+
+    @property
+    def P(self) -> fmpq_mat:
+        return matrix(self.fact("P"), self.case.n, self.case.n)
+
+    @property
+    def A(self) -> fmpq_mat:
+        """What P is a Lyapunov matrix of: A_m, or A_m + L of a closed-loop model."""
+        found = self.case.A_m
+        return found + matrix(self.facts["L"], self.case.n, self.case.n) if "L" in self.facts else found
+
+    @property
+    def theta_hat0(self) -> list[fmpq]:
+        return vector(self.fact("theta_hat0"))
+
+    def error(self) -> list[fmpq]:
+        """theta_tilde(0)."""
+        return [a - b for a, b in zip(self.theta_hat0, self.case.parameters, strict=True)]
+
+    @property
+    def of_theta(self) -> Box | Ball | None:
+        """The known set of theta."""
+        return known_set(self.case.facts["uncertainty"])
+
+    def require_theta_known(self) -> Box | Ball:
+        found = self.of_theta
+        if found is None or not found.holds(self.case.theta):
+            raise Refused("theta must lie in the known set")
+        return found
+
+    def require_inside(self) -> None:
+        """With projection, theta and theta_hat(0) lie in the set."""
+        theta, p = self.of_theta, len(self.case.theta)
+        for values in (self.theta_hat0, self.case.parameters) if self.fact("projection") is True else ():
+            require(theta is None or theta.holds(values[:p]), "theta and theta_hat(0) must lie in the set that is projected onto")
+            gains = self.case.interval
+            require(gains is None or gains.holds(values[p:]), "the input's gains must lie in their intervals")
+
+    def require_no_corners(self) -> None:
+        """Projection with a gain matrix keeps V' <= 0 in a ball, and in a box of at most four faces that can be reached."""
+        theta, gains = self.of_theta, self.case.interval
+        faces = sum(one.faces for one in (theta, gains) if one is not None)
+        cut = faces > 4 or (isinstance(theta, Ball) and gains is not None)
+        keeps = self.fact("projection") is not True or not (cut and couples(self.fact("gamma")))
+        require(keeps, "with a gain matrix the projection may make V grow in corners")
+
+    def require_plain_law(self) -> None:
+        """V' <= -|e|^2 holds with the law's modifications: none, composite learning, or a switching sigma that bounds theta."""
+        require(self.fact("dead_zone") is None, "inside a dead zone nothing is learnt")
+        leakage = self.fact("leakage")
+        if leakage is None:
+            return
+        require(leakage.get("kind") == "switching", "the leakage pulls the estimates to zero")
+        M_0, origin = number(leakage["M_0"]), [fmpq(0)] * len(self.case.theta)
+        of_theta = sum((one**2 for one in self.case.parameters), fmpq(0))
+        require(of_theta <= M_0**2, "M_0 must bound theta")
+        theta, gains = self.of_theta, [] if self.case.interval is None else self.case.interval.upper
+        if isinstance(theta, Box):
+            squares = [max(a**2, b**2) for a, b in zip(theta.lower, theta.upper, strict=True)] + [one**2 for one in gains]
+            require(sum(squares, fmpq(0)) <= M_0**2, "M_0 must bound theta over the known set")
+        elif theta is not None:
+            reach = theta.farthest(origin) + arb(sum(gains, fmpq(0)))
+            require(bool(reach <= arb(M_0)), "M_0 must bound theta over the known set")
+
+    def require_theorem_1(self) -> None:
+        """What V = e'Pe + theta_tilde'Gamma^-1 theta_tilde rests on."""
+        self.case.require_nominal()
+        self.case.require_regular()
+        require("sample_time" not in self.facts, "the controller must act continuously")
+        self.earlier("lyapunov")
+        self.require_inside()
+        self.require_no_corners()
+        self.require_plain_law()
+
+    def weighted_square(self) -> fmpq:
+        """theta_tilde(0)'Gamma^-1 theta_tilde(0), Gamma a number, a diagonal or a matrix."""
+        return weighted(self.error(), self.fact("gamma"))
+
+    def level(self) -> arb:
+        """nu_0/sqrt(Gamma)."""
+        return root(self.weighted_square() / self.earlier("lambda_min"))
+
+
+def couples(gamma: Any) -> bool:
+    """Whether Gamma is a matrix with entries off its diagonal."""
+    if not (isinstance(gamma, list) and isinstance(gamma[0], list)):
+        return False
+    return any(number(entry) != 0 for i, row in enumerate(gamma) for j, entry in enumerate(row) if i != j)
+
+
+def weighted(off: list[fmpq], gamma: Any) -> fmpq:
+    if not isinstance(gamma, list):
+        require(number(gamma) > 0, "Gamma must be positive")
+        return sum((one**2 for one in off), fmpq(0)) / number(gamma)
+    if not isinstance(gamma[0], list):
+        each = vector(gamma, len(off))
+        require(all(one > 0 for one in each), "Gamma must be positive")
+        return sum((a**2 / g for a, g in zip(off, each, strict=True)), fmpq(0))
+    Gamma = matrix(gamma, len(off), len(off))
+    require(positive_definite(Gamma), "Gamma must be positive definite")
+    return quadratic(column(off), Gamma.inv())
+
+
+def least_gain(controller: Controller, line: dict[str, Any]) -> fmpq:
+    """At most the smallest eigenvalue of Gamma; of a matrix the line's witness."""
+    gamma = controller.fact("gamma")
+    if not isinstance(gamma, list):
+        return number(gamma)
+    if not isinstance(gamma[0], list):
+        return min(vector(gamma))
+    Gamma, least = matrix(gamma), number(line["witness"]["least_gain"])
+    require(least > 0 and positive_definite(Gamma - identity(Gamma.nrows()) * least), "Gamma - g I must be positive definite")
+    return least
+
+
+# --- Systems by their names, exact ----------------------------------------------------------------------------------------------
+
+
+def system(c: Controller, name: str, line: dict[str, Any]) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
+    """A, B, C, D of what a line's norm is of."""
+    case, n = c.case, c.case.n
+    A_m, b, nothing = case.A_m, case.b, zeros(n, case.m)
+    if name == "W_b":
+        return A_m, b, identity(n), nothing
+    if name == "sW_b":
+        return A_m, b, A_m, b
+    if name == "C":
+        return state_space(c.fact("filter"))
+    if name in ("W_b(1-C)", "W_b(1-C) at kappa"):
+        require(case.m == 1, "C(s) is known for one input")
+        if name == "W_b(1-C)":
+            A, B, C, D = state_space(c.fact("filter"))
+        else:
+            pole = 1 / number(line["kappa"])
+            A, B, C, D = fmpq_mat([[-pole]]), fmpq_mat([[pole]]), fmpq_mat([[fmpq(1)]]), fmpq_mat([[fmpq(0)]])
+        k = A.nrows()
+        whole = blocks([[A_m, -(b * C)], [zeros(k, n), A]])
+        return whole, blocks([[b * (1 - D[0, 0])], [B]]), blocks([[identity(n), zeros(n, k)]]), nothing
+    if name == "1-L":
+        return A_m, -matrix(c.fact("L"), n, n), identity(n), identity(n)
+    require(name in ("T", "W_b S"), f"no system {name} is known")
+    return disturbed(c)
+
+
+def state_space(facts: dict[str, Any]) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
+    A = matrix(facts["A"])
+    return A, column(vector(facts["B"], A.nrows())), matrix([facts["C"]], 1, A.nrows()), fmpq_mat([[number(facts["D"])]])
+
+
+def disturbed(c: Controller) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
+    """From a matched disturbance to x, in the loop with theta_0 of a linear controller or an ADRC."""
+    n, b, theta_0 = c.case.n, c.case.b, matrix([c.fact("theta_0")], 1, c.case.n)
+    require(c.case.m == 1 and c.case.linear, "this loop is known for one input and phi(x) = x")
+    plant = c.case.A_m + b * theta_0
+    if c.scheme == "linear":
+        A, B, C, D = state_space(c.fact("K"))
+        measured = matrix([c.fact("c")], 1, n)
+        feedback = blocks([[theta_0 + measured * D[0, 0], C]])
+        inner = [B * measured, A]
+    else:
+        o = {key: matrix(value) for key, value in c.fact("observer").items()}
+        of_estimates = blocks([[theta_0, fmpq_mat([[fmpq(1)]])]])
+        of_x, of_xi = of_estimates * o["N"], of_estimates * o["M"]
+        feedback = blocks([[of_x, of_xi]])
+        inner = [o["G"] - o["H"] * of_x, o["F"] - o["H"] * of_xi]
+    k = inner[1].nrows()
+    A, B = blocks([[plant, zeros(n, k)], inner]), blocks([[b], [zeros(k, 1)]])
+    return A - B * feedback, B, blocks([[identity(n), zeros(n, k)]]), zeros(n, 1)
+
+
+# --- The rules ------------------------------------------------------------------------------------------------------------------
+
+
+def rule(*keys: str) -> Callable[[Rule], Rule]:
+    def named(function: Rule) -> Rule:
+        RULES.update(dict.fromkeys(keys, function))
+        return function
+
+    return named
+
+
+@rule("lyapunov")
+def _lyapunov(c: Controller, _: Any, line: dict[str, Any]) -> None:
+    product = c.P * c.A
+    require(positive_definite(c.P), "P must be positive definite")
+    require(positive_definite(-(product + product.transpose())), "PA + A'P must be negative definite")
+    c.proven["lyapunov"] = True
+
+
+@rule("lambda_min")
+def _lambda_min(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    least = number(value)
+    require(least > 0 and positive_definite(c.P - identity(c.case.n) * least), "P - lambda_min I must be positive definite")
+    c.proven["lambda_min"] = least
+
+
+@rule("theta_max")
+def _theta_max(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    theta = c.of_theta
+    if theta is None:
+        raise Refused("there is no known set")
+    at_least(value, theta.farthest_1([fmpq(0)] * len(c.case.theta)), "theta_max")
+    c.proven["theta_max"] = arb(number(value))
+
+
+@rule("L1 norm")
+def _l1_norm(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    c.norms[line["of"]] = Norms(*system(c, line["of"], line), line["witness"])
+    c.proven[f"kappa of {line['of']}"] = line.get("kappa")
+
+
+@rule("norms")
+def _norms(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    for name, ends in value.items():
+        low, high = c.norm(name).norm
+        require(bool(arb(number(ends["lower"])) <= low), f"||{name}||_1 is only known to be at least {text(low)}")
+        at_least(ends["upper"], high, f"||{name}||_1's upper end")
+
+
+@rule("bounds")
+def _bounds(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    """|x_m,i| <= sum_j ||e_i'W_b,j|| sup |(k_0 r)_j| + sqrt(x0'P x0 (P^-1)_ii)."""
+    c.earlier("lyapunov")
+    require("L" not in c.facts, "P must be a Lyapunov matrix of A_m")
+    each, start, inverse = c.norm("W_b").upper, quadratic(c.case.x0, c.P), c.P.inv()
+    r, pushed = c.case.command_bounds(), c.case.pushed()
+    for i in range(c.case.n):
+        forced = sum((norm * push for norm, push in zip(each[i], pushed, strict=True)), arb(0))
+        at_least(value["x_m"], forced + root(start * inverse[i, i]), "sup |x_m|")
+    if "r" in value:
+        at_least(value["r"], r[0], "sup |r|")
+    c.proven["r"], c.proven["x_m"] = r, arb(number(value["x_m"]))
+
+
+@rule("initial_parameter_error", "nu_0")
+def _nu_0(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    c.require_inside()
+    size = sum((one**2 for one in c.error()), fmpq(0))
+    at_least(value, root(size if line["key"] != "nu_0" else size / c.earlier("lambda_min")), line["key"])
+    c.proven[line["key"]] = arb(number(value))
+
+
+@rule("nu_0_worst")
+def _nu_0_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    require(c.case.interval is None, "it is known where the input's gain is")
+    at_least(value, c.require_theta_known().farthest(c.theta_hat0) / root(c.earlier("lambda_min")), "nu_0_worst")
+
+
+def gain_and_size(c: Controller) -> tuple[arb, arb]:
+    """N and what it is multiplied with in the small-gain condition."""
+    if c.scheme == "l1":
+        return c.norm("W_b(1-C)").norm[1], c.earlier("theta_max")
+    name = "W_b S" if c.scheme == "linear" else "T"
+    theta = c.of_theta
+    if theta is None:
+        raise Refused("there is no known set")
+    return c.norm(name).norm[1], theta.farthest_1(vector(c.fact("theta_0")))
+
+
+@rule("condition")
+def _condition(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    norm, size = gain_and_size(c)
+    at_least(value["value_upper"], norm * size, "the norm times the size")
+    require(number(value["limit"]) == 1 and value["holds"] is (number(value["value_upper"]) < 1), "it holds where it is below 1")
+
+
+def contraction(c: Controller) -> arb:
+    """1 - N times size, certainly positive."""
+    norm, size = gain_and_size(c)
+    require(bool(norm * size < 1), "the small-gain condition must hold")
+    return 1 - norm * size
+
+
+@rule("kappa_max", "kappa_admissible")
+def _kappas(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    kappa, theta_max = arb(number(value)), c.earlier("theta_max")
+    if line["key"] == "kappa_max":
+        require(bool(kappa * theta_max * c.norm("sW_b").norm[1] <= 1), "kappa_max must not exceed 1/(theta_max ||sW_b||_1)")
+        return
+    name = "W_b(1-C) at kappa"
+    norm = c.norm(name).norm[1]
+    require(number(c.proven[f"kappa of {name}"]) == number(value), "the norm must be that at kappa_admissible")
+    require(bool(norm * theta_max < 1), "the condition must hold at kappa_admissible")
+
+
+@rule("nu_1", "nu_2")
+def _nu_1(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    c.require_theorem_1()
+    A, B, C, D = state_space(c.fact("filter"))
+    pole = -A[0, 0]
+    first_order = A.nrows() == 1 and D[0, 0] == 0 and pole > 0 and B[0, 0] * C[0, 0] == pole
+    require(first_order and not isinstance(c.fact("gamma"), list), "C must be 1/(kappa s + 1), and Gamma a number")
+    slope, theta_max = c.norm("sW_b").norm[1], c.earlier("theta_max")
+    left = 1 - arb(1 / pole) * slope * theta_max
+    require(bool(left > 0), "kappa must be below kappa_max")
+    if line["key"] == "nu_2":
+        at_least(value, root(sum((one**2 for one in c.error()), fmpq(0)) / c.earlier("lambda_min")) / left, "nu_2")
+    else:
+        at_least(value, slope * (theta_max * c.earlier("x_m") + c.case.pushed()[0]) / left, "nu_1")
+
+
+@rule("reference_error_bound")
+def _reference(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    c.require_theorem_1()
+    require(c.fact("projection") is True and c.case.linear, "theta_hat must be projected onto the known set")
+    at_least(value, c.norm("C").norm[1] * c.level() / contraction(c), "the bound of |x - x_ref|")
+
+
+@rule("error_bound")
+def _error_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    at_least(value, ERROR_BOUNDS[c.scheme](c), "the bound of |e|")
+
+
+def of_mrac(c: Controller) -> arb:
+    """Theorem 1 (i)."""
+    c.require_theorem_1()
+    return c.level()
+
+
+def of_l1(c: Controller) -> arb:
+    """Theorem 1 (ii)."""
+    c.require_theorem_1()
+    require(c.fact("projection") is True and c.case.linear and c.case.m == 1, "theta_hat must be projected onto the known set")
+    norm, theta_max = gain_and_size(c)
+    bias: arb = norm * (theta_max * c.earlier("x_m") + c.case.pushed()[0])
+    return (c.level() + bias) / contraction(c)
+
+
+def of_closed_loop_model(c: Controller) -> arb:
+    c.require_theorem_1()
+    return c.norm("1-L").norm[1] * c.level()
+
+
+def of_fixed_loop(c: Controller) -> arb:
+    """e = T[(theta - theta_0)'x]."""
+    gain = None if c.scheme == "linear" else number(c.fact("b_0"))
+    c.case.require_nominal(any_gain=gain is not None)
+    require(gain is None or c.case.gain == [gain], "b_0 must be the input's gain")
+    c.require_theta_known()
+    require("sample_time" not in c.facts, "the controller must act continuously")
+    norm, size = gain_and_size(c)
+    bias: arb = norm * size * c.earlier("x_m")
+    return bias / contraction(c)
+
+
+def ideal_V(c: Controller, omega: list[fmpq], of_x: fmpq | arb) -> arb:
+    """V(0) of the direct MRAC: what k_x adds, and omega_i (k_r - k_0/omega)^2/gamma_r."""
+    k_r, k_0 = vector(c.fact("k_r0")), [one for row in c.case.k_0.tolist() for one in row]
+    each = [omega[j // (len(k_0) // len(omega))] for j in range(len(k_0))]
+    of_r = sum((w * (a - b / w) ** 2 for w, a, b in zip(each, k_r, k_0, strict=True)), fmpq(0)) / number(c.fact("gamma_r"))
+    return arb(of_x) + arb(of_r)
+
+
+def require_direct(c: Controller) -> None:
+    c.case.require_nominal(any_gain=True)
+    c.case.require_regular()
+    require("sample_time" not in c.facts, "the controller must act continuously")
+    c.earlier("lyapunov")
+    gamma, theta, intervals = c.fact("gamma"), c.of_theta, c.case.interval
+    one_input = c.case.m == 1 or not (isinstance(gamma, list) and isinstance(gamma[0], list))
+    require(number(c.fact("gamma_r")) > 0 and one_input, "a gain matrix goes with one input")
+    if c.fact("projection") is not True:
+        return
+    corners = theta is not None and theta.faces > 4 and couples(gamma)
+    require(not corners, "with a gain matrix the projection may make V grow in corners")
+    omega = c.case.gain
+    require(intervals is None or intervals.holds(omega), "omega must lie in its interval")
+    ideal = [one / omega[k % c.case.m] for k, one in enumerate(c.case.theta)]
+    if intervals is None:
+        require(theta is None or theta.holds(ideal), "theta/omega must lie in the set that is projected onto")
+    else:
+        require(theta is None or theta.holds(c.case.theta), "theta must lie in the known set")
+
+
+def of_direct(c: Controller) -> arb:
+    """V = e'Pe + sum of omega_i times what is adapted of the input i."""
+    require_direct(c)
+    omega = [c.case.gain[k % c.case.m] for k in range(len(c.theta_hat0))]
+    off = [a - b / w for a, b, w in zip(c.theta_hat0, c.case.theta, omega, strict=True)]
+    gamma = c.fact("gamma")
+    if c.case.m == 1:
+        of_x = weighted(off, gamma) * omega[0]
+    else:
+        gammas = vector(gamma) if isinstance(gamma, list) else [number(gamma)] * len(off)
+        of_x = sum((w * a**2 / g for w, a, g in zip(omega, off, gammas, strict=True)), fmpq(0))
+    return (ideal_V(c, c.case.gain, of_x) / arb(c.earlier("lambda_min"))).sqrt()
+
+
+ERROR_BOUNDS: dict[str, Callable[[Controller], arb]] = {
+    "mrac": of_mrac, "l1": of_l1, "mrac-closed-loop": of_closed_loop_model, "mrac-direct": of_direct, "linear": of_fixed_loop,
+    "adrc": of_fixed_loop,
+}  # fmt: skip
+
+
+@rule("error_bound_worst")
+def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    """Over the known set V(0) is largest at a vertex, or where a ball is farthest; over intervals of omega at their ends."""
+    theta, least = c.require_theta_known(), c.earlier("lambda_min")
+    if c.scheme != "mrac-direct":
+        require(c.scheme in ("mrac", "mrac-closed-loop") and c.case.interval is None, "there is no rule for this scheme")
+        ERROR_BOUNDS[c.scheme](c)  # its premises
+        carried = c.norm("1-L").norm[1] if "L" in c.facts else arb(1)
+        needed = carried * theta.farthest(c.theta_hat0) / root(least * least_gain(c, line))
+        at_least(value, needed, "the bound of |e|")
+        return
+    require_direct(c)
+    intervals, gamma = c.case.interval, c.fact("gamma")
+    one = intervals is None and c.fact("projection") is True
+    require(not one or all(w == 1 for w in c.case.gain), "theta/omega must be reached by the projection for every theta")
+    corners = [tuple(c.case.gain)] if intervals is None else product(*zip(intervals.lower, intervals.upper, strict=True))
+    matrix_gain = not isinstance(gamma, list) or isinstance(gamma[0], list)
+    gammas = [least_gain(c, line)] * len(c.theta_hat0) if matrix_gain else vector(gamma)
+    for omega in corners:
+        each = [omega[k % c.case.m] for k in range(len(c.theta_hat0))]
+        scaled = [w * a for w, a in zip(each, c.theta_hat0, strict=True)]
+        of_x = theta.farthest(scaled, [1 / (w * g) for w, g in zip(each, gammas, strict=True)]) ** 2
+        at_least(value, (ideal_V(c, list(omega), of_x) / arb(least)).sqrt(), "the bound of |e|")
+
+
+# --- The program ----------------------------------------------------------------------------------------------------------------
+
+
+def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]]) -> list[str]:
+    """The keys that are claimed, all lines holding."""
+    for i, line in enumerate(lines, start=1):
+        key = str(line.get("key"))
+        try:
+            require(key in RULES, "no rule has this name")
+            RULES[key](controller, line.get("value"), line)
+        except Refused as error:
+            raise Refused(f"{name}, line {i}, {key}: {error}") from error
+        except (ArithmeticError, AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
+            raise Refused(f"{name}, line {i}, {key}: it can't be read ({type(error).__name__}: {error})") from error
+    return [line["key"] for line in lines if line.get("claimed") is True]
+
+
+def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """What is accepted of each controller, as sentences, and what was assumed; Refused names the first line that fails."""
+    require(document.get("format") == FORMAT, f"the file is no {FORMAT}")
+    ctx.prec = 256
+    said, assumed = [], dict[str, None]()
+    for name, facts in document["controllers"].items():
+        accepted = list[str]()
+        if facts["lines"]:
+            case = Case(document["plant"])
+            accepted = accepted_lines(name, Controller(case, facts["facts"]), facts["lines"])
+            assumed |= case.assumed
+        said.append(f"{name}: accepted: {', '.join(accepted) or 'nothing is claimed'}")
+        said += [f"{name}: not in the proof: {sentence}" for sentence in facts["not in the proof"]]
+    return said, list(assumed)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Exit codes: 0 all lines hold, 1 one does not, 2 the file can't be read."""
+    given = sys.argv[1:] if arguments is None else arguments
+    if len(given) != 1 or given[0].startswith("-"):
+        print("usage: barbalat-check FILE\n\n" + (__doc__ or "").strip())
+        return 0 if given in (["-h"], ["--help"]) else 2
+    try:
+        document = json.loads(Path(given[0]).read_text(encoding="utf-8"), parse_constant=number)
+    except (OSError, ValueError, RecursionError, Refused) as error:
+        print(f"{given[0]}: {error}", file=sys.stderr)
+        return 2
+    try:
+        said, assumed = check(document)
+    except (Refused, AttributeError, KeyError, TypeError) as error:
+        print(f"refused: {error}")
+        return 1
+    print("\n".join(said + [f"assumed, and not derived from numbers: {sentence}" for sentence in assumed]))
+    print("all lines hold")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,108 @@
+"""False conclusions for ``barbalat-check``: a number, a witness or a premise is changed so that a line no longer follows."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterator
+from typing import Any
+
+Document = dict[str, Any]
+TIGHTER = 1 - 1e-9
+"""Of a bound: certificates are outward by 1e-12 at most where nothing but roundings was added."""
+LOOSE = frozenset({"lambda_min", "kappa_admissible", "condition", "norms"})
+"""What certificates give with room, or with ends that a search found: it is attacked by another factor, or in another way."""
+
+
+def attacks(document: Document) -> Iterator[tuple[str, Document]]:
+    """What was changed, and the document with that change, each of which proves something false or nothing."""
+    for name, controller in document["controllers"].items():
+        for i, line in enumerate(controller["lines"]):
+            for what, changed in (*_tightened(line), *_broken_witnesses(line)):
+                yield f"{name}, {line['key']}: {what}", _with_line(document, name, i, changed)
+            if not line["claimed"]:
+                yield f"{name}, {line.get('of', line['key'])}: left out", _with_line(document, name, i, None)
+        if any(line["key"] in ("error_bound", "reference_error_bound") for line in controller["lines"]):
+            for what, plant in _broken_premises(document["plant"], controller["facts"]):
+                yield f"{name}: {what}", document | {"plant": plant}
+
+
+def _with_line(document: Document, name: str, i: int, line: Document | None) -> Document:
+    found = copy.deepcopy(document)
+    found["controllers"][name]["lines"][i : i + 1] = [] if line is None else [line]
+    return found
+
+
+def _tightened(line: Document) -> Iterator[tuple[str, Document]]:
+    key, value = line["key"], line.get("value")
+    if key in ("lyapunov", "L1 norm") or not line["claimed"]:
+        return
+    if key == "norms":
+        for norm, ends in value.items():
+            for end, factor in (("upper", 1 - 1e-6), ("lower", 1 + 1e-6)):
+                if ends[end]:
+                    yield f"{norm}'s {end} end", line | {"value": value | {norm: ends | {end: ends[end] * factor}}}
+    elif key == "bounds":
+        for signal in value:
+            if value[signal]:
+                yield f"sup |{signal}|", line | {"value": value | {signal: value[signal] * (1 - 1e-6)}}
+    elif key == "condition":
+        yield "value", line | {"value": value | {"value_upper": value["value_upper"] * (1 - 1e-6)}}
+        yield "verdict", line | {"value": value | {"holds": not value["holds"]}}
+    elif key in ("lambda_min", "kappa_max"):
+        yield "raised", line | {"value": value * (1 + 1e-6)}
+    elif key == "kappa_admissible":
+        yield "raised", line | {"value": value * 1.01}
+    elif value:
+        yield "lowered", line | {"value": value * (TIGHTER if key not in LOOSE else 1 - 1e-6)}
+
+
+def _broken_witnesses(line: Document) -> Iterator[tuple[str, Document]]:
+    if line["key"] != "L1 norm":
+        return
+    witness = line["witness"]
+
+    def with_witness(**changes: Any) -> Document:
+        return line | {"witness": witness | changes}
+
+    n = len(witness["P"])
+    yield "a form that is not definite", with_witness(P=[["-1p0" if i == j else "0p0" for j in range(n)] for i in range(n)])
+    yield "a form that is too small", with_witness(P=[[_shrunk(entry) for entry in row] for row in witness["P"]])
+    yield "too fast a rate", with_witness(rate=_times_16(witness["rate"]))
+    yield "no rate", with_witness(rate="0p0")
+    yield "a step backwards", with_witness(steps=[[*steps, "-1p-4"] for steps in witness["steps"]])
+    yield "no steps for an input", with_witness(steps=witness["steps"][1:])
+    if n > 1:
+        yield (
+            "a form that is not symmetric",
+            with_witness(P=[["1p9", *witness["P"][0][1:]], ["1p8", *witness["P"][1][1:]], *witness["P"][2:]]),
+        )
+
+
+def _shrunk(entry: str) -> str:
+    mantissa, exponent = entry.split("p")
+    return f"{mantissa}p{int(exponent) - 20}"
+
+
+def _times_16(entry: str) -> str:
+    mantissa, exponent = entry.split("p")
+    return f"{mantissa}p{int(exponent) + 4}"
+
+
+def _broken_premises(plant: Document, facts: Document) -> Iterator[tuple[str, Document]]:
+    """What the theorems rest on."""
+
+    def on_the_way(**changes: Any) -> Document:
+        return plant | {"inputs": [plant["inputs"][0] | changes, *plant["inputs"][1:]]}
+
+    yield "a delay", on_the_way(delay=0.01)
+    yield "a limit", on_the_way(saturation="[-1, 1]")
+    yield "an actuator", on_the_way(actuator="1/(s + 1)")
+    yield "a disturbance", plant | {"disturbance": "Step"}
+    yield "an unmatched disturbance", plant | {"unmatched": ["Step"]}
+    yield "a sensor", plant | {"sensor": "Sensor"}
+    yield "a command without a bound", plant | {"reference": [{"kind": "unbounded"} for _ in plant["reference"]]}
+    yield "another model", plant | {"A_m": [[-value for value in row] for row in plant["A_m"]]}
+    known_set = plant["uncertainty"]
+    if known_set is not None and (facts.get("projection") or facts["scheme"] in ("linear", "adrc")):
+        beyond = 1.0 + (max(known_set["upper"]) if "upper" in known_set else max(known_set["center"]) + known_set["radius"])
+        yield "theta outside the known set", plant | {"theta": [beyond] * len(plant["theta"])}

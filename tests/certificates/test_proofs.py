@@ -1,0 +1,180 @@
+"""Proofs of certificates: accepted by ``barbalat-check`` as they are written, refused with anything false in them.
+
+The checker imports nothing of the package, and nothing here computes a bound: what is accepted and refused is its verdict alone.
+"""
+
+import ast
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flint import arb_mat, ctx, fmpq_mat
+
+import barbalat_check
+import fuzz
+import plausible
+from barbalat import certify
+from barbalat.cases.load import CaseText, bundled, load_case
+from barbalat.certificates.entry import GUARANTEED
+from barbalat.certificates.proof import proof
+from barbalat.cli import main
+from barbalat.linear.l1_norms import l1_norm
+from barbalat.linear.l1_norms.witness import witness
+from barbalat.validate import InputError
+from certificates.proof_attacks import attacks
+
+
+def document_of(case):
+    """The proof of a case, through JSON, with its certificates."""
+    certificates = certify(case.problem, case.controllers, case.simulation)
+    return json.loads(json.dumps(proof(case.name, case.problem, case.controllers, certificates), allow_nan=False)), certificates
+
+
+def test_the_checker_is_a_program_of_its_own():
+    source = Path(barbalat_check.__file__).read_text(encoding="utf-8")
+    imported = {
+        name.split(".")[0]
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, (ast.Import, ast.ImportFrom))
+        for name in ([node.module] if isinstance(node, ast.ImportFrom) else [one.name for one in node.names])
+    }
+    assert imported - sys.stdlib_module_names == {"flint"}
+    package = Path(barbalat_check.__file__).parent / "barbalat"
+    assert not [file for file in package.rglob("*.py") if "barbalat_check" in file.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize("name", bundled())
+@pytest.mark.short(kept=lambda name: name in ("paper", "first-order", "l1-output", "satellite-spin"))
+def test_every_guaranteed_number_of_a_bundled_case_is_proven_or_named(name):
+    document, certificates = document_of(load_case(name))
+    barbalat_check.check(document)
+    for controller, certificate in certificates.items():
+        found = document["controllers"][controller]
+        proven = {line["key"]: line["value"] for line in found["lines"] if line["claimed"]}
+        named = {sentence.split(":")[0] for sentence in found["not in the proof"]}
+        claimed = {one.key: one.value for one in certificate.entries if one.kind in GUARANTEED and one.value is not None}
+        assert proven.keys() | named == claimed.keys() and not proven.keys() & named
+        assert all(claimed[key] == value for key, value in proven.items())
+
+
+def drawn_documents(folder, seeds):
+    plausible.write_files(folder)
+    for seed in seeds:
+        try:
+            case = CaseText("", folder).case(fuzz.drawn(seed, None, folder))
+        except InputError:
+            continue
+        yield seed, document_of(case)[0]
+
+
+def test_the_guaranteed_numbers_of_random_cases_are_accepted(tmp_path, sample):
+    claimed = 0
+    for seed, document in drawn_documents(tmp_path, range(sample(12, 300))):
+        said, _ = barbalat_check.check(document)
+        claimed += sum(line["claimed"] for one in document["controllers"].values() for line in one["lines"])
+        assert said, seed
+    assert claimed >= 20
+
+
+def refused(document):
+    try:
+        barbalat_check.check(document)
+    except barbalat_check.Refused:
+        return True
+    return False
+
+
+@pytest.mark.parametrize("name", ["paper", "third-order", "astrom-wittenmark", "satellite-spin", "first-order"])
+@pytest.mark.short(kept=lambda name: name in ("paper", "astrom-wittenmark"))
+def test_what_does_not_follow_is_refused(name):
+    """A bound beyond its witnesses, a witness whose inequality fails, a premise that is missing: some 200 in all."""
+    document, _ = document_of(load_case(name))
+    tried = [(what, refused(false)) for what, false in attacks(document)]
+    assert len(tried) >= 10 and not [what for what, caught in tried if not caught]
+
+
+@pytest.mark.full
+def test_what_does_not_follow_of_random_cases_is_refused(tmp_path):
+    accepted = []
+    for seed, document in drawn_documents(tmp_path, range(60)):
+        accepted += [f"{seed}: {what}" for what, false in attacks(document) if not refused(false)]
+    assert not accepted
+
+
+def test_weaker_numbers_follow_too():
+    document, _ = document_of(load_case("first-order"))
+    (line,) = [one for one in document["controllers"]["MRAC"]["lines"] if one["key"] == "error_bound"]
+    line["value"] *= 2
+    barbalat_check.check(document)
+
+
+def exact(matrix):
+    return fmpq_mat([[barbalat_check.number(float(value)) for value in row] for row in matrix])
+
+
+def test_norms_from_witnesses_lie_within_those_of_the_package(sample):
+    """Two programs, and systems with real, complex, stiff and double poles."""
+    random, kinds = np.random.default_rng(5), 0
+    for _ in range(sample(12, 300)):
+        n, m, p = random.integers(1, 5), random.integers(1, 3), random.integers(1, 3)
+        A = random.normal(size=(n, n)) * 10.0 ** random.uniform(-1, 1)
+        A -= np.eye(n) * (np.linalg.eigvals(A).real.max() + 10.0 ** random.uniform(-1, 1))
+        if random.random() < 0.3:
+            A = np.diag(-(10.0 ** random.uniform(-2, 3, n))) + np.triu(random.normal(size=(n, n)), 1)
+        elif random.random() < 0.2:
+            A = -np.eye(n) + np.diag(np.ones(n - 1), 1)
+        B, C, D = random.normal(size=(n, m)), random.normal(size=(p, n)), random.normal(size=(p, m))
+        found = l1_norm(A, B, C, D)
+        proof_of_it = witness(*(arb_mat(part.tolist()) for part in (A, B, C)), found.lower)
+        assert proof_of_it is not None
+        with ctx.workprec(256):
+            low, high = barbalat_check.Norms(*map(exact, (A, B, C, D)), proof_of_it).norm
+        assert found.lower <= float(low) and float(high) <= found.upper
+        kinds += 1
+    assert kinds
+
+
+def test_a_norm_that_is_known_in_closed_form():
+    """1/(s^2 + 2 z s + 1) has the L1 norm coth(pi z/(2 sqrt(1 - z^2)))."""
+    z = 0.1
+    A, B, C = np.array([[0.0, 1.0], [-1.0, -2 * z]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]])
+    expected = 1 / math.tanh(math.pi * z / (2 * math.sqrt(1 - z * z)))
+    found = witness(*(arb_mat(part.tolist()) for part in (A, B, C)), expected)
+    with ctx.workprec(256):
+        low, high = barbalat_check.Norms(exact(A), exact(B), exact(C), exact([[0.0]]), found).norm
+    assert float(high - low) < 1e-15 and float(low) == pytest.approx(expected, rel=1e-14)
+
+
+def test_from_the_command_line_to_the_verdict(tmp_path, capsys):
+    """As a program of its own, in a process of its own: exit 0, 1 with the first line that fails, 2 for no file."""
+    file = tmp_path / "made" / "paper.json"
+    assert main(["certify", "paper", "--proof", str(file)]) == 0
+    assert f"barbalat-check {file}" in " ".join(capsys.readouterr().out.split())
+    program = [sys.executable, barbalat_check.__file__]
+    done = subprocess.run([*program, str(file)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0 and done.stdout.endswith("all lines hold\n")
+    document = json.loads(file.read_text())
+    lines = document["controllers"]["L1"]["lines"]
+    (place,) = [i for i, line in enumerate(lines, start=1) if line["key"] == "error_bound"]
+    lines[place - 1]["value"] *= 0.99
+    file.write_text(json.dumps(document))
+    done = subprocess.run([*program, str(file)], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and done.stdout.startswith(
+        f"refused: L1, line {place}, error_bound: the bound of |e| must be at least"
+    )
+    assert barbalat_check.main([str(tmp_path / "none.json")]) == 2
+    assert main(["certify", "paper", "--proof", str(tmp_path)]) == 2
+
+
+@pytest.mark.parametrize(
+    "text", ["[]", "{}", '{"format": "barbalat proof 1"}', '{"format": "barbalat proof 1", "controllers": {"a": 3}}']
+)
+def test_what_is_no_proof_is_refused(tmp_path, capsys, text):
+    file = tmp_path / "no.json"
+    file.write_text(text)
+    assert barbalat_check.main([str(file)]) == 1
+    assert capsys.readouterr().out.startswith("refused: ")
