@@ -15,7 +15,6 @@ LINEAR_LOOP_ONLY = "margins are exact for the linear loop named, not for the ada
 FREQUENCIES_TRIED = (
     "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
 )
-CONTINUOUS_ONLY = "bounds and margins are of the continuous controller: the sampled one may tolerate more or less"
 BEYOND_ONE_LINEAR_INPUT = (
     "conditions, and margins for any state, are known for one input with phi(x) = x and a known gain: not for this plant"
 )

@@ -120,9 +120,8 @@ def margins_cell(certificate: Certificate) -> Entry:
         certificate.entry(key) for key in ("delay_margin", "margins_over_known_set", "delay_margin_adapting")
     )
     if margin is not None and margin.applies:
-        unsampled = "of the continuous controller, not of the sampled one: " if margin.unsampled else ""
         value = "unlimited" if margin.value is None else f"{margin.value:.4g} s"
-        parts.append(f"{unsampled}delay margin {value} ({margin.of})")
+        parts.append(f"delay margin {value} ({margin.of})")
     for loop in () if over_set is None else over_set.value:
         if "unstable_at" in loop:
             parts.append(f"over the known set unstable somewhere ({loop['loop']})")

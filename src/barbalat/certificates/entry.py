@@ -98,7 +98,6 @@ class Entry:
 
     assumptions  what it rests on, as sentences; ``rests_on`` are those of a guarantee, which were checked on the case
     rest         where the loop rests that it is of; None of what belongs to no such place
-    unsampled    whether it is of the continuous controller that a sampled one stands for
     """
 
     key: str
@@ -110,7 +109,6 @@ class Entry:
     of: str = ""
     rest: PlaceOfRest | None = None
     why: str = ""
-    unsampled: bool = False
 
     @property
     def unit(self) -> str:

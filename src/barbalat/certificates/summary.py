@@ -99,14 +99,12 @@ def _margin(certificate: Certificate) -> Line:
     each = certificate.entry("delay_margin_each")
     if not parts and each is not None and each.applies:
         delays = ", ".join(_delay(value) for value in each.value)
-        said = f"{'unsampled: ' * each.unsampled}{delays}: of each input, the others without delay{_at_rest(each)}"
+        said = f"{delays}: of each input, the others without delay{_at_rest(each)}"
         return Line("margin", f"{said}; {LINEAR}", each.kind)
     if not parts:
         why = margin.why if margin is not None and margin.why else "no stable linear loop describes it"
         return Line("margin", f"none: {why}", "does not apply")
     text = ", ".join(parts)
-    if margin is not None and margin.unsampled:
-        text = f"unsampled: {text}"
     return Line("margin", f"{text}; {LINEAR}", margin.kind if margin is not None and len(parts) == 1 else "estimate")
 
 

@@ -231,13 +231,16 @@ class ClosedLoop:
         state, given = self.unpack(flat), self.signals.named(signals)
         return self._measured(state, given), given.r
 
-    def sample(self, flat: Value, signals: Value) -> Value:
-        """The flat state after a sampled controller has acted: it advances from the last sample to this one and sets u."""
+    def sample(self, flat: Value, signals: Value, freeze: Value = None) -> Value:
+        """The flat state after a sampled controller has acted: it advances from the last sample to this one and sets u.
+
+        ``freeze``, without a shell and faults: where it is above 0 the estimates and the law's memory keep their values.
+        """
         assert self.computer is not None
         state, (y, r) = self.unpack(flat), self.sampled_at(flat, signals)
         before = Acting(state.controller, state.held)
         if self.around is None:
-            return flatten(state._replace(**self.computer.act(before, y, r)._asdict()))
+            return flatten(state._replace(**self.computer.act(before, y, r, freeze)._asdict()))
         taken = self.around.take(state.held, y, r, self.signals.named(signals).faults)
         acted = self.computer.act(before, taken.y, taken.r, taken.freeze)
         return flatten(state._replace(**self.around.put_out(taken, before, acted)._asdict()))

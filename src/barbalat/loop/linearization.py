@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,9 +39,9 @@ def jacobian_function(loop: ClosedLoop) -> ca.Function:
     return _jacobian(loop, loop.derivative)
 
 
-def sampled_jacobian_function(loop: ClosedLoop) -> ca.Function:
-    """Return the Jacobian of what a sampled controller makes of a state."""
-    return _jacobian(loop, loop.sample)
+def sampled_jacobian_function(loop: ClosedLoop, *, frozen: bool = False) -> ca.Function:
+    """Return the Jacobian of what a sampled controller makes of a state; ``frozen`` estimates and memory keep their values."""
+    return _jacobian(loop, partial(loop.sample, freeze=1.0) if frozen else loop.sample)
 
 
 def right_hand_side(loop: ClosedLoop) -> ca.Function:

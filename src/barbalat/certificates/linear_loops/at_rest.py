@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -54,18 +54,14 @@ class Rest:
     @property
     def found(self) -> PlaceOfRest:
         """The commands and the estimates there."""
-        estimates = (
-            RestingEstimates(part.name, part.symbol, tuple(self.state[part.rows].tolist()), true=part in self.ideal)
-            for part in _estimates(self.loop)
-        )
-        return PlaceOfRest(tuple(self.level.tolist()), tuple(estimates))
+        return place_of(self.loop, self.state, self.level, self.ideal)
 
     @cached_property
     def is_one_of_many(self) -> bool:
         """Whether it rests beside this place too and has another Jacobian there; estimates at their true values stay there."""
         jacobian = jacobian_function(self.loop)
         J = np.asarray(jacobian(self.state, self.signals))
-        others = np.setdiff1d(np.arange(self.loop.size), _rows(self.loop, self.ideal))
+        others = np.setdiff1d(np.arange(self.loop.size), rows_of(self.loop, self.ideal))
         shift, atol = SHIFT * max(1.0, float(np.linalg.norm(self.state))), REST_TOLERANCE * np.abs(J).max()
         for direction in _moved_by(J[:, others].T, left_over=True).T:
             moved = self.state.copy()
@@ -114,7 +110,7 @@ def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateS
     marked = loop.unpack(np.arange(loop.size))
     out = [*marked.x_m]
     if frozen:
-        out += _rows(loop, _resting(loop)).tolist()
+        out += rows_of(loop, resting_parts(loop)).tolist()
     kept = np.setdiff1d(np.arange(loop.size), np.array(out, dtype=int))
     kept = kept[_acting(A[np.ix_(kept, kept)], C[0, kept])]
     A, B, C = A[np.ix_(kept, kept)], B[kept], C[:, kept]
@@ -153,6 +149,42 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     """
     if loop.sampled:
         return NotApplicable("it acts at samples, and no continuous form of it is known")
+    why = why_no_rest(loop)
+    if why is not None:
+        return why
+    loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
+    level, signals = largest_commands(problem, loop)
+    adapting = adapting_parts(loop, signals)
+    true = {part: value for part in adapting if (value := truth_of(problem, part)) is not None}
+    held = rows_of(loop, resting_parts(loop) if frozen else [part for part in estimates_of(loop) if part not in adapting])
+    start, everything, state = _start(loop, signals, true), np.arange(loop.size), None
+    ideal: tuple[StatePart, ...] = ()
+    if true and not frozen:  # of many places of rest the one at which the estimates are right, if it is one
+        free = np.setdiff1d(everything, np.union1d(held, rows_of(loop, true)))
+        state = _solved(loop, signals, start, free, everything)
+        ideal = tuple(true) if state is not None else ()
+    if state is None:
+        state = _solved(loop, signals, start, np.setdiff1d(everything, held))
+    under = words_of(level)
+    if state is None:
+        return NotApplicable(f"no state was found at which the loop rests {under}")
+    if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
+        return NotApplicable(f"where the loop would rest {under}, its own limit acts")
+    ideal = ideal or tuple(part for part, value in true.items() if np.array_equal(state[part.rows], value))
+    return Rest(loop, state, signals, level, ideal)
+
+
+def place_of(loop: ClosedLoop, state: Array, level: Array, ideal: tuple[StatePart, ...]) -> PlaceOfRest:
+    """The commands and the estimates of a state; those of ``ideal`` are at their true values."""
+    estimates = (
+        RestingEstimates(part.name, part.symbol, tuple(state[part.rows].tolist()), true=part in ideal)
+        for part in estimates_of(loop)
+    )
+    return PlaceOfRest(tuple(level.tolist()), tuple(estimates))
+
+
+def why_no_rest(loop: ClosedLoop) -> NotApplicable | None:
+    """Why no place of rest is looked for; None where one is."""
     if loop.clocked:
         return NotApplicable("the plant depends on time, so that nothing rests")
     try:
@@ -166,51 +198,42 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
         )
     except InputError as beyond:  # what else is certified stands
         return NotApplicable(str(beyond))
-    loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
+    return None
+
+
+def largest_commands(problem: TrackingProblem, loop: ClosedLoop) -> tuple[Array, Array]:
+    """The commands at the largest values that they take, zero where that is not known, and the loop's signals with them."""
     bounds = [command.bound if isinstance(command, BoundedSignal) else 0.0 for command in problem.commands]
     level = np.array(bounds, dtype=float)
-    signals = np.concatenate([level, np.zeros(loop.signal_count - len(level))])
-    adapting = _adapting(loop, signals)
-    true = {part: value for part in adapting if (value := truth_of(problem, part)) is not None}
-    held = _rows(loop, _resting(loop) if frozen else [part for part in _estimates(loop) if part not in adapting])
-    start, everything, state = _start(loop, signals, true), np.arange(loop.size), None
-    ideal: tuple[StatePart, ...] = ()
-    if true and not frozen:  # of many places of rest the one at which the estimates are right, if it is one
-        free = np.setdiff1d(everything, np.union1d(held, _rows(loop, true)))
-        state = _solved(loop, signals, start, free, everything)
-        ideal = tuple(true) if state is not None else ()
-    if state is None:
-        state = _solved(loop, signals, start, np.setdiff1d(everything, held))
-    under = f"under the constant command {', '.join(f'{value:g}' for value in level)}"
-    if state is None:
-        return NotApplicable(f"no state was found at which the loop rests {under}")
-    if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
-        return NotApplicable(f"where the loop would rest {under}, its own limit acts")
-    ideal = ideal or tuple(part for part, value in true.items() if np.array_equal(state[part.rows], value))
-    return Rest(loop, state, signals, level, ideal)
+    return level, np.concatenate([level, np.zeros(loop.signal_count - len(level))])
 
 
-def _estimates(loop: ClosedLoop) -> list[StatePart]:
+def words_of(level: Array) -> str:
+    """The commands in a sentence."""
+    return f"under the constant command {', '.join(f'{value:g}' for value in level)}"
+
+
+def estimates_of(loop: ClosedLoop) -> list[StatePart]:
     """All that is estimated, what results have as theta_hat first."""
     found = [*(() if loop.estimates is None else (loop.estimates,)), *loop.other_estimates]
     return [part for part in found if part.size]
 
 
-def _resting(loop: ClosedLoop) -> list[StatePart]:
+def resting_parts(loop: ClosedLoop) -> list[StatePart]:
     """What a freeze keeps."""
     return [part for part in loop.parts if part.role.rests]
 
 
-def _rows(loop: ClosedLoop, parts: Iterable[StatePart]) -> Array:
+def rows_of(loop: ClosedLoop, parts: Iterable[StatePart]) -> Array:
     """The rows of the flat state in which the parts stand."""
     return np.concatenate([np.zeros(0, dtype=int), *(np.arange(loop.size)[part.rows] for part in parts)])
 
 
-def _adapting(loop: ClosedLoop, signals: Array) -> list[StatePart]:
+def adapting_parts(loop: ClosedLoop, signals: Array) -> list[StatePart]:
     """The estimates that move; those whose rates are zero whatever the state are settings, other numbers than the plant's."""
     _, state = symbols("state", loop.size)
     rates = column(loop.derivative(state, signals))
-    return [part for part in _estimates(loop) if not rates[part.rows].is_zero()]
+    return [part for part in estimates_of(loop) if not rates[part.rows].is_zero()]
 
 
 def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) -> Array:
@@ -231,19 +254,32 @@ def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) ->
 
 
 def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array, resting: Array | None = None) -> Array | None:
-    """The state in which what is ``free``, or all that is ``resting``, rests, (size,), by moving what is free alone.
+    """The state in which what is ``free``, or all that is ``resting``, rests, (size,), by moving what is free alone."""
+    jacobian = jacobian_function(loop)
+    return newton(
+        lambda state: np.asarray(loop.derivative(state, signals), dtype=float),
+        lambda state: np.asarray(jacobian(state, signals)),
+        start,
+        free,
+        free if resting is None else resting,
+    )
+
+
+def newton(
+    rates: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: Array, free: Array, resting: Array
+) -> Array | None:
+    """The state at which the ``resting`` ones of the rates vanish, by moving what is ``free`` alone, in the shortest steps.
 
     None where no step leads nearer to one.
     """
-    resting = free if resting is None else resting
+    state = start.copy()
 
-    def rates(state: Array) -> Array:
+    def found_at(state: Array) -> Array:
         with np.errstate(all="ignore"):
-            return np.asarray(loop.derivative(state, signals), dtype=float)[resting]
+            return rates(state)[resting]
 
-    jacobian, state = jacobian_function(loop), start.copy()
     for _ in range(MOST_NEWTON_STEPS):
-        found, J = rates(state), np.asarray(jacobian(state, signals))[np.ix_(resting, free)]
+        found, J = found_at(state), jacobian(state)[np.ix_(resting, free)]
         if not (np.isfinite(found).all() and np.isfinite(J).all()):
             return None
         rows = np.linalg.norm(J, axis=1)
@@ -255,7 +291,7 @@ def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array, resting
         for _ in range(MOST_HALVINGS):
             tried = state.copy()
             tried[free] -= step
-            if np.linalg.norm(rates(tried) / rows) < np.linalg.norm(found / rows):
+            if np.linalg.norm(found_at(tried) / rows) < np.linalg.norm(found / rows):
                 break
             step = step / 2
         else:

@@ -33,26 +33,37 @@ class Linearised:
 
 
 def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
-    """Exact for a linear plant and a linear controller; what v does not move, the models and the command, is left out."""
+    """Exact for a linear plant and a linear controller, at zero."""
     if isinstance(problem, OutputProblem) and problem.plant.nonlinear is not None:
         problem = replace(problem, plant=replace(problem.plant, nonlinear=None))
     loop = ClosedLoop.of(problem, controller)
     loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
+    state = np.zeros(loop.size)
+    state[loop.unpack(np.arange(loop.size)).held.started] = 1.0  # after the first sample
+    signals = np.zeros(loop.signal_count)
+    slopes, J = (np.array(of(loop)(state, signals)) for of in (jacobian_function, sampled_jacobian_function))
+    return of_jacobians(loop, slopes, J)
+
+
+def of_jacobians(
+    loop: ClosedLoop, slopes: Array, J: Array, *, left_out: Array | None = None, estimates: Array | None = None
+) -> Linearised:
+    """Of the Jacobians between samples and of a sample; what v does not move, the models and the command, and the rows
+    ``left_out`` are not in it. The rows of what is estimated stand under "estimates"."""
     assert loop.sample_time is not None
     marked = loop.unpack(np.arange(loop.size))
     held = marked.held
     out = np.concatenate([part.reshape(-1) for part in (marked.x_m, held.x_m, held.r, held.started, held.theta_hat)])
-    state, signals = np.zeros(loop.size), np.zeros(loop.signal_count)
-    state[held.started] = 1.0  # after the first sample
-    slopes = np.array(jacobian_function(loop)(state, signals))
-    J = np.array(sampled_jacobian_function(loop)(state, signals))
     idle = [row for row in range(loop.size) if not (J[row].any() or J[:, row].any() or slopes[row].any() or slopes[:, row].any())]
-    kept = np.setdiff1d(np.arange(loop.size), np.append(out, idle))  # idle: what counts missed samples, of which there are none
+    # idle: what counts missed samples, of which there are none
+    out = np.concatenate([out, np.array(idle, dtype=int), np.zeros(0, dtype=int) if left_out is None else left_out])
+    kept = np.setdiff1d(np.arange(loop.size), out)
     where = np.full(loop.size, -1)
     where[kept] = np.arange(len(kept))
     parts = marked.controller._asdict() | {"u": held.u, "x": marked.x, "held": held.measured}
     parts["measured"] = marked.x if loop.lag is None else marked.sensor
-    rows = {name: where[part.reshape(-1)] for name, part in parts.items()}
+    rows = {name: where[part.reshape(-1)] for name, part in parts.items() if isinstance(part, np.ndarray)}
+    rows["estimates"] = np.zeros(0, dtype=int) if estimates is None else where[estimates]
     inputs, between = held.u.reshape(-1), slopes.copy()
     between[:, inputs] = 0.0  # what is held acts as v
     C = np.eye(loop.size)[inputs]

@@ -111,14 +111,19 @@ def add_fixed(draft: Draft, problem: Problem, family: LoopsOverTheta) -> None:
 
 def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
     """Add the margins over the known set of a linear controller's loop from sample to sample, for one input and phi(x) = x."""
+    plant = problem.plant
+    add_sampled_at(
+        draft, problem, lambda theta: found.beside(plant.b, theta - plant.theta), "from sample to sample with a fixed controller"
+    )
+
+
+def add_sampled_at(draft: Draft, problem: Problem, loop_at: Callable[[Array], SampledLoop], which: str) -> None:
+    """The same of the loop that is given for each theta, which ``which`` names."""
     known_set, plant = problem.uncertainty, problem.plant
     if known_set is None or not is_needed(MARGINS_KEY):
         return
     with draft.part(MARGINS_KEY):
-        worst = sampled_worst_case(
-            lambda theta: found.beside(plant.b, theta - plant.theta), problem.delay, known_set, plant.theta
-        )
-        _add(draft, [("from sample to sample with a fixed controller", worst)])
+        _add(draft, [(which, sampled_worst_case(loop_at, problem.delay, known_set, plant.theta))])
 
 
 @lru_cache(maxsize=16)

@@ -1,7 +1,7 @@
 """What sampling takes away from a continuous controller's certificate, and the limits of a law that takes Euler steps.
 
-A controller that is linear and time-invariant stays so from sample to sample: its own loop takes the continuous one's place, with
-exact margins. Of any other the margins of the continuous loop are given as what they are: estimates, of another controller.
+No margin of the continuous loop stands for the sampled one. A controller that is linear and time-invariant stays so from sample
+to sample; of any other the loop is linearised from sample to sample where it rests, with its estimates frozen and with its law.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, CONTINUOUS_ONLY
+from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY
 from barbalat.certificates.cells import nothing, on_damping, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
@@ -18,7 +18,7 @@ from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import leaving_out
-from barbalat.certificates.schemes import HeldFile, LinearFile, scheme_file, unregistered
+from barbalat.certificates.schemes import HeldFile, LinearFile, sampled_margins, scheme_file, unregistered
 from barbalat.certificates.schemes.midpoint import MidpointFile
 from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop
 from barbalat.controllers import Sampled
@@ -48,7 +48,6 @@ OF_THE_CONTINUOUS_LOOP = frozenset(
     }
 )
 """Keys that say what the closed loop tolerates."""
-OF_THE_CONTINUOUS_ONE = ", of the continuous controller"
 LIMIT_KEYS = {"gamma_max", "step_max"}
 
 
@@ -61,25 +60,29 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
 
 
 def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simulation) -> Certificate:
-    """The sampled controller's certificate, from that of the continuous one at ``judged_at``."""
+    """The sampled controller's certificate, from that of the continuous one at ``judged_at`` and from its own linear loops."""
     controller.bind(problem.known)  # refuses what has no sampled form
     scheme, T, judged = controller.controller, controller.sample_time, judged_at(controller, simulation)
     file = scheme_file(scheme)
     linear = file.linear_when(problem, scheme) if isinstance(file, LinearFile) else None
-    with leaving_out(*(OF_THE_CONTINUOUS_LOOP if linear else ())):
+    with leaving_out(*OF_THE_CONTINUOUS_LOOP):
         continuous = (file or unregistered).certificate(problem, scheme, judged)
-    entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in LIMIT_KEYS_AT_MODEL]
+    dropped = LIMIT_KEYS_AT_MODEL | OF_THE_CONTINUOUS_LOOP | {"margins_of", "unlimited"}
+    entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in dropped]
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
+    continuous = replace(continuous, loops=())
     if linear:
         return _of_linear(problem, controller, continuous.with_entries(tuple(entries), *notes), linear)
     if controller.discretization == "midpoint":
-        entries = [entry for entry in entries if entry.key not in ("gamma_max", "step_max")]
+        entries = [entry for entry in entries if entry.key not in LIMIT_KEYS]
         if ClosedLoop.of(problem, scheme).parameters > 0:
             notes.append(NO_MIDPOINT_LIMITS)
         if isinstance(file, MidpointFile):
             notes.extend(file.midpoint_form(problem, scheme, T).findings)
-        return continuous.with_entries(tuple(entries), *notes)
-    draft = Draft({entry.key: entry for entry in entries}, notes)
+        draft = Draft({entry.key: entry for entry in entries}, notes, own=OF_SAMPLED_LOOPS)
+        sampled_margins.add(draft, problem, controller)
+        return continuous.with_entries(tuple(draft.entries.values()), *draft.notes)
+    draft = Draft({entry.key: entry for entry in entries}, notes, own=OF_SAMPLED_LOOPS)
     if isinstance(file, HeldFile):
         draft.estimate(file.held_limits(problem, scheme, judged, draft["nu_0"]), HELD_LIMITS)
     limits = {key: draft[key] for key in ("gamma_max", "step_max") if draft.get(key) is not None}
@@ -87,9 +90,10 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     whole_loop = step is not None and bool(step.of)
     if not isinstance(file, HeldFile):
         draft.estimate(limits, WHOLE_LOOP_LIMITS if whole_loop else EULER_LIMITS)
+    sampled_margins.add(draft, problem, controller)
     step_max = limits.get("step_max")
     if step_max is not None and step_max < T:
-        unstable = _unstable(step_max, whole_loop)
+        unstable = _unstable(step_max, whole_loop, draft.get("spectral_radius_adapting"))
         for key in ERROR_BOUND_KEYS & draft.entries.keys():
             draft.entries[key] = replace(draft.entries[key], why=f"{draft.entries[key].why}; {unstable}")
         draft.note(unstable)
@@ -105,13 +109,18 @@ def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certif
     return draft.finish()
 
 
-def _unstable(step_max: float, whole_loop: bool) -> str:
-    """Say what is unstable: for most schemes what they integrate themselves, for others the plant as well."""
+def _unstable(step_max: float, whole_loop: bool, radius: float | None) -> str:
+    """Say what may be unstable: for most schemes what they integrate themselves, for others the plant as well; and what is known
+    of the loop as it is."""
+    at_rest = ""
+    if radius is not None:
+        verdict = "stable" if radius < 1 else "unstable"
+        at_rest = f"; where it rests under its largest command the sampled loop is {verdict}, spectral radius {radius:.4g}"
     if not whole_loop:
-        return f"where |x| is as large as its bound the law is numerically unstable: it takes samples up to {step_max:.3g} s"
+        return f"with |x| as large as its bound the law takes samples up to {step_max:.3g} s only{at_rest}"
     return (
         f"Euler's method is stable on the whole loop, plant included, where it rests, up to steps of about {step_max:.3g} s: the "
-        "sampled controller, beside which the plant moves on exactly, may be unstable"
+        f"sampled controller, beside which the plant moves on exactly, may be unstable{at_rest}"
     )
 
 
@@ -119,14 +128,6 @@ def _sampled(entry: Entry, controller: Sampled) -> Entry:
     """The entry that is left of a continuous controller's when the controller acts at samples only."""
     if entry.kind == "guaranteed" and not entry.quantity.timeless:
         return _at_samples(entry, f"sampled every {controller.sample_time:g} s")
-    if entry.kind == "exact" or (entry.kind == "estimate" and entry.key in OF_THE_CONTINUOUS_LOOP):
-        quantity = entry.quantity._replace(meaning=f"{entry.quantity.meaning}{OF_THE_CONTINUOUS_ONE}")
-        assumptions, value = (*entry.assumptions, CONTINUOUS_ONLY), entry.value
-        if entry.key == over_known_set.MARGINS_KEY:
-            value = [loop | {"loop": f"{loop['loop']}{OF_THE_CONTINUOUS_ONE}"} for loop in value]
-        return replace(entry, value=value, kind="estimate", quantity=quantity, assumptions=assumptions, unsampled=True)
-    if entry.key == "margins_of":
-        return replace(entry, value=f"{entry.value}{OF_THE_CONTINUOUS_ONE}")
     return entry
 
 
@@ -142,8 +143,8 @@ def column(problem: TrackingProblem, controller: Sampled, certificate: Certifica
         key: replace(_at_samples(cell, why), value=None) if cell.kind == "guaranteed" else cell
         for key, cell in continuous.items()
     }
-    radius = certificate.entry("spectral_radius")
-    if radius is not None:
+    radius = certificate.entry("spectral_radius_adapting") or certificate.entry("spectral_radius")
+    if radius is not None and radius.applies:
         verdict = "stable" if radius.value < 1 else "unstable"
         about = f"{why}; from sample to sample {verdict} at the case's theta, spectral radius {radius.value:.4g}"
         cells["stability"] = nothing("stability", about)

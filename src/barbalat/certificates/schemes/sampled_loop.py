@@ -7,6 +7,7 @@ import warnings
 import numpy as np
 
 from barbalat.certificates.certificate import Draft
+from barbalat.certificates.entry import PlaceOfRest
 from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS, finite, in_the_loop
 from barbalat.certificates.quantities import EACH_INPUT, Form, Quantity
@@ -20,6 +21,8 @@ from barbalat.validate import Array, InputError
 
 OF_SAMPLED_LOOPS = {
     "spectral_radius": Quantity("of the closed loop from sample to sample: stable below 1"),
+    "spectral_radius_adapting": Quantity("the same with its law, where it rests under the largest constant command"),
+    "sample_time_max": Quantity("sample time up to which that loop with its law is stable, from the present one on", "s"),
     "noise_in_sigma_hat": Quantity("standard deviation of sigma_hat for one of 1 in all that is measured, new at every sample"),
     "noise_in_u": Quantity("the same of u"),
     "sigma_hat_at_dc": Quantity("sigma_hat for a constant sigma at rest, row by row: not I", form=Form.MATRIX),
@@ -34,12 +37,18 @@ def name_of(problem: TrackingProblem) -> str:
     return OF_THE_LOOP + in_the_loop(problem)
 
 
-def add_loop(draft: Draft, problem: TrackingProblem, found: Linearised, linear: str) -> bool:
-    """Its spectral radius and, where it is stable, its margins; whether it is. ``linear`` says what makes it a linear one."""
-    radius = found.loop.radius(problem.delay)
-    draft.exact({"spectral_radius": radius}, name_of(problem), linear)
+def add_loop(
+    draft: Draft, problem: TrackingProblem, found: Linearised, linear: str, name: str = "", rest: PlaceOfRest | None = None
+) -> bool:
+    """Its spectral radius and, where it is stable, its margins; whether it is.
+
+    linear  what makes it a linear one
+    name    of the loop; that with the true parameters by default
+    """
+    radius, name = found.loop.radius(problem.delay), name or name_of(problem)
+    draft.exact({"spectral_radius": radius}, name, linear, rest=rest)
     if radius < 1:
-        add_margins(draft, problem, found, linear)
+        add_margins(draft, problem, found, linear, name, rest)
     else:
         draft.missing("delay_margin", unstable(radius))
     return radius < 1
@@ -50,25 +59,27 @@ def unstable(radius: float) -> str:
     return f"unstable from sample to sample: spectral radius {radius:.6g}"
 
 
-def add_margins(draft: Draft, problem: TrackingProblem, found: Linearised, linear: str) -> None:
+def add_margins(
+    draft: Draft, problem: TrackingProblem, found: Linearised, linear: str, name: str, rest: PlaceOfRest | None
+) -> None:
     """Add the margins of the loop with its delay in it; the delay margin is what it tolerates beyond that delay."""
-    loop, name = found.loop, name_of(problem)
+    loop = found.loop
     try:
         delay = delay_margin(loop, problem.delay)
     except InputError as error:
         draft.missing("delay_margin", str(error))
     else:
-        draft.exact({"delay_margin": finite(delay)}, name, linear)
+        draft.exact({"delay_margin": finite(delay)}, name, linear, rest=rest)
     draft.advise({"margins_of": f"the linear loop {name}"})
     if loop.inputs > 1:
-        _add_of_several(draft, problem, loop, name, linear)
+        _add_of_several(draft, problem, loop, name, linear, rest)
         return
     try:
         values = _at_one_input(loop, problem.delay, 0)
     except InputError as error:
         draft.note(f"linear loop {name}: {error}")
         return
-    draft.exact(values, name, linear)
+    draft.exact(values, name, linear, rest=rest)
 
 
 def _at_one_input(loop: SampledLoop, delay: float, i: int) -> dict[str, float | None]:
@@ -80,14 +91,16 @@ def _at_one_input(loop: SampledLoop, delay: float, i: int) -> dict[str, float | 
     return values | {key: peak_gain(of(L)).gain for key, of in peaks.items()}
 
 
-def _add_of_several(draft: Draft, problem: TrackingProblem, loop: SampledLoop, name: str, linear: str) -> None:
+def _add_of_several(
+    draft: Draft, problem: TrackingProblem, loop: SampledLoop, name: str, linear: str, rest: PlaceOfRest | None
+) -> None:
     """Add the margins of several inputs: for one factor on all inputs, and for each input alone."""
     delay = problem.delay
     draft.note(
         "gain_margin, gain_reduction_margin, delay_margin: of one factor or delay in all inputs; _each: of one input alone"
     )
     down, up = gain_margins(loop, delay)
-    draft.exact({"gain_margin": finite(up), "gain_reduction_margin": down}, f"{name}, at all inputs alike", linear)
+    draft.exact({"gain_margin": finite(up), "gain_reduction_margin": down}, f"{name}, at all inputs alike", linear, rest=rest)
     if not is_needed(*EACH_INPUT.values()):
         return
     alone = f"{name}, at one input alone"
@@ -96,13 +109,14 @@ def _add_of_several(draft: Draft, problem: TrackingProblem, loop: SampledLoop, n
     except InputError as error:
         draft.note(f"linear loop {alone}: {error}")
     else:
-        draft.exact({of_each: [one[key] for one in each] for key, of_each in EACH_INPUT.items() if key in each[0]}, alone, linear)
+        values = {of_each: [one[key] for one in each] for key, of_each in EACH_INPUT.items() if key in each[0]}
+        draft.exact(values, alone, linear, rest=rest)
     try:
         delays = [finite(delay_margin(loop, delay, i)) for i in range(loop.inputs)]
     except InputError as error:
         draft.missing("delay_margin_each", str(error))
     else:
-        draft.exact({"delay_margin_each": delays}, alone, linear)
+        draft.exact({"delay_margin_each": delays}, alone, linear, rest=rest)
 
 
 def add_noise(draft: Draft, problem: TrackingProblem, found: Linearised, measured: Array, linear: str) -> None:

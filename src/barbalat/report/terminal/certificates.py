@@ -33,7 +33,6 @@ LEGEND = (
     "step: what the solver bears {}, with everything at its largest, to near where oscillations start; estimates. dt: the "
     "case's step."
 )
-UNSAMPLED = " unsampled: of the continuous controller; the sampled one may tolerate more or less."
 LONGEST_KEY, LONGEST_VALUE = 30, 14
 
 
@@ -43,8 +42,7 @@ def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], tab
     for column in table.columns:
         _controller(screen, column, certificates[column.name], dt)
     _notes(screen, certificates)
-    unsampled = any(entry.unsampled for certificate in certificates.values() for entry in certificate.entries)
-    screen.title(LEGEND.format(_how_sure(certificates)) + UNSAMPLED * unsampled, "dim")
+    screen.title(LEGEND.format(_how_sure(certificates)), "dim")
 
 
 def _how_sure(certificates: Mapping[str, Certificate]) -> str:

@@ -1,0 +1,244 @@
+"""A sampled controller's loop where it rests under a constant command, linearised from sample to sample.
+
+A place of rest is a state that neither a sample nor the time between two samples changes. The plant's motion is exact there,
+and the law's own step, Euler's or an implicit one, is differentiated as it is computed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from barbalat.certificates.entry import NotApplicable, PlaceOfRest
+from barbalat.certificates.linear_loops.at_rest import (
+    adapting_parts,
+    estimates_of,
+    largest_commands,
+    newton,
+    place_of,
+    resting_parts,
+    rows_of,
+    why_no_rest,
+    words_of,
+)
+from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised, of_jacobians
+from barbalat.linear.sampled_loop import SampledLoop
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.linearization import jacobian_function, sampled_jacobian_function
+from barbalat.loop.true_values import truth_of
+from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.protocols import Controller
+from barbalat.roles import StatePart
+from barbalat.validate import Array
+
+ON_A_FACE = "where it would rest the estimates are on the known set's boundary, where the projection has a corner"
+POLISHING_STEPS = 2
+"""Of Newton's, beyond its tolerance: a combination that nothing moves is told from rounding only where the loop rests to the
+last digits."""
+BY_ROUNDING = 1e-11
+NEAR_A_CORNER = 1e-6
+"""Of the state's size: a place of rest is looked at from so far on either side, for a corner of the law between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledRest:
+    """A loop at rest under the constant commands ``level``; ``state`` is flat, of ``loop``, just after a sample.
+
+    ideal  the estimates that rest at their true values
+    """
+
+    problem: TrackingProblem
+    loop: ClosedLoop
+    state: Array
+    signals: Array
+    level: Array
+    ideal: tuple[StatePart, ...]
+
+    @cached_property
+    def found(self) -> PlaceOfRest:
+        """The commands and the estimates there."""
+        return place_of(self.loop, self.state, self.level, self.ideal)
+
+    def with_estimates_frozen(self) -> Linearised:
+        """The loop with estimates and memory at rest, as by a freeze."""
+        return _acting(self._frozen_at(self.state))
+
+    def _frozen_at(self, state: Array) -> Linearised:
+        return of_jacobians(self.loop, *self._jacobians(self._sampled_frozen, state), left_out=self.resting)
+
+    def _jacobians(self, sampled: Callable[[Array, Array], Array], state: Array) -> tuple[Array, Array]:
+        return np.array(self._between(state, self.signals)), np.array(sampled(state, self.signals))
+
+    @cached_property
+    def _between(self) -> Callable[[Array, Array], Array]:
+        return jacobian_function(self.loop)
+
+    @cached_property
+    def _sampled(self) -> Callable[[Array, Array], Array]:
+        return sampled_jacobian_function(self.loop)
+
+    @cached_property
+    def _sampled_frozen(self) -> Callable[[Array, Array], Array]:
+        return sampled_jacobian_function(self.loop, frozen=True)
+
+    def at(self, theta: Array) -> SampledLoop:
+        """The loop with frozen estimates on the plant with another theta, for phi(x) = x and one input.
+
+        It is linear: the state at which it is differentiated is of no matter, but for the estimates.
+        """
+        problem = self.problem
+        assert isinstance(problem, Problem)
+        moved = replace(problem, plant=replace(problem.plant, theta=theta))
+        state = self.state.copy()
+        for part in self.ideal:
+            value = truth_of(moved, part)
+            assert value is not None
+            state[part.rows] = value
+        found = self._frozen_at(state)
+        return _acting(replace(found, loop=found.beside(problem.plant.b, theta - problem.plant.theta))).loop
+
+    def with_its_law(self) -> SampledLoop:
+        """The loop with its law, without combinations of the estimates and the law's memory that nothing moves."""
+        whole = of_jacobians(self.loop, *self._jacobians(self._sampled, self.state), estimates=self.resting)
+        found = _acting(whole)
+        rows = found.rows["estimates"]
+        V = _moved(found.loop.J, rows[rows >= 0])
+        loop = found.loop
+        return SampledLoop(V.T @ loop.A @ V, V.T @ loop.E, V.T @ loop.J @ V, loop.C @ V, loop.T)
+
+    @property
+    def resting(self) -> Array:
+        """The rows of the estimates and of the law's memory."""
+        return rows_of(self.loop, resting_parts(self.loop))
+
+    @cached_property
+    def has_a_corner(self) -> bool:
+        """Whether the law bends where it rests: an estimate on a face of the known set, on either side of which it differs."""
+        jacobian = self._sampled
+        here = np.asarray(jacobian(self.state, self.signals))
+        size = NEAR_A_CORNER * max(1.0, float(np.linalg.norm(self.state)))
+        rows = rows_of(self.loop, estimates_of(self.loop))
+        for side in (-1.0, 1.0):
+            for row in rows:
+                beside = self.state.copy()
+                beside[row] += side * size
+                if not np.allclose(np.asarray(jacobian(beside, self.signals)), here, rtol=1e-2, atol=1e-2 * np.abs(here).max()):
+                    return True
+        return False
+
+
+def sampled_rest(
+    problem: TrackingProblem, controller: Controller, continuous: Controller, *, frozen: bool
+) -> SampledRest | NotApplicable:
+    """Where the loop rests, at the true estimates if they are known; ``frozen`` estimates keep the values that they start with.
+
+    ``continuous`` is the controller that is sampled.
+    """
+    loop = ClosedLoop.of(problem, controller)
+    why = why_no_rest(loop)
+    if why is not None:
+        return why
+    loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
+    level, signals = largest_commands(problem, loop)
+    smooth = ClosedLoop.of(problem, continuous)
+    moving = {part.name for part in adapting_parts(replace(smooth, delayed=False), largest_commands(problem, smooth)[1])}
+    estimates = estimates_of(loop)
+    true = {part: value for part in estimates if part.name in moving and (value := truth_of(problem, part)) is not None}
+    if not frozen and (not true or any(part.name in moving and part not in true for part in estimates)):
+        return NotApplicable("its estimates have no true values, so that the place at which it rests is not known")
+    everything = np.arange(2 * loop.size)
+    kept = rows_of(loop, resting_parts(loop) if frozen else estimates)
+    free, resting = np.setdiff1d(np.arange(loop.size), kept), np.setdiff1d(everything, kept) if frozen else everything
+    moves, slopes = _moves(loop, signals, frozen=frozen), _slopes(loop, signals, frozen=frozen)
+    state = newton(moves, slopes, _start(loop, level, signals, true), free, resting)
+    if state is None:
+        return NotApplicable(f"no state was found at which the loop rests from sample to sample {words_of(level)}")
+    for _ in range(POLISHING_STEPS):
+        state[free] -= np.linalg.lstsq(slopes(state)[np.ix_(resting, free)], moves(state)[resting], rcond=None)[0]
+    return SampledRest(problem, loop, state, signals, level, tuple(true))
+
+
+def _moves(loop: ClosedLoop, signals: Array, *, frozen: bool) -> Callable[[Array], Array]:
+    """What a sample changes, and the rates between samples, (2 size,)."""
+    freeze = 1.0 if frozen else None
+
+    def moves(state: Array) -> Array:
+        sampled = np.asarray(loop.sample(state, signals, freeze), dtype=float)
+        return np.concatenate([sampled - state, np.asarray(loop.derivative(state, signals), dtype=float)])
+
+    return moves
+
+
+def _slopes(loop: ClosedLoop, signals: Array, *, frozen: bool) -> Callable[[Array], Array]:
+    sampled, between = sampled_jacobian_function(loop, frozen=frozen), jacobian_function(loop)
+    identity = np.eye(loop.size)
+    return lambda state: np.vstack([np.asarray(sampled(state, signals)) - identity, np.asarray(between(state, signals))])
+
+
+def _start(loop: ClosedLoop, level: Array, signals: Array, true: dict[StatePart, Array]) -> Array:
+    """After a sample: model and plant where the commands bring the model, held there, the estimates at their true values."""
+    start, places = np.array(loop.initial(), dtype=float), loop.unpack(np.arange(loop.size))
+    held = places.held
+    start[held.started] = 1.0
+    start[held.r] = level.reshape(np.shape(held.r))
+    A, B, _ = loop.model.matrices  # type: ignore[attr-defined]  # of every problem's model
+    x_m = np.linalg.solve(A, -(B.reshape(len(A), -1) @ level))
+    start[places.x_m] = start[held.x_m] = x_m
+    for part, value in true.items():
+        start[part.rows] = value
+    if len(places.x) == len(x_m):
+        start[places.x] = x_m
+    for part in loop.parts:
+        if part.role.kind == "predictor" and part.size == len(x_m):
+            start[part.rows] = x_m
+    # the held control, and what lies before the plant and behind it, by the rates alone
+    between = [places.x, held.u.reshape(-1), places.sensor, *(np.reshape(part, -1) for path in places.input for part in path)]
+    free = np.concatenate([part.reshape(-1) for part in between]).astype(int)
+    jacobian = jacobian_function(loop)
+    rests = newton(
+        lambda state: np.asarray(loop.derivative(state, signals), dtype=float),
+        lambda state: np.asarray(jacobian(state, signals)),
+        start,
+        free if len(places.x) != len(x_m) else free[len(x_m) :],
+        np.setdiff1d(np.arange(loop.size), places.x_m),
+    )
+    start = start if rests is None else rests
+    measured, _ = loop.sampled_at(start, signals)
+    start[held.measured] = measured
+    return start
+
+
+def _moved(J: Array, rows: Array) -> Array:
+    """Orthonormal columns that span all but the combinations of these ``rows`` of the state that no sample moves.
+
+    A row whose motion is this much smaller than another's moves by rounding alone.
+    """
+    moves = (J - np.eye(len(J)))[rows]
+    sizes = np.linalg.norm(moves, axis=1)
+    moving = sizes > BY_ROUNDING * sizes.max(initial=0.0)
+    scaled = np.where(moving[:, None], moves / np.where(moving, sizes, 1.0)[:, None], 0.0)
+    left, values, _ = np.linalg.svd(scaled)
+    rank = int(np.sum(values > BY_ROUNDING * values.max(initial=0.0)))
+    conserved = left[:, rank:] / np.where(moving, sizes, 1.0)[:, None]
+    if conserved.shape[1] == 0:
+        return np.eye(len(J))
+    whole = np.zeros((len(J), conserved.shape[1]))
+    whole[rows] = conserved
+    return np.asarray(np.linalg.svd(whole)[0][:, conserved.shape[1] :])
+
+
+def _acting(found: Linearised) -> Linearised:
+    """Without what reaches no control: an entry of these Jacobians that is zero is exactly that."""
+    loop = found.loop
+    acts = (loop.C != 0).any(axis=0)
+    for _ in range(len(acts)):
+        acts = acts | (loop.A[acts] != 0).any(axis=0) | (loop.J[acts] != 0).any(axis=0)
+    kept = np.flatnonzero(acts)
+    inner, where = np.ix_(kept, kept), np.full(len(acts) + 1, -1)
+    where[kept] = np.arange(len(kept))
+    rows = {name: where[part] for name, part in found.rows.items()}
+    return Linearised(SampledLoop(loop.A[inner], loop.E[kept], loop.J[inner], loop.C[:, kept], loop.T), rows)
