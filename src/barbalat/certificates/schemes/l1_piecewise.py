@@ -34,6 +34,7 @@ from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rows import up
+from barbalat.certificates.schemes import bounded_response
 from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER, OF_SAMPLED_LOOPS, add_loop, add_noise, unstable
 from barbalat.controllers.l1_piecewise import Equations, L1PiecewiseConstant, realisation, started
 from barbalat.linear.enclosure import OUTWARD_FACTOR
@@ -110,23 +111,29 @@ def _reference(problem: Problem, equations: Equations, C: StateSpace) -> tuple[A
     return A, np.vstack([b @ (beside + C.D * passed), B_z @ passed])
 
 
-OWN_QUANTITIES = OF_SAMPLED_LOOPS | {
-    "controller_z": Quantity(
-        "the controller's transfer functions to u in z, from each state and from r", form=Form.TRANSFER_FUNCTIONS
-    ),
-    "disturbance_left": Quantity("share of a constant sigma that sigma_hat leaves, for each of its entries"),
-    "sample_time_ratio": Quantity("T as it is over T as the controller's numbers assume it"),
-    "baseline_gain": Quantity("u over its baseline at slow frequencies of a state that still moves: 1/(1 - (1 - ratio) C(0))"),
-    "delay_margin_reference": Quantity(
-        "of the theory's reference system, which the loop tends to with T: beside delay_margin", "s"
-    ),
-    "reference_distance": Quantity("of every component of x - x_ref at the samples, x_ref of the theory's reference system"),
-    "reference_distance_between": Quantity("the same at all times, r held between the samples in the reference system"),
-}
+OWN_QUANTITIES = (
+    OF_SAMPLED_LOOPS
+    | bounded_response.OF_RESPONSES
+    | {
+        "controller_z": Quantity(
+            "the controller's transfer functions to u in z, from each state and from r", form=Form.TRANSFER_FUNCTIONS
+        ),
+        "disturbance_left": Quantity("share of a constant sigma that sigma_hat leaves, for each of its entries"),
+        "sample_time_ratio": Quantity("T as it is over T as the controller's numbers assume it"),
+        "baseline_gain": Quantity(
+            "u over its baseline at slow frequencies of a state that still moves: 1/(1 - (1 - ratio) C(0))"
+        ),
+        "delay_margin_reference": Quantity(
+            "of the theory's reference system, which the loop tends to with T: beside delay_margin", "s"
+        ),
+        "reference_distance": Quantity("of every component of x - x_ref at the samples, x_ref of the theory's reference system"),
+        "reference_distance_between": Quantity("the same at all times, r held between the samples in the reference system"),
+    }
+)
 NO_LOOP = "margins and noise are known for phi(x) = x: not for this plant"
 
 
-def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation) -> Certificate:
+def certificate(problem: Problem, controller: L1PiecewiseConstant, simulation: Simulation) -> Certificate:
     """Loop, margins, noise, what is left of a constant disturbance, the distance to the reference system."""
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_of_the_controller(draft, problem, controller, equations)
@@ -134,6 +141,7 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, _: Simulation
         draft.all_missing(("delay_margin", "reference_distance", "reference_distance_between"), NO_LOOP)
         return draft.finish()
     found = linearised(problem, controller)
+    bounded_response.add(draft, problem, controller, simulation.t_end)
     if add_loop(draft, problem, found, LINEAR_CONTROLLER):
         add_noise(draft, problem, found, np.eye(len(found.loop.A))[:, found.rows["measured"]], LINEAR_CONTROLLER)
     _add_reference(draft, problem, controller)
@@ -231,4 +239,4 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
             + ("" if noise is None else f"; noise in x is {', '.join(f'{one:.3g}' for one in noise)} times as large in u"),
         ),
         "margins": margins_cell(certificate),
-    }
+    } | ({} if away is not None and away.applies else bounded_response.cells(certificate))

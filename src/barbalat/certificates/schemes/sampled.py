@@ -18,7 +18,8 @@ from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.certificates.linear_loops.margin_values import KEYS_OF_MARGINS
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import leaving_out
-from barbalat.certificates.schemes import HeldFile, LinearFile, sampled_margins, scheme_file, unregistered
+from barbalat.certificates.schemes import HeldFile, LinearFile, bounded_response, sampled_margins, scheme_file, unregistered
+from barbalat.certificates.schemes.bounded_response import OF_RESPONSES
 from barbalat.certificates.schemes.midpoint import MidpointFile
 from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop
 from barbalat.controllers import Sampled
@@ -72,17 +73,17 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
     continuous = replace(continuous, loops=())
     if linear:
-        return _of_linear(problem, controller, continuous.with_entries(tuple(entries), *notes), linear)
+        return _of_linear(problem, controller, continuous.with_entries(tuple(entries), *notes), linear, simulation.t_end)
     if controller.discretization == "midpoint":
         entries = [entry for entry in entries if entry.key not in LIMIT_KEYS]
         if ClosedLoop.of(problem, scheme).parameters > 0:
             notes.append(NO_MIDPOINT_LIMITS)
         if isinstance(file, MidpointFile):
             notes.extend(file.midpoint_form(problem, scheme, T).findings)
-        draft = Draft({entry.key: entry for entry in entries}, notes, own=OF_SAMPLED_LOOPS)
-        sampled_margins.add(draft, problem, controller)
+        draft = Draft({entry.key: entry for entry in entries}, notes, own=OF_SAMPLED_LOOPS | OF_RESPONSES)
+        sampled_margins.add(draft, problem, controller, simulation.t_end)
         return continuous.with_entries(tuple(draft.entries.values()), *draft.notes)
-    draft = Draft({entry.key: entry for entry in entries}, notes, own=OF_SAMPLED_LOOPS)
+    draft = Draft({entry.key: entry for entry in entries}, notes, own=OF_SAMPLED_LOOPS | OF_RESPONSES)
     if isinstance(file, HeldFile):
         draft.estimate(file.held_limits(problem, scheme, judged, draft["nu_0"]), HELD_LIMITS)
     limits = {key: draft[key] for key in ("gamma_max", "step_max") if draft.get(key) is not None}
@@ -90,7 +91,7 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     whole_loop = step is not None and bool(step.of)
     if not isinstance(file, HeldFile):
         draft.estimate(limits, WHOLE_LOOP_LIMITS if whole_loop else EULER_LIMITS)
-    sampled_margins.add(draft, problem, controller)
+    sampled_margins.add(draft, problem, controller, simulation.t_end)
     step_max = limits.get("step_max")
     if step_max is not None and step_max < T:
         unstable = _unstable(step_max, whole_loop, draft.get("spectral_radius_adapting"))
@@ -100,10 +101,11 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     return on_damping(continuous.with_entries(tuple(draft.entries.values()), *draft.notes))
 
 
-def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certificate, linear: str) -> Certificate:
+def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certificate, linear: str, t_end: float) -> Certificate:
     """The certificate with the sampled loop's own stability and margins; a solver's or a law's step then decides nothing."""
     left = {entry.key: entry for entry in continuous.entries if entry.key not in LIMIT_KEYS}
-    draft, found = Draft(left, list(continuous.notes), own=OF_SAMPLED_LOOPS), linearised(problem, controller)
+    draft, found = Draft(left, list(continuous.notes), own=OF_SAMPLED_LOOPS | OF_RESPONSES), linearised(problem, controller)
+    bounded_response.add(draft, problem, controller, t_end)
     if add_loop(draft, problem, found, linear) and isinstance(problem, Problem) and problem.plant.inputs == 1:
         over_known_set.add_sampled(draft, problem, found)
     return draft.finish()
@@ -148,6 +150,7 @@ def column(problem: TrackingProblem, controller: Sampled, certificate: Certifica
         verdict = "stable" if radius.value < 1 else "unstable"
         about = f"{why}; from sample to sample {verdict} at the case's theta, spectral radius {radius.value:.4g}"
         cells["stability"] = nothing("stability", about)
+    cells |= bounded_response.cells(certificate)
     if controller.discretization == "midpoint":
         cells["estimates"] = _estimates(problem, continuous["estimates"], controller, cells["estimates"])
     return f"{name}, sampled ({controller.discretization})", cells

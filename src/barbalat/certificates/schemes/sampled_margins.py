@@ -16,6 +16,7 @@ from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.margin_values import finite, in_the_loop
 from barbalat.certificates.linear_loops.sampled_rest import ON_A_FACE, SampledRest, sampled_rest
 from barbalat.certificates.requested_keys import is_needed
+from barbalat.certificates.schemes import bounded_response
 from barbalat.certificates.schemes.sampled_loop import add_loop, unstable
 from barbalat.controllers import Sampled
 from barbalat.linear.largest import largest, largest_from
@@ -33,7 +34,7 @@ LONGEST_SAMPLE = 1e3
 SAMPLE_TIME_WITHIN = 1e-3
 
 
-def add(draft: Draft, problem: TrackingProblem, controller: Sampled) -> None:
+def add(draft: Draft, problem: TrackingProblem, controller: Sampled, t_end: float) -> None:
     """Add the margins with the estimates frozen and with the law, and the longest sample time; or why there are none."""
     still = sampled_rest(problem, controller, controller.controller, frozen=True)
     if isinstance(still, NotApplicable):
@@ -44,6 +45,8 @@ def add(draft: Draft, problem: TrackingProblem, controller: Sampled) -> None:
     if still_adapts(problem, controller):
         with draft.part("delay_margin_adapting"):
             _add_adapting(draft, problem, controller)
+    else:
+        bounded_response.add(draft, problem, controller, t_end)
 
 
 def still_adapts(problem: TrackingProblem, controller: Sampled) -> bool:

@@ -13,14 +13,7 @@ Plant, controller and the model under the command as it is sampled are one linea
 at the samples is the sum of its impulse response. d acts all the time: in a sample what it does to a row c of that is at most
 |d| integral_0^T |c e^(A s) B| ds, and within a part of the sample e^(A s) B is off its value at the part's start s_j by at most
 |e^(A s_j)| (e^(|A| T/P) - I) |B|. Between samples, as in ``piecewise_reference``, a motion under a held input is off the straight
-line by at most T^2/8 times its second derivative.
-
-The model itself follows r between the samples too. With r of slope at most L between jumps of at most J that are D apart,
-
-    |W_m[r - r_held]| <= ||W_m||_1 L T + J T (||s W_m||_1 + ||W_m||_1/(D - T)):
-
-each jump is missed for at most T, and a sum of |h| at points D - T apart is at most its total variation, ||s W_m||_1, and
-integral |h|/(D - T).
+line by at most T^2/8 times its second derivative. What the model does between samples under r itself is ``missed``.
 """
 
 from __future__ import annotations
@@ -36,19 +29,18 @@ from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry, NotApplicable
 from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised, linearised
 from barbalat.certificates.linear_loops.margin_values import margins_of
+from barbalat.certificates.linear_loops.sampled_response import missed
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rows import up
 from barbalat.certificates.schemes.output_feedback import LINEAR_LOOP, OF_LINEAR_LOOPS, START_AT_REST
 from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop, add_noise, unstable
 from barbalat.controllers.output.l1_piecewise import Equations, L1OutputPiecewiseConstant
 from barbalat.linear.enclosure import OUTWARD_FACTOR
-from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.sampled_norms import SampledNorms, grown
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.problem.output_feedback import OutputProblem
-from barbalat.protocols import BoundedSignal, BreakingSignal, Signal, SlopedSignal
-from barbalat.signals.piecewise import rounding_of
+from barbalat.protocols import BoundedSignal
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
@@ -81,10 +73,11 @@ def error_bound(problem: OutputProblem, equations: Equations, t_end: float) -> E
     if not isinstance(r, BoundedSignal) or not (d is None or isinstance(d, BoundedSignal)):
         return NotApplicable("r or d has no known bound")
     held = _held(_loop(problem, equations), equations.sample_time, r.bound, 0.0 if d is None else d.bound)
-    missed = _missed(problem.known.W_m.realise(), r, equations.sample_time, t_end)
-    if isinstance(missed, NotApplicable):
-        return ErrorBound(held, missed)
-    return ErrorBound(held, (held + missed) * OUTWARD_FACTOR)
+    model = problem.known.W_m.realise()
+    beside = missed(model.A, model.B[:, None], model.C[None], r, equations.sample_time, t_end)
+    if isinstance(beside, NotApplicable):
+        return ErrorBound(held, beside)
+    return ErrorBound(held, (held + beside) * OUTWARD_FACTOR)
 
 
 def _held(loop: _Loop, T: float, r: float, d: float) -> float:
@@ -138,31 +131,6 @@ def _loop(problem: OutputProblem, equations: Equations) -> _Loop:
     first = np.zeros(size)
     first[p + n : -n] = -f.B[:, 0]  # the filter's first sample is no step of it
     return _Loop(M, N, K, L, first, plant, model)
-
-
-def _missed(model: StateSpace, r: Signal, T: float, t_end: float) -> float | NotApplicable:
-    """|W_m[r - r_held]| up to t_end."""
-    if not isinstance(r, SlopedSignal) or not isinstance(r, BoundedSignal):
-        return NotApplicable("how far r goes within a sample is not known")
-    whole = _norm(model, model.C, 0.0)
-    largest, apart = _jumps(r, T, t_end)
-    rate = _norm(model, model.C @ model.A, float(model.C @ model.B))
-    jumping = largest * T * (rate + whole / (apart - T)) if apart > T else np.inf
-    found = whole * r.slope * T + (jumping if largest > 0 else 0.0)
-    return float(min(found, 2 * r.bound * whole)) * OUTWARD_FACTOR
-
-
-def _jumps(r: Signal, T: float, t_end: float) -> tuple[float, float]:
-    """The largest jump between samples, and how far such jumps are apart at least."""
-    at = r.breaks(0.0, t_end) if isinstance(r, BreakingSignal) else np.zeros(0)
-    at = at[np.abs(at - T * np.round(at / T)) > rounding_of(at)]
-    sizes = np.abs(r(at) - r.before(at))
-    at = at[sizes > 0]
-    return float(sizes.max(initial=0.0)), float(np.diff(at).min(initial=np.inf))
-
-
-def _norm(model: StateSpace, C: Array, D: float) -> float:
-    return l1_norm(model.A, model.B[:, None], C[None], np.array([[D]])).upper
 
 
 OWN_QUANTITIES = (
