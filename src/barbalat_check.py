@@ -216,6 +216,8 @@ class Case:
 
     def __init__(self, facts: dict[str, Any]) -> None:
         self.facts, self.assumed = facts, dict[str, None]()
+        if facts.get("kind") == "output":
+            return
         self.A_m = matrix(facts["A_m"])
         self.n = self.A_m.nrows()
         require(self.A_m.ncols() == self.n, "A_m must be square")
@@ -258,10 +260,7 @@ class Case:
 
     def require_nominal(self, *, any_gain: bool = False) -> None:
         """The plant is (1): nothing acts on it or stands before it, its state is measured, the command is bounded."""
-        for path in self.facts["inputs"]:
-            for name in ("quantization", "saturation", "rate_limit", "actuator", "multiplicative"):
-                require(path[name] is None, f"the plant is (1), but its input has {name}")
-            require(number(path["delay"]) == 0, "the plant is (1), but its input has a delay")
+        self.require_no("quantization", "saturation", "rate_limit", "actuator", "multiplicative")
         require(len(self.facts["inputs"]) == self.m, "each input has its path")
         known = self.interval is None and not any_gain
         require(not known or all(one == 1 for one in self.gain), "the plant is (1), but its input has a gain of its own")
@@ -269,6 +268,18 @@ class Case:
         for name in ("disturbance", "unmatched", "sensor", "unmatched_ranges"):
             require(self.facts[name] in (None, [], ""), f"the plant is (1), but there is: {name}")
         self.command_bounds()
+
+    def require_no(self, *names: str) -> None:
+        """Nothing of these names stands before an input, and no delay."""
+        for path in self.facts["inputs"]:
+            for name in names:
+                require(path[name] is None, f"the plant is (1), but its input has {name}")
+            require(number(path["delay"]) == 0, "the plant is (1), but its input has a delay")
+
+    def bound_of(self, name: str) -> arb:
+        """The size of a signal that may be absent."""
+        signal = self.facts[name]
+        return arb(0) if signal is None else arb(self._bound(signal))
 
     def require_regular(self) -> None:
         """phi(x) is finite wherever x is; of a formula with a quotient or a root that is assumed, and said."""
@@ -496,6 +507,8 @@ def least_gain(controller: Controller, line: dict[str, Any]) -> fmpq:
 
 def system(c: Controller, name: str, line: dict[str, Any]) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
     """A, B, C, D of what a line's norm is of."""
+    if c.scheme == "output":
+        return around_y(c, name)
     case, n = c.case, c.case.n
     A_m, b, nothing = case.A_m, case.b, zeros(n, case.m)
     if name == "W_b":
@@ -518,6 +531,17 @@ def system(c: Controller, name: str, line: dict[str, Any]) -> tuple[fmpq_mat, fm
         return A_m, -matrix(c.fact("L"), n, n), identity(n), identity(n)
     require(name in ("T", "W_b S"), f"no system {name} is known")
     return disturbed(c)
+
+
+def around_y(c: Controller, name: str) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
+    """The loop from r, d + f and d_y to y_G, e and sigma, its channel from d + f to y_G, or H (1 - C) of condition (20)."""
+    if name == "H(1-C)":
+        return state_space(c.fact("H(1-C)"))
+    A, B, C, D = (matrix(c.fact("loop")[key]) for key in "ABCD")
+    require(B.ncols() == 3 and name in ("loop", "y/(d+f)"), "no such system is known")
+    if name == "loop":
+        return A, B, C, D
+    return A, column([B[i, 1] for i in range(A.nrows())]), fmpq_mat(C.tolist()[:1]), fmpq_mat([[D[0, 1]]])
 
 
 def state_space(facts: dict[str, Any]) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
@@ -766,7 +790,7 @@ def of_direct(c: Controller) -> arb:
 
 ERROR_BOUNDS: dict[str, Callable[[Controller], arb]] = {
     "mrac": of_mrac, "l1": of_l1, "mrac-closed-loop": of_closed_loop_model, "mrac-direct": of_direct, "linear": of_fixed_loop,
-    "adrc": of_fixed_loop,
+    "adrc": of_fixed_loop, "output": lambda c: small_gain(c)[1][0],
 }  # fmt: skip
 
 
@@ -793,6 +817,54 @@ def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
         scaled = [w * a for w, a in zip(each, c.theta_hat0, strict=True)]
         of_x = theta.farthest(scaled, [1 / (w * g) for w, g in zip(each, gammas, strict=True)]) ** 2
         at_least(value, (ideal_V(c, list(omega), of_x) / arb(least)).sqrt(), "the bound of |e|")
+
+
+def small_gain(c: Controller) -> tuple[arb, list[arb]]:
+    """The bound of |y_G|, and those of e and sigma after it, by the small gain theorem."""
+    case, f = c.case, c.fact("f")
+    case.require_no("quantization", "saturation", "rate_limit")
+    require(case.facts["noise"] is None and "sample_time" not in c.facts, "a continuous loop without noise is needed")
+    sizes = [case.bound_of(name) for name in ("reference", "disturbance", "output_disturbance")]
+    slope, rest = (arb(0), arb(0)) if f is None else (arb(number(f["slope"])), arb(number(f["at_zero"])))
+    case.assumed["the matrices of the loop around y are the case's"] = None
+    if f is not None:
+        case.assumed[f"|f(t, 0)| <= {text(rest)}, and the slope of f is at most {text(slope)} for |y| up to output_bound"] = None
+    each = c.norm("loop").upper
+    gain = each[0][1]
+    require(bool(gain * slope < 1), "the small gain must be below 1")
+    y = (each[0][0] * sizes[0] + each[0][2] * sizes[2] + gain * (sizes[1] + rest)) / (1 - gain * slope)
+    w = sizes[1] + rest + slope * y
+    return y, [row[0] * sizes[0] + row[1] * w + row[2] * sizes[2] for row in each[1:]]
+
+
+@rule("output_bound", "sigma_needed")
+def _output_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    y, others = small_gain(c)
+    at_least(value, y if line["key"] == "output_bound" else others[1], line["key"])
+
+
+@rule("W_hat_bound", "V_hat_bound", "control_bound")
+def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    """By the e-modification, whatever else acts."""
+    require("sample_time" not in c.facts, "the controller must act continuously")
+    nu, gamma, gamma_v = (number(c.fact(name)) for name in ("nu", "gamma", "gamma_v"))
+    rows = 1 + c.fact("neurons")
+    require(isinstance(rows, int) and rows > 1 and nu > 0 and gamma > 0 and gamma_v > 0, "gains must be positive")
+    if line["key"] == "W_hat_bound":
+        at_least(value, 1 / nu, "the bound of an outer weight")
+    elif line["key"] == "control_bound":
+        for push in c.case.pushed():
+            at_least(value, rows / arb(nu) + push, "the bound of |u|")
+    else:
+        far, bend = root(fmpq(rows)) / arb(nu), arb(1 / gamma - 1 / gamma_v)
+        levels = [
+            bend * far**2 + far**2 / arb(gamma_v),
+            arb(sum((one**2 for one in vector(c.fact("V_hat0"))), fmpq(0)) / gamma_v),
+        ]
+        peak = -far / (2 * arb(gamma_v) * bend) if bend < 0 else far
+        levels += [bend * peak**2 + far * peak / arb(gamma_v)] if bend < 0 else []
+        for level in levels:
+            at_least(value, (arb(gamma_v) * level.max(arb(0))).sqrt(), "the bound of the inner weights")
 
 
 # --- The program ----------------------------------------------------------------------------------------------------------------

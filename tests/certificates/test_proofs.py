@@ -31,7 +31,9 @@ from certificates.proof_attacks import attacks
 def document_of(case):
     """The proof of a case, through JSON, with its certificates."""
     certificates = certify(case.problem, case.controllers, case.simulation)
-    return json.loads(json.dumps(proof(case.name, case.problem, case.controllers, certificates), allow_nan=False)), certificates
+    return json.loads(
+        json.dumps(proof(case.name, case.problem, case.controllers, case.simulation, certificates), allow_nan=False)
+    ), certificates
 
 
 def test_the_checker_is_a_program_of_its_own():

@@ -24,6 +24,7 @@ from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.l1_norms.witness import as_floats, witness
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import KnownSet, ParameterBall
+from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.regressors import GaussianRBF, Linear, Polynomial, Regressor, Terms
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -31,6 +32,7 @@ from barbalat.protocols import BoundedSignal, Controller, Signal
 from barbalat.signals import Constant, Sine, Sines, Square, Step, Steps
 from barbalat.signals.recorded import Recorded
 from barbalat.signals.smooth import Chirp
+from barbalat.solvers.simulation import Simulation
 
 FORMAT = "barbalat proof 1"
 EXACT_BITS = 1024
@@ -54,6 +56,8 @@ BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = {
     "mrac-direct": {"error_bound": ("lyapunov", "lambda_min"), "error_bound_worst": ("lyapunov", "lambda_min")},
     "mrac-closed-loop": dict.fromkeys(("error_bound", "error_bound_worst"), ("lyapunov", "lambda_min", "L1 norm of 1-L")),
     "robust-mrac": {},
+    "network": {"W_hat_bound": (), "V_hat_bound": (), "control_bound": ()},
+    "output": dict.fromkeys(("output_bound", "error_bound", "sigma_needed"), ("L1 norm of loop",)),
     "l1": {
         "norms": ("L1 norm of W_b(1-C)", "L1 norm of sW_b"),
         "condition": ("theta_max", "L1 norm of W_b(1-C)"),
@@ -67,26 +71,36 @@ NO_WITNESS = "no witness was found for the L1 norm of {}"
 
 
 def proof(
-    case: str, problem: TrackingProblem, controllers: Sequence[Controller], found: Mapping[str, Certificate]
+    case: str,
+    problem: TrackingProblem,
+    controllers: Sequence[Controller],
+    simulation: Simulation,
+    found: Mapping[str, Certificate],
 ) -> dict[str, Any]:
     """The document that ``certify --proof`` writes."""
     design = problem.design.nominal
-    plant = plant_facts(design) if isinstance(design, Problem) else None
+    plant: dict[str, Any] | None = None
+    if isinstance(design, Problem):
+        plant = plant_facts(design)
+    elif isinstance(design, OutputProblem):
+        plant = _output_facts(design)
     return {
         "format": FORMAT,
         "case": case,
         "plant": plant,
-        "controllers": {one.name: _of_controller(design, one, found[one.name]) for one in controllers},
+        "controllers": {one.name: _of_controller(design, one, found[one.name], simulation) for one in controllers},
     }
 
 
-def _of_controller(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> dict[str, Any]:
+def _of_controller(
+    problem: TrackingProblem, controller: Controller, certificate: Certificate, simulation: Simulation
+) -> dict[str, Any]:
     inner = controller.controller if isinstance(controller, Sampled) else controller
     claimed = [one for one in certificate.entries if one.kind in GUARANTEED and one.value is not None]
     file = scheme_file(inner)
-    if not (claimed and isinstance(problem, Problem) and isinstance(file, ProvenFile)):
+    if not (claimed and isinstance(file, ProvenFile)):
         return {"facts": {}, "lines": [], "not in the proof": [f"{one.key}: {NO_RULE}" for one in claimed]}
-    facts = file.grounds(problem, inner)
+    facts = file.grounds(problem, inner, simulation)
     if isinstance(controller, Sampled):
         facts["sample_time"] = controller.sample_time
     lines = _Lines(problem, inner, facts, {one.key: one for one in claimed})
@@ -98,7 +112,7 @@ def _of_controller(problem: TrackingProblem, controller: Controller, certificate
 class _Lines:
     """The lines so far, by what they prove."""
 
-    problem: Problem
+    problem: Any
     controller: Any
     facts: dict[str, Any]
     claimed: dict[str, Entry]
@@ -108,20 +122,31 @@ class _Lines:
         """Add a line with all that it rests on; why there is none, or nothing."""
         if key in self.found:
             return ""
+        if key == "norms" and self.facts["scheme"] == "output":
+            return self._add_norms_of_output()
         if key.startswith("L1 norm of "):
             return self._add_norm(key)
         rests_on = (RESTS_ON | {"lyapunov": ()} | BY_SCHEME[self.facts["scheme"]]).get(key)
-        if rests_on is None:
+        entry = self.claimed.get(key)
+        of_samples = "sample_time" in self.facts and entry is not None and not entry.quantity.timeless
+        if rests_on is None or of_samples:
             return NO_RULE
         for one in rests_on:
             if why := self.add(one):
                 return why
-        entry = self.claimed.get(key)
         value = self._beside(key) if entry is None else entry.value
         line = {"key": key, "value": value, "claimed": entry is not None}
         if key == "error_bound_worst" and np.ndim(self.facts["gamma"]) == 2:
             line["witness"] = {"least_gain": least_gain(np.array(self.facts["gamma"]))}
         self.found[key] = line
+        return ""
+
+    def _add_norms_of_output(self) -> str:
+        """Those of the loop around y, and of condition (20)."""
+        value = self.claimed["norms"].value
+        if why := next((why for name in value if (why := self.add(f"L1 norm of {name}"))), ""):
+            return why
+        self.found["norms"] = {"key": "norms", "value": value, "claimed": True}
         return ""
 
     def _beside(self, key: str) -> Any:
@@ -145,7 +170,10 @@ class _Lines:
         entry = self.claimed.get("kappa_admissible")
         kappa = None if entry is None else entry.value
         with ctx.workprec(EXACT_BITS):
-            A, B, C, D = _system(name, self.problem, self.facts, kappa)
+            if self.facts["scheme"] == "output":
+                A, B, C, D = _output_system(name, self.facts)
+            else:
+                A, B, C, D = _system(name, self.problem, self.facts, kappa)
         size = l1_norm(*map(as_floats, (A, B, C, D)), relative_width=1e-3).lower
         found = witness(A, B, C, size)
         if found is None:
@@ -153,6 +181,16 @@ class _Lines:
         own = {"kappa": kappa} if name == "W_b(1-C) at kappa" else {}
         self.found[key] = {"key": "L1 norm", "of": name, "claimed": False, "witness": found} | own
         return ""
+
+
+def _output_system(name: str, facts: dict[str, Any]) -> tuple[arb_mat, ...]:
+    if name == "H(1-C)":
+        A, B, C, D = _state_space(facts["H(1-C)"])
+        return A, B, C, arb_mat([[D]])
+    a, b, c, d = (np.array(facts["loop"][key]) for key in "ABCD")
+    if name == "y/(d+f)":
+        b, c, d = b[:, 1:2], c[:1], d[:1, 1:2]
+    return _balls(a), _balls(b), _balls(c), _balls(d)
 
 
 def _system(name: str, problem: Problem, facts: dict[str, Any], kappa: float | None) -> tuple[arb_mat, ...]:
@@ -240,6 +278,18 @@ def plant_facts(problem: Problem) -> dict[str, Any]:
         "sensor": None if quiet else type(sensor).__name__,
         "reference": [_command(one) for one in problem.commands],
     }
+
+
+def _output_facts(problem: OutputProblem) -> dict[str, Any]:
+    """What acts on a plant whose output is fed back."""
+    acting = {"disturbance": problem.disturbance, "output_disturbance": problem.output_disturbance}
+    noise = problem.noise
+    return {
+        "kind": "output",
+        "inputs": [_path(path) for path in problem.plant.paths],
+        "reference": _command(problem.reference),
+        "noise": None if noise is None else type(noise).__name__,
+    } | {name: None if signal is None else _command(signal) for name, signal in acting.items()}
 
 
 def _regressor(regressor: Regressor) -> dict[str, Any]:

@@ -125,7 +125,7 @@ def _proof_of(case: Case, certificates: Certificates) -> str:
 
     from barbalat.certificates.proof import proof
 
-    return json.dumps(proof(case.name, case.problem, case.controllers, certificates), allow_nan=False) + "\n"
+    return json.dumps(proof(case.name, case.problem, case.controllers, case.simulation, certificates), allow_nan=False) + "\n"
 
 
 CERTIFYING_SECONDS, SIMULATING_SECONDS = 0.5, 20.0

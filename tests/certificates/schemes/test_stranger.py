@@ -145,10 +145,11 @@ def test_nothing_is_claimed_beside_what_was_computed(problems):
         assert column.cells[key].text == "none known" and not column.cells[key].applies
 
 
-def test_sampled_it_is_an_estimate(problems):
+def test_sampled_its_linear_loop_is_its_own(problems):
     sampled = Sampled(controller=Plain(2.0), sample_time=0.05, discretization="euler")
     found = certify(problems[2], [sampled], SIMULATION)["plain"]
-    assert {entry.kind for entry in found.entries} <= {"estimate", "advice", "does not apply"}
+    assert not found.guaranteed
+    assert all("from sample to sample" in entry.of for entry in found.entries if entry.kind == "exact")
     assert len(table_1(problems[2], [sampled], {"plain": found}).columns) == 1
 
 

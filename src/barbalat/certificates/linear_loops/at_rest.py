@@ -152,7 +152,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     why = why_no_rest(loop)
     if why is not None:
         return why
-    loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
+    loop = without_limits(loop)
     level, signals = largest_commands(problem, loop)
     adapting = adapting_parts(loop, signals)
     true = {part: value for part in adapting if (value := truth_of(problem, part)) is not None}
@@ -181,6 +181,11 @@ def place_of(loop: ClosedLoop, state: Array, level: Array, ideal: tuple[StatePar
         for part in estimates_of(loop)
     )
     return PlaceOfRest(tuple(level.tolist()), tuple(estimates))
+
+
+def without_limits(loop: ClosedLoop) -> ClosedLoop:
+    """The loop without delay, limits and quantisation at the plant's input."""
+    return replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
 
 
 def why_no_rest(loop: ClosedLoop) -> NotApplicable | None:

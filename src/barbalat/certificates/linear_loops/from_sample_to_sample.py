@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from barbalat.certificates.linear_loops.at_rest import without_limits
 from barbalat.linear.sampled_loop import SampledLoop
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function, sampled_jacobian_function
@@ -37,7 +38,7 @@ def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
     if isinstance(problem, OutputProblem) and problem.plant.nonlinear is not None:
         problem = replace(problem, plant=replace(problem.plant, nonlinear=None))
     loop = ClosedLoop.of(problem, controller)
-    loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
+    loop = without_limits(loop)
     state = np.zeros(loop.size)
     state[loop.unpack(np.arange(loop.size)).held.started] = 1.0  # after the first sample
     signals = np.zeros(loop.signal_count)

@@ -6,7 +6,7 @@ sample. With z its state just after a sample, the held command in it, and u as i
     z[k+1] = M z[k] + N r[k+1] + J integral_0^T e^(A (T - s)) B d(t_k + s) ds.
 
 What r can do to a row C z is the sum of |C M^i N|, for every sequence within its size. Of d only its bound is used: in a part of
-the sample, T/P long, e^(A s) B is off its value at the part's start s_j by at most |e^(A s_j)| (e^(|A| T/P) - I) |B|.
+the sample, T/P long, e^(A s) B is off its value at the part's start by at most e^(|A| T) (e^(|A| T/P) - I) |B|.
 
 Between samples the motion under the held inputs is known at the parts' ends and where the delayed input switches. Within a part
 of length h it is off the straight line between its ends by at most h^2/8 times |x''| <= e^(|A| h) |A (A x + E v)|. What d adds
@@ -17,14 +17,14 @@ The model follows r between the samples too: ``missed`` bounds what that changes
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from barbalat.certificates.entry import NotApplicable
-from barbalat.certificates.linear_loops.at_rest import estimates_of, rows_of
+from barbalat.certificates.linear_loops.at_rest import estimates_of, rows_of, without_limits
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.sampled_loop import SampledLoop
@@ -90,24 +90,27 @@ def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Re
     x, x_m, n = whole.rows["x"], whole.rows["x_m"], len(whole.rows["x"])
     at_ends, bends, lengths = _between(loop, delay, M)
     of_model, bends_of_model = _model_between(whole, M, lengths)
-    within = (np.abs(reached[x]) @ weights @ d if len(d) else np.zeros(n)) * 2
-    held, of_x = np.zeros(n), np.zeros(n)
-    for end, bend, model, bend_of_model, h in zip(at_ends, bends, of_model, bends_of_model, lengths, strict=True):
-        curved = h**2 / 8 * (grown(loop.A, h) @ largest(bend))[x]
-        curved_model = h**2 / 8 * (grown(whole.A_m, h) @ largest(bend_of_model))
-        held = np.maximum(held, largest(end[x] - model) + curved + curved_model)
-        of_x = np.maximum(of_x, largest(end[x]) + curved)
     start = np.eye(len(M))
-    held = np.maximum(held, largest(start[x] - start[x_m])) + within
-    of_x = np.maximum(of_x, largest(start[x])) + within
-    u = largest(loop.broken(delay)[2])
-    return Response(*(float(one.max()) * OUTWARD_FACTOR for one in (held, of_x, u)))
+    ends, models = [start[x], *(end[x] for end in at_ends)], [start[x_m], *of_model]
+    differences = [end - model for end, model in zip(ends, models, strict=True)]
+    groups = [differences, ends, bends, bends_of_model, [loop.broken(delay)[2]]]
+    blocks = [block for group in groups for block in group]
+    found = iter(np.split(largest(np.vstack(blocks)), np.cumsum([len(block) for block in blocks])[:-1]))
+    away, far, bent, bent_model, (u,) = ([next(found) for _ in group] for group in groups)
+    within = (np.abs(reached[x]) @ weights @ d if len(d) else np.zeros(n)) * 2
+    held, of_x = away[0], far[0]
+    for k, h in enumerate(lengths):
+        curved = h**2 / 8 * (grown(loop.A, h) @ bent[k])[x]
+        curved_model = h**2 / 8 * (grown(whole.A_m, h) @ bent_model[k])
+        held = np.maximum(held, np.maximum(away[k], away[k + 1]) + curved + curved_model)
+        of_x = np.maximum(of_x, np.maximum(far[k], far[k + 1]) + curved)
+    return Response(*(float(one.max()) * OUTWARD_FACTOR for one in (held + within, of_x + within, u)))
 
 
 def _whole(problem: Problem, controller: Controller) -> _Whole:
     """By the equations' own exact Jacobians, which of a linear loop are the same everywhere."""
     closed = ClosedLoop.of(problem, controller)
-    closed = replace(closed, delayed=False, paths=tuple(path and path.linear for path in closed.paths))
+    closed = without_limits(closed)
     size, count = closed.size, closed.signal_count
     places, sizes = closed.unpack(np.arange(size)), closed.signals
     held = places.held
@@ -146,9 +149,9 @@ def _reached(A: Array, B: Array, T: float) -> tuple[Array, Array]:
         return np.zeros((len(A), 0)), np.zeros((0, 0))
     s, count = B.shape
     starts = [SampledLoop(A, np.zeros((s, 1)), np.eye(s), np.zeros((1, s)), T).over(j * T / PARTS)[0] for j in range(PARTS)]
-    off = (grown(A, T / PARTS) - np.eye(s)) @ np.abs(B)
-    reached = np.hstack([np.hstack([start @ B, start]) for start in starts])
-    weights = T / PARTS * np.tile(np.vstack([np.eye(count), off]), (PARTS, 1))
+    off = T * grown(A, T) @ (grown(A, T / PARTS) - np.eye(s)) @ np.abs(B)  # of all parts together
+    reached = np.hstack([*(start @ B for start in starts), np.eye(s)])
+    weights = np.vstack([T / PARTS * np.tile(np.eye(count), (PARTS, 1)), off])
     return reached, weights
 
 

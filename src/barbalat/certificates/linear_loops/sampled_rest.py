@@ -22,6 +22,7 @@ from barbalat.certificates.linear_loops.at_rest import (
     resting_parts,
     rows_of,
     why_no_rest,
+    without_limits,
     words_of,
 )
 from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised, of_jacobians
@@ -142,10 +143,9 @@ def sampled_rest(
     why = why_no_rest(loop)
     if why is not None:
         return why
-    loop = replace(loop, delayed=False, paths=tuple(path and path.linear for path in loop.paths))
+    loop = without_limits(loop)
     level, signals = largest_commands(problem, loop)
-    smooth = ClosedLoop.of(problem, continuous)
-    moving = {part.name for part in adapting_parts(replace(smooth, delayed=False), largest_commands(problem, smooth)[1])}
+    moving = {part.name for part in adapting_of(problem, continuous)}
     estimates = estimates_of(loop)
     true = {part: value for part in estimates if part.name in moving and (value := truth_of(problem, part)) is not None}
     if not frozen and (not true or any(part.name in moving and part not in true for part in estimates)):
@@ -160,6 +160,12 @@ def sampled_rest(
     for _ in range(POLISHING_STEPS):
         state[free] -= np.linalg.lstsq(slopes(state)[np.ix_(resting, free)], moves(state)[resting], rcond=None)[0]
     return SampledRest(problem, loop, state, signals, level, tuple(true))
+
+
+def adapting_of(problem: TrackingProblem, continuous: Controller) -> list[StatePart]:
+    """The estimates of a continuous controller that move."""
+    loop = without_limits(ClosedLoop.of(problem, continuous))
+    return adapting_parts(loop, largest_commands(problem, loop)[1])
 
 
 def _moves(loop: ClosedLoop, signals: Array, *, frozen: bool) -> Callable[[Array], Array]:

@@ -42,7 +42,7 @@ class HeldFile(SchemeFile, Protocol):
 class ProvenFile(SchemeFile, Protocol):
     """The file of a scheme whose guarantees can be checked by somebody else."""
 
-    def grounds(self, problem: TrackingProblem, controller: Controller) -> dict[str, Any]:
+    def grounds(self, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> dict[str, Any]:
         """The controller's numbers; ``scheme`` is the name of the rules that speak of it."""
         ...
 

@@ -72,7 +72,7 @@ def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> C
     return draft.finish()
 
 
-def grounds(problem: Problem, controller: Adrc) -> dict[str, Any]:
+def grounds(problem: Problem, controller: Adrc, _: Simulation) -> dict[str, Any]:
     """The numbers of the loop around the observer."""
     equations = controller.bind(problem.known)
     observer = {key: getattr(equations.observer, key).tolist() for key in "FGHMN"}

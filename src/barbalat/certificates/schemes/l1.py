@@ -102,7 +102,7 @@ def _beyond_the_paper(problem: Problem, controller: L1Adaptive, simulation: Simu
     return of_lyapunov_law_beyond(excited, simulation, poles, no_bound="no bound is known for this scheme on this plant")
 
 
-def grounds(problem: Problem, controller: L1Adaptive) -> dict[str, Any]:
+def grounds(problem: Problem, controller: L1Adaptive, _: Simulation) -> dict[str, Any]:
     """The numbers of Theorem 1 (ii); with C = 1 those of (i)."""
     equations = controller.bind(problem.known)
     scheme = "mrac" if controller.filter is None else "l1"

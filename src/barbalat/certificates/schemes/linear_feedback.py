@@ -56,7 +56,7 @@ def certificate(problem: Problem, controller: LinearFeedback, simulation: Simula
     return draft.finish()
 
 
-def grounds(problem: Problem, controller: LinearFeedback) -> dict[str, Any]:
+def grounds(problem: Problem, controller: LinearFeedback, _: Simulation) -> dict[str, Any]:
     """The numbers of the loop around K(s)."""
     equations = controller.bind(problem.known)
     own = {"K": of_system(equations.K), "c": equations.c.tolist(), "theta_0": equations.theta_0.tolist()}

@@ -64,7 +64,7 @@ def _excited(problem: Problem, controller: Mrac) -> any_regressor.Excited:
     return any_regressor.Excited(problem, controller, divides_by_gain=True)
 
 
-def grounds(problem: Problem, controller: Mrac) -> dict[str, Any]:
+def grounds(problem: Problem, controller: Mrac, _: Simulation) -> dict[str, Any]:
     """The numbers of Theorem 1 (i)."""
     return of_lyapunov_law("mrac", controller.bind(problem.known), controller.gamma, problem.known, controller)
 

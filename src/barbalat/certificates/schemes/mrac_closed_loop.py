@@ -64,7 +64,7 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     return draft.finish()
 
 
-def grounds(problem: Problem, controller: MracClosedLoop) -> dict[str, Any]:
+def grounds(problem: Problem, controller: MracClosedLoop, _: Simulation) -> dict[str, Any]:
     """The numbers of Theorem 1 (i) with A_m + L in the place of A_m."""
     equations = controller.bind(problem.known)
     closed = replace(problem.known, A_m=problem.known.A_m + equations.L)

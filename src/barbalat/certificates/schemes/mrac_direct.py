@@ -77,7 +77,7 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
     return draft.finish()
 
 
-def grounds(problem: Problem, controller: DirectMrac) -> dict[str, Any]:
+def grounds(problem: Problem, controller: DirectMrac, _: Simulation) -> dict[str, Any]:
     """The numbers of V with the input's gains in it."""
     gains = controller.bind(problem.known).gains
     return {

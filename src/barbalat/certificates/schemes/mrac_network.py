@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -262,6 +263,14 @@ def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulatio
         draft.note("it rests with many weights: margins are with those nearest to the initial ones")
     add_linearised(draft, problem, controller, simulation, bent=CORNER_AT_REST if _is_e_modified(controller) else "")
     return draft.finish()
+
+
+def grounds(problem: Problem, controller: NetworkMrac, _: Simulation) -> dict[str, Any]:
+    """The numbers of the e-modification's bounds."""
+    equations = controller.bind(problem.known)
+    law = NetworkLaw.of(equations)
+    weights = {"neurons": equations.neurons, "V_hat0": equations.V_0.reshape(-1).tolist()}
+    return {"scheme": "network", "gamma": law.gamma, "gamma_v": law.gamma_v, "nu": law.nu} | weights
 
 
 def _of_the_weights(problem: Problem, controller: NetworkMrac) -> tuple[Assumption, ...]:

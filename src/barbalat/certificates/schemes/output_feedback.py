@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from barbalat.certificates.bounds.formulas import largest_at_zero, largest_slope
 from barbalat.certificates.cells import nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry, NotApplicable
+from barbalat.certificates.grounds import plain
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rows import up
 from barbalat.linear.enclosure import OUTWARD_FACTOR, Enclosure
@@ -128,6 +130,16 @@ def linear_loop(problem: OutputProblem, controller: Controller) -> tuple[Array, 
     jacobians = [ca.jacobian(value, by) for value in (slope, shown) for by in (state_column, signal_column)]
     A, B, C, D = ca.Function("jacobians", [state_column, signal_column], jacobians)(0, 0)
     return np.array(A), np.array(B), np.array(C), np.array(D)
+
+
+def grounds_of_loop(problem: OutputProblem, controller: Controller, simulation: Simulation) -> dict[str, Any]:
+    """What a proof holds of the bounds: the loop's matrices, and what f is bounded by."""
+    A, B, C, D = linear_loop(problem, controller)
+    facts: dict[str, Any] = {"scheme": "output", "loop": {"A": plain(A), "B": plain(B), "C": plain(C), "D": plain(D)}}
+    found, f = output_bounds(problem, controller, simulation.t_end), problem.plant.f
+    if f is None or isinstance(found, NotApplicable):
+        return facts | {"f": None}
+    return facts | {"f": {"slope": found.slope, "at_zero": largest_at_zero(f, simulation.t_end)}}
 
 
 OF_LINEAR_LOOPS = {

@@ -63,7 +63,7 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     return draft.finish()
 
 
-def grounds(problem: Problem, controller: NormalizedMrac | RobustMrac) -> dict[str, Any]:
+def grounds(problem: Problem, controller: NormalizedMrac | RobustMrac, _: Simulation) -> dict[str, Any]:
     """Where the estimates start."""
     equations = controller.bind(problem.known)
     projects = equations.estimate_set is not None

@@ -14,7 +14,7 @@ from barbalat.certificates.certificate import Draft
 from barbalat.certificates.entry import NotApplicable
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.margin_values import finite, in_the_loop
-from barbalat.certificates.linear_loops.sampled_rest import ON_A_FACE, SampledRest, sampled_rest
+from barbalat.certificates.linear_loops.sampled_rest import ON_A_FACE, SampledRest, adapting_of, sampled_rest
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.schemes import bounded_response
 from barbalat.certificates.schemes.sampled_loop import add_loop, unstable
@@ -51,11 +51,7 @@ def add(draft: Draft, problem: TrackingProblem, controller: Sampled, t_end: floa
 
 def still_adapts(problem: TrackingProblem, controller: Sampled) -> bool:
     """Whether anything is estimated."""
-    from barbalat.certificates.linear_loops.at_rest import adapting_parts, largest_commands
-    from barbalat.loop.closed_loop import ClosedLoop
-
-    loop = ClosedLoop.of(problem, controller.controller)
-    return bool(adapting_parts(replace(loop, delayed=False), largest_commands(problem, loop)[1]))
+    return bool(adapting_of(problem, controller.controller))
 
 
 def _add_frozen(draft: Draft, problem: TrackingProblem, still: SampledRest) -> None:

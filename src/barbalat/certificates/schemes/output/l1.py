@@ -17,6 +17,7 @@ from barbalat.certificates.bounds.formulas import steepest_seen
 from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
+from barbalat.certificates.grounds import of_system
 from barbalat.certificates.linear_loops.margin_values import add_margins, finite, margins_of
 from barbalat.certificates.quantities import Form, Quantity
 from barbalat.certificates.rows import up
@@ -27,6 +28,7 @@ from barbalat.certificates.schemes.output_feedback import (
     add_bounds,
     add_linear_loop,
     cells_of_linear_loop,
+    grounds_of_loop,
 )
 from barbalat.certificates.schemes.unregistered import add_step_of_modes
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
@@ -92,6 +94,13 @@ def certificate(problem: OutputProblem, controller: L1Output, simulation: Simula
         "integrator at the bounds: anti-windup"
     )
     return draft.finish()
+
+
+def grounds(problem: OutputProblem, controller: L1Output, simulation: Simulation) -> dict[str, Any]:
+    """The numbers of the small gain's bounds, of the linear controller inside the bounds of sigma, and H (1 - C)."""
+    G = problem.plant.transfer_function if controller.design_plant is None else controller.design_plant
+    facts = grounds_of_loop(problem, replace(controller, sigma_bound=None), simulation)
+    return facts | {"H(1-C)": of_system(small_gain_system(controller, G).realise())}
 
 
 def _add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output, simulation: Simulation) -> None:

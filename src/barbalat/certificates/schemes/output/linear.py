@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from barbalat.certificates.cells import advice, estimate, margins_cell
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
@@ -12,6 +14,7 @@ from barbalat.certificates.schemes.output_feedback import (
     add_bounds,
     add_linear_loop,
     cells_of_linear_loop,
+    grounds_of_loop,
 )
 from barbalat.certificates.schemes.unregistered import add_step_of_modes
 from barbalat.controllers.output.linear import LinearOutput
@@ -29,6 +32,11 @@ def certificate(problem: OutputProblem, controller: LinearOutput, simulation: Si
     add_margins(draft, problem, loop, "itself", LINEAR_LOOP)
     add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
+
+
+def grounds(problem: OutputProblem, controller: LinearOutput, simulation: Simulation) -> dict[str, Any]:
+    """The numbers of the small gain's bounds."""
+    return grounds_of_loop(problem, controller, simulation)
 
 
 def linear_when(_problem: OutputProblem, _controller: LinearOutput) -> str | None:
