@@ -126,7 +126,7 @@ class _Lines:
             return self._add_norms_of_output()
         if key.startswith("L1 norm of "):
             return self._add_norm(key)
-        rests_on = (RESTS_ON | {"lyapunov": ()} | BY_SCHEME[self.facts["scheme"]]).get(key)
+        rests_on = (RESTS_ON | {"lyapunov": ()} | BY_SCHEME.get(self.facts["scheme"], {})).get(key)
         entry = self.claimed.get(key)
         of_samples = "sample_time" in self.facts and entry is not None and not entry.quantity.timeless
         if rests_on is None or of_samples:

@@ -270,7 +270,8 @@ def grounds(problem: Problem, controller: NetworkMrac, _: Simulation) -> dict[st
     equations = controller.bind(problem.known)
     law = NetworkLaw.of(equations)
     weights = {"neurons": equations.neurons, "V_hat0": equations.V_0.reshape(-1).tolist()}
-    return {"scheme": "network", "gamma": law.gamma, "gamma_v": law.gamma_v, "nu": law.nu} | weights
+    scheme = "network" if law.nu is not None else "network, sigma"
+    return {"scheme": scheme, "gamma": law.gamma, "gamma_v": law.gamma_v, "nu": law.nu} | weights
 
 
 def _of_the_weights(problem: Problem, controller: NetworkMrac) -> tuple[Assumption, ...]:

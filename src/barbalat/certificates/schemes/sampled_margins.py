@@ -32,6 +32,8 @@ LONGER_SAMPLE = 1.25
 LONGEST_SAMPLE = 1e3
 """Of the present one: beyond it no limit is looked for."""
 SAMPLE_TIME_WITHIN = 1e-3
+NOT_SETTLING = 1e-10
+"""Of a spectral radius to 1: a covariance that has died out, and what else a law does not return from."""
 
 
 def add(draft: Draft, problem: TrackingProblem, controller: Sampled, t_end: float) -> None:
@@ -73,6 +75,9 @@ def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled) -
     loop, rest = moving.with_its_law(), moving.found
     name = f"{WITH_ITS_LAW}, where {rest.where}{in_the_loop(problem)}"
     radius = loop.radius(problem.delay)
+    if abs(radius - 1) < NOT_SETTLING:
+        draft.missing("delay_margin_adapting", "where it rests the law has a part that neither grows nor dies out")
+        return
     draft.exact({"spectral_radius_adapting": radius}, name, LINEAR_LOOP_ONLY, rest=rest)
     if is_needed("sample_time_max"):
         draft.exact({"sample_time_max": finite(_longest(problem, controller, radius < 1))}, name, LINEAR_LOOP_ONLY, rest=rest)
