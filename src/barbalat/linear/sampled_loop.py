@@ -241,7 +241,8 @@ class _DelaySearch:
             if step < SHORT_STEP * T:
                 step = max(step, LEAST_STEP * T)
                 if self._radius(late + step) >= 1:
-                    return float(brentq(lambda one: self._radius(one) - 1, late, late + step, xtol=1e-12 * T))
+                    stable = late if self._radius(late) < 1 else 0.0  # a mode narrower than the grid may have been passed
+                    return float(brentq(lambda one: self._radius(one) - 1, stable, late + step, xtol=1e-12 * T))
             late += step
         raise InputError(f"no delay up to {MOST_SAMPLES_OF_DELAY} samples destabilises it, and longer ones were not tried")
 
@@ -342,7 +343,8 @@ class _GainSearch:
                 step = max(step, LEAST_STEP * k)
                 following = k + direction * step
                 if self._radius(following) >= 1:
-                    return float(brentq(lambda one: self._radius(one) - 1, k, following, xtol=1e-12 * k))
+                    stable = k if self._radius(k) < 1 else 1.0  # as above
+                    return float(brentq(lambda one: self._radius(one) - 1, stable, following, xtol=1e-12 * k))
             k += direction * step
         return np.inf if direction > 0 else 0.0
 

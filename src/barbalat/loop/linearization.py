@@ -53,6 +53,16 @@ def right_hand_side(loop: ClosedLoop) -> ca.Function:
     return ca.Function("rates", [state_column, signal_column], [column(loop.derivative(state, signals))])
 
 
+def sampled_function(loop: ClosedLoop, *, frozen: bool = False) -> ca.Function:
+    """What a sampled controller makes of a state, as a CasADi function of (state, signals); ``frozen`` as above."""
+    import casadi as ca
+
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    made = loop.sample(state, signals, 1.0 if frozen else None)
+    return ca.Function("sample", [state_column, signal_column], [column(made)])
+
+
 def _jacobian(loop: ClosedLoop, of: Callable[[Value, Value], Value]) -> ca.Function:
     import casadi as ca
 

@@ -28,7 +28,7 @@ from barbalat.certificates.linear_loops.at_rest import (
 from barbalat.certificates.linear_loops.from_sample_to_sample import Linearised, of_jacobians
 from barbalat.linear.sampled_loop import SampledLoop
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.linearization import jacobian_function, sampled_jacobian_function
+from barbalat.loop.linearization import jacobian_function, right_hand_side, sampled_function, sampled_jacobian_function
 from barbalat.loop.true_values import truth_of
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
@@ -170,11 +170,10 @@ def adapting_of(problem: TrackingProblem, continuous: Controller) -> list[StateP
 
 def _moves(loop: ClosedLoop, signals: Array, *, frozen: bool) -> Callable[[Array], Array]:
     """What a sample changes, and the rates between samples, (2 size,)."""
-    freeze = 1.0 if frozen else None
+    sampled, rates = sampled_function(loop, frozen=frozen), right_hand_side(loop)
 
     def moves(state: Array) -> Array:
-        sampled = np.asarray(loop.sample(state, signals, freeze), dtype=float)
-        return np.concatenate([sampled - state, np.asarray(loop.derivative(state, signals), dtype=float)])
+        return np.concatenate([np.asarray(sampled(state, signals)).ravel() - state, np.asarray(rates(state, signals)).ravel()])
 
     return moves
 

@@ -27,11 +27,11 @@ from barbalat.validate import InputError
 
 FROZEN = "from sample to sample with its estimates frozen"
 WITH_ITS_LAW = "from sample to sample with its law"
-LONGER_SAMPLE = 1.25
-"""Between two sample times that are tried, from the present one on: the first loss of stability counts."""
-LONGEST_SAMPLE = 1e3
-"""Of the present one: beyond it no limit is looked for."""
-SAMPLE_TIME_WITHIN = 1e-3
+LONGER_SAMPLE, SHORTER_SAMPLE = 1.4, 2.0
+"""Between two sample times that are tried, up and down from the present one: the first loss of stability counts."""
+LONGEST_SAMPLE = 100.0
+"""Of the present one, up and down: beyond it no limit is looked for."""
+SAMPLE_TIME_WITHIN = 2e-3
 NOT_SETTLING = 1e-10
 """Of a spectral radius to 1: a covariance that has died out, and what else a law does not return from."""
 
@@ -99,7 +99,7 @@ def _longest(problem: TrackingProblem, controller: Sampled, stable: bool) -> flo
 
     T = controller.sample_time
     if not stable:
-        return largest_from(bears, T, factor=LONGER_SAMPLE, within=SAMPLE_TIME_WITHIN, least=T / LONGEST_SAMPLE)
+        return largest_from(bears, T, factor=SHORTER_SAMPLE, within=SAMPLE_TIME_WITHIN, least=T / LONGEST_SAMPLE)
     low = T
     while bears(low * LONGER_SAMPLE):
         low *= LONGER_SAMPLE
