@@ -81,7 +81,7 @@ def dies_out(controller, delay=0.0):
         return np.asarray(loop.derivative(moved, signals))[places.x]
 
     seen = []
-    for _ in range(int(max(500, 40 / controller.sample_time))):
+    for _ in range(int(max(500, 100 / controller.sample_time))):
         state = np.asarray(loop.sample(state, signals), dtype=float)
         for _ in range(SUBSTEPS):
             late.append(float(state[places.held.u]))
@@ -101,7 +101,7 @@ def dies_out(controller, delay=0.0):
 @pytest.mark.short(kept=lambda name, form: (name, form) in (("mrac", "midpoint"), ("direct", "euler")))
 def test_the_longest_sample_time_is_where_disturbances_stop_dying_out(name, form):
     found = certified(sampled(name, form)).values
-    longest = found["sample_time_max"]
+    longest = found.get("sample_time_max")
     assert (found["spectral_radius_adapting"] < 1) == (longest is None or longest > T)
     if longest is not None:
         assert dies_out(sampled(name, form, 0.95 * longest)) and not dies_out(sampled(name, form, 1.05 * longest))

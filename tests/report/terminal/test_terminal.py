@@ -255,10 +255,13 @@ def test_what_fails_is_named_whether_a_condition_is_met_or_not(sampled):
         made = certify(case.problem, case.controllers, case.simulation)
         table = table_1(case.problem, case.controllers, made)
         said.append({column.name: five(column, made[column.name], 1e-3)[4].text for column in table.columns})
-        conditions = [found.entry("condition").value["holds"] for found in made.values()]
-        assert conditions == [reach < 1] * len(conditions)
+        conditions = [entry.value["holds"] for found in made.values() if (entry := found.entry("condition")) is not None]
+        assert conditions == [reach < 1] * len(conditions)  # a sampled linear loop has none: it is known itself
     small, large = said
     for name, text in small.items():
+        if name == "A" and sampled:  # of it another theorem speaks
+            assert all(word in text and word in large[name] for word in ("rate limit", "noise"))
+            continue
         for broken in ("delay 0.01 s", "saturation", "rate limit", "measurement noise", *(["input gain 0.8"] * (name == "A"))):
             assert broken in text and broken in large[name]
 

@@ -111,6 +111,8 @@ def _whole(problem: Problem, controller: Controller) -> _Whole:
     """By the equations' own exact Jacobians, which of a linear loop are the same everywhere."""
     closed = ClosedLoop.of(problem, controller)
     closed = without_limits(closed)
+    if closed.clocked:
+        raise InputError("the plant depends on time, and the theorem is of one that does not")
     size, count = closed.size, closed.signal_count
     places, sizes = closed.unpack(np.arange(size)), closed.signals
     held = places.held

@@ -40,9 +40,10 @@ ON_A_FACE = "where it would rest the estimates are on the known set's boundary, 
 POLISHING_STEPS = 2
 """Of Newton's, beyond its tolerance: a combination that nothing moves is told from rounding only where the loop rests to the
 last digits."""
-BY_ROUNDING = 1e-11
-NEAR_A_CORNER = 1e-6
-"""Of the state's size: a place of rest is looked at from so far on either side, for a corner of the law between them."""
+BESIDE = 1e-10
+"""Of the state's size: how far beside the rest the law is differentiated, on both sides, so that what this adds cancels."""
+BY_ROUNDING = 1e-9
+"""Relative to what moves: motions below this are rounding, or what ``BESIDE`` leaves."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +105,8 @@ class SampledRest:
 
     def with_its_law(self) -> SampledLoop:
         """The loop with its law, without combinations of the estimates and the law's memory that nothing moves."""
-        whole = of_jacobians(self.loop, *self._jacobians(self._sampled, self.state), estimates=self.resting)
+        between, J = np.array(self._between(self.state, self.signals)), sum(self._on_both_sides, np.zeros(())) / 2
+        whole = of_jacobians(self.loop, between, J, estimates=self.resting)
         found = _acting(whole)
         rows = found.rows["estimates"]
         V = _moved(found.loop.J, rows[rows >= 0])
@@ -118,18 +120,18 @@ class SampledRest:
 
     @cached_property
     def has_a_corner(self) -> bool:
-        """Whether the law bends where it rests: an estimate on a face of the known set, on either side of which it differs."""
-        jacobian = self._sampled
-        here = np.asarray(jacobian(self.state, self.signals))
-        size = NEAR_A_CORNER * max(1.0, float(np.linalg.norm(self.state)))
+        """Whether the law bends where it rests, as on a face of the known set: its Jacobians on either side differ."""
+        one, other = self._on_both_sides
+        return not np.allclose(one, other, rtol=1e-3, atol=1e-6 * np.abs(one).max())
+
+    @cached_property
+    def _on_both_sides(self) -> tuple[Array, Array]:
+        """The Jacobians of a sample a hair beside the rest: an implicit step takes the size of an error that is zero there."""
         rows = rows_of(self.loop, estimates_of(self.loop))
-        for side in (-1.0, 1.0):
-            for row in rows:
-                beside = self.state.copy()
-                beside[row] += side * size
-                if not np.allclose(np.asarray(jacobian(beside, self.signals)), here, rtol=1e-2, atol=1e-2 * np.abs(here).max()):
-                    return True
-        return False
+        hair = np.zeros(self.loop.size)
+        hair[rows] = BESIDE * max(1.0, float(np.linalg.norm(self.state))) * np.cos(1.0 + np.arange(len(rows)))
+        one, other = (np.array(self._sampled(self.state + side, self.signals)) for side in (hair, -hair))
+        return one, other
 
 
 def sampled_rest(

@@ -69,6 +69,8 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     with leaving_out(*OF_THE_CONTINUOUS_LOOP):
         continuous = (file or unregistered).certificate(problem, scheme, judged)
     dropped = LIMIT_KEYS_AT_MODEL | OF_THE_CONTINUOUS_LOOP | {"margins_of", "unlimited"}
+    if linear:  # their small gain is of the continuous loop
+        dropped |= {"norms", "condition"}
     entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in dropped]
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
     continuous = replace(continuous, loops=())

@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
 from barbalat.certificates.assumptions import LINEAR_LOOP_ONLY
 from barbalat.certificates.certificate import Draft
 from barbalat.certificates.entry import NotApplicable
@@ -80,7 +78,8 @@ def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled) -
         return
     draft.exact({"spectral_radius_adapting": radius}, name, LINEAR_LOOP_ONLY, rest=rest)
     if is_needed("sample_time_max"):
-        draft.exact({"sample_time_max": finite(_longest(problem, controller, radius < 1))}, name, LINEAR_LOOP_ONLY, rest=rest)
+        longest = _longest(problem, controller, radius < 1)
+        draft.exact({"sample_time_max": longest}, name, LINEAR_LOOP_ONLY, rest=rest)
     if radius >= 1:
         draft.missing("delay_margin_adapting", unstable(radius))
     elif is_needed("delay_margin_adapting") and loop.inputs == 1:
@@ -90,7 +89,7 @@ def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled) -
             draft.missing("delay_margin_adapting", str(error))
 
 
-def _longest(problem: TrackingProblem, controller: Sampled, stable: bool) -> float:
+def _longest(problem: TrackingProblem, controller: Sampled, stable: bool) -> float | NotApplicable:
     """The sample time up to which the loop with its law is stable: of the first loss above the present one, or of one below."""
 
     def bears(T: float) -> bool:
@@ -99,10 +98,11 @@ def _longest(problem: TrackingProblem, controller: Sampled, stable: bool) -> flo
 
     T = controller.sample_time
     if not stable:
-        return largest_from(bears, T, factor=SHORTER_SAMPLE, within=SAMPLE_TIME_WITHIN, least=T / LONGEST_SAMPLE)
+        found = largest_from(bears, T, factor=SHORTER_SAMPLE, within=SAMPLE_TIME_WITHIN, least=T / LONGEST_SAMPLE)
+        return found or NotApplicable(f"no sample time down to {T / LONGEST_SAMPLE:.3g} s was found stable")
     low = T
     while bears(low * LONGER_SAMPLE):
         low *= LONGER_SAMPLE
         if low > LONGEST_SAMPLE * T:
-            return np.inf
+            return NotApplicable(f"stable at every sample time that was tried, up to {low:.3g} s")
     return largest(bears, low, low * LONGER_SAMPLE, within=SAMPLE_TIME_WITHIN)
