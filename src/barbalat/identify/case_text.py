@@ -1,0 +1,134 @@
+"""An identification as a case file: a plant with physical parameters, and what a user goes on from."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+
+import numpy as np
+
+from barbalat.identify.identification import CONFIDENCE, Identification
+from barbalat.linear.pole_placement import place
+from barbalat.validate import Array, InputError
+
+SPREAD = 0.25
+"""Between neighbouring poles of the model that the file begins with, of the plant's fastest."""
+PERIODS, STEPS = 4.0, 100.0
+"""Of the command that the file begins with; solver steps in the fastest time constant."""
+AT_REST = 1e-6
+"""Of the model's largest gain at rest."""
+
+
+def case_text(found: Identification, source: str) -> str:
+    """A whole case file. Ranges are those of the known set, or where no noise bound was given those of least squares.
+
+    Raises InputError where a range is unbounded, and where no poles can be placed.
+    """
+    names = found.recording.output_names
+    ranges = np.array([row.ranges for row in found.rows])
+    if not np.isfinite(ranges).all():
+        i, j = np.argwhere(~np.isfinite(ranges).all(axis=2))[0]
+        raise InputError(
+            f"no case file can be written: the data give no bound of the coefficient of {found.coefficient_names[j]} in the row "
+            f"of {names[i]}'; excite it, or give its bounds by within ({names[i]}.{found.coefficient_names[j]}=LOWER:UPPER)"
+        )
+    parameters, entries = _parameters(found, ranges)
+    model, A_m = _model(found)
+    followed = _followed(A_m, found.B)
+    speed = float(np.abs(np.linalg.eigvals(A_m)).max())
+    slow = float(np.abs(np.linalg.eigvals(A_m)).min())
+    amplitude = float(f"{np.ptp(found.recording.outputs[:, followed]) / 4 or 1.0:.2g}")
+    n = len(names)
+    A = "\n".join(f"  [{', '.join(row[:n])}]," for row in entries)
+    columns = [f"[{', '.join(row[n:])}]" for row in entries]
+    single = found.B.shape[1] == 1
+    b = ", ".join(column.strip("[]") if single else column for column in columns)
+    asked = f"follow = {json.dumps(_label(names[followed]))}" if single else f"k_0 = {np.eye(found.B.shape[1]).tolist()}"
+    labels = json.dumps([_label(name) for name in names])
+    return f"""{_heading(found, source)}
+[parameters]
+{parameters}
+[plant]
+A = [
+{A}
+]
+b = [{b}]
+
+[labels]
+names = {labels}
+
+# From here on the file is a beginning, for you to change: model, command, controllers.
+[reference_model]
+poles = {json.dumps(model)}
+{asked}
+
+[reference]
+kind = "square"
+amplitude = {amplitude}
+frequency = {float(f"{slow / 3:.2g}")}
+
+[simulation]
+t_end = {float(f"{PERIODS * 6 * math.pi / slow:.2g}")}
+dt = {float(f"{1 / (STEPS * speed):.1g}")}
+
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 1.0
+"""
+
+
+def _heading(found: Identification, source: str) -> str:
+    """What the ranges are, what they rest on, what the data did not show; and the name."""
+    every, intervals = "every plant that explains the data lies within these ranges", f"{CONFIDENCE:.0%} confidence intervals"
+    lines = [f"Identified by `barbalat identify` from {_one_line(source)}: {every if found.guaranteed else intervals}."]
+    if found.noise is not None and found.slope is not None:
+        lines.append("They rest on these bounds of the measurements' error and of the motion's slope:")
+        lines += [f"  {_one_line(name)}: {found.noise[name]!r} and {found.slope[name]!r}" for name in found.noise]
+    lines += found.findings
+    return (
+        "".join(f"# {_one_line(line) if line[0] != ' ' else line}\n" for line in lines)
+        + f"name = {json.dumps(f'Identified from {_one_line(source)}')}\n"
+    )
+
+
+def _parameters(found: Identification, ranges: Array) -> tuple[str, list[list[str]]]:
+    """The table of parameters, and the entries of A and B by rows, as they stand in a case file."""
+    lines: list[str] = []
+    entries: list[list[str]] = []
+    for i, row in enumerate(found.rows):
+        entries.append([])
+        for j, value in enumerate(row.nominal):
+            low, high = ranges[i, j]
+            if low == high:
+                entries[-1].append(repr(float(value)))
+                continue
+            n = len(found.rows)
+            name = f"a_{i + 1}_{j + 1}" if j < n else f"b_{i + 1}_{j - n + 1}"
+            lines.append(f"{name} = {{ value = {float(value)!r}, between = [{float(low)!r}, {float(high)!r}] }}\n")
+            entries[-1].append(json.dumps(name))
+    return "".join(lines), entries
+
+
+def _model(found: Identification) -> tuple[list[float], Array]:
+    """Real poles as fast as the plant's fastest, and A_m."""
+    fastest = float(np.abs(np.linalg.eigvals(found.A)).max()) or 1.0
+    poles = [-float(f"{fastest * (1 + SPREAD * k):.3g}") for k in range(len(found.rows))]
+    b = found.B[:, 0] if found.B.shape[1] == 1 else found.B
+    return poles, place(found.A, b, poles)
+
+
+def _followed(A_m: Array, B: Array) -> int:
+    """The first state that a constant command moves."""
+    gains = np.abs(np.linalg.solve(A_m, B)).max(axis=1)
+    return int(np.argmax(gains > AT_REST * gains.max()))
+
+
+def _label(name: str) -> str:
+    """As a label in a case file."""
+    return re.sub(r"\W+", "_", name).strip("_") or "x"
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

@@ -1,0 +1,368 @@
+"""The plant x' = A x + B u that a recording shows: least squares, the set that contains every explanation, held-out evidence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from barbalat import budget, validate
+from barbalat.budget import Estimate
+from barbalat.identify.known_set import EPS, Enclosure, Windows, enclose
+from barbalat.identify.recording import Recording, read_csv
+from barbalat.linear.zero_order_hold import HeldSystem
+from barbalat.validate import Array, InputError
+
+DEFAULT_HELD_OUT = 0.25
+CONFIDENCE = 0.95
+MOST_WINDOWS = 400
+"""Of each length: more of them hardly narrow the set, and the programmes grow with them."""
+LEAST_ROWS = 4
+"""Of least squares, for each coefficient."""
+WINDOW = Estimate(memory=2e3, seconds=2e-4)
+"""Of a window and a linear programme's share of it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """What is known of one state's row: its coefficients are those of the states, then of the inputs.
+
+    estimate, interval (p,), (p, 2)  of least squares, with the confidence of ``CONFIDENCE``; None of a row that was given
+    nominal (p,)                     least squares where it lies in the set, or else the set's middle
+    enclosure                        contains every row that explains the data; None without noise bounds
+    unexcited                        directions of coefficients, (p,) each, that the data do not tell apart
+    """
+
+    state: str
+    nominal: Array
+    estimate: Array | None = None
+    interval: Array | None = None
+    enclosure: Enclosure | None = None
+    unexcited: tuple[Array, ...] = ()
+    seconds: float = 0.0
+
+    @property
+    def ranges(self) -> Array:
+        """(p, 2): the set's box, or else the confidence intervals; a given row's are points."""
+        if self.enclosure is not None:
+            return np.column_stack([self.enclosure.lower, self.enclosure.upper])
+        return np.column_stack([self.nominal] * 2) if self.interval is None else self.interval
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """The result of ``identify``; ``case_text`` writes it as a case file.
+
+    fit         by states, of the held-out samples: 1 - |y - simulated| / |y - mean|, the nominal plant simulated from their
+                start; None where it ran away
+    predicted   (N, n), the nominal plant's states over the held-out samples
+    held_factor by states: by how much the error bounds would have to grow for the nominal plant to explain the held-out windows
+    """
+
+    recording: Recording
+    rows: tuple[Row, ...]
+    noise: Mapping[str, float] | None
+    slope: Mapping[str, float] | None
+    trained: int
+    predicted: Array
+    fit: Mapping[str, float | None]
+    held_factor: Mapping[str, float] | None
+
+    @property
+    def A(self) -> Array:
+        """(n, n), nominal."""
+        return np.array([row.nominal[: len(self.rows)] for row in self.rows])
+
+    @property
+    def B(self) -> Array:
+        """(n, m), nominal."""
+        return np.array([row.nominal[len(self.rows) :] for row in self.rows])
+
+    @property
+    def guaranteed(self) -> bool:
+        """Whether the ranges contain every plant that explains the data: there are error bounds, and the set is bounded."""
+        return self.noise is not None and all(np.isfinite(row.ranges).all() for row in self.rows)
+
+    @property
+    def coefficient_names(self) -> tuple[str, ...]:
+        return (*self.recording.output_names, *self.recording.input_names)
+
+    @property
+    def findings(self) -> list[str]:
+        """What is to be known before the numbers are used."""
+        said = []
+        for row in self.rows:
+            for direction in row.unexcited:
+                terms = [
+                    f"{value:+.2g} {name}"
+                    for value, name in zip(direction, self.coefficient_names, strict=True)
+                    if abs(value) > 0.05
+                ]
+                said.append(
+                    f"the data do not excite {' '.join(terms)} in the row of {row.state}': that combination stays within its "
+                    "error in every window, so that no bound of it follows; excite it, or give bounds by within"
+                )
+            if row.enclosure is not None and not row.enclosure.exact:
+                said.append(f"the set of {row.state}' is a convex outer set: more noisy regressors than are searched by orthants")
+        for name, factor in (self.held_factor or {}).items():
+            if factor > 1:
+                said.append(
+                    f"the nominal row of {name}' explains the held-out samples only with error bounds {factor:.3g} times larger"
+                )
+        if self.noise is None:
+            said.append(
+                f"no noise bound was given: the ranges are {CONFIDENCE:.0%} confidence intervals, which guarantee nothing"
+            )
+        return said
+
+    def as_json(self) -> dict[str, Any]:
+        """The document of ``identify --json``."""
+        rows = {}
+        for row in self.rows:
+            ranges = [[None if not np.isfinite(v) else float(v) for v in pair] for pair in row.ranges]
+            rows[row.state] = {
+                "nominal": dict(zip(self.coefficient_names, map(float, row.nominal), strict=True)),
+                "known_set": dict(zip(self.coefficient_names, ranges, strict=True)) if self.noise is not None else None,
+                "least_squares": None
+                if row.estimate is None or row.interval is None
+                else {
+                    name: {"value": float(value), "interval": [float(v) for v in pair], "confidence": CONFIDENCE}
+                    for name, value, pair in zip(self.coefficient_names, row.estimate, row.interval, strict=True)
+                },
+                "exact_set": None if row.enclosure is None else row.enclosure.exact,
+                "given": row.estimate is None,
+            }
+        return {
+            "samples": len(self.recording.times), "trained": self.trained, "rows": rows, "guaranteed": self.guaranteed,
+            "noise": self.noise and dict(self.noise), "slope": self.slope and dict(self.slope),
+            "held_out": {"fit": dict(self.fit), "error_factor": self.held_factor and dict(self.held_factor)},
+            "findings": self.findings,
+        }  # fmt: skip
+
+
+def identify(
+    data: str | Path | Recording,
+    inputs: Sequence[str] = (),
+    outputs: Sequence[str] = (),
+    *,
+    time: str | None = None,
+    noise: Mapping[str, float] | None = None,
+    slope: Mapping[str, float] | None = None,
+    derivatives: Mapping[str, str] | None = None,
+    within: Mapping[tuple[str, str], tuple[float, float]] | None = None,
+    held_out: float = DEFAULT_HELD_OUT,
+) -> Identification:
+    """Identify x' = A x + B u from samples of all states x, with inputs held from sample to sample.
+
+    data         a CSV file with a line of names, of which ``inputs``, ``outputs`` and ``time`` name columns, or a Recording
+    noise        by outputs: a bound of the measurement's error. With ``slope`` the set of all that explains the data follows
+    slope        by outputs: a bound of |x'| over the recording [unit/s]; it bounds what the trapezoidal rule leaves out
+    derivatives  by outputs: the output that is its derivative, exactly; that row is not identified
+    within       by (state, name): bounds known beforehand of the coefficient of ``name`` in the row of ``state``
+    held_out     share of the samples, the last ones, that the plant is only tried on
+
+    The set's bounds are guaranteed for the stated noise and slope, inputs that are known and held, and a linear plant without
+    disturbance. Raises InputError for wrong data, and where no plant explains them within the bounds.
+    """
+    recording = data if isinstance(data, Recording) else read_csv(data, inputs, outputs, time)
+    names = recording.output_names
+    noise, slope = _bounds("noise", noise, names), _bounds("slope", slope, names)
+    if (noise is None) != (slope is None):
+        given, lacking = ("noise", "slope") if slope is None else ("slope", "noise")
+        raise InputError.of(lacking, f"is needed beside {given}: the known set rests on both")
+    share = validate.number("held_out", held_out)
+    if not 0 <= share <= 0.9:
+        raise InputError.of("held_out", f"must be from 0 to 0.9, got {share:g}")
+    p = len(names) + len(recording.input_names)
+    trained = len(recording.times) - int(share * len(recording.times))
+    if trained - 1 < LEAST_ROWS * p:
+        raise InputError(f"{trained} samples are too few for {p} coefficients in a row: give at least {LEAST_ROWS * p + 1}")
+    train = recording.part(0, trained)
+    if noise is not None and slope is not None:
+        _require_slopes(recording, noise, slope)
+    _require_affordable(len(names), p)
+    fixed = _given_rows(derivatives or {}, names, p)
+    limits = _within(within or {}, recording)
+    rows = tuple(_row(train, i, noise, slope, fixed.get(name), limits.get(name)) for i, name in enumerate(names))
+    return _validated(recording, rows, noise, slope, trained)
+
+
+def _row(train: Recording, i: int, noise: Any, slope: Any, fixed: Array | None, limits: Array | None) -> Row:
+    name = train.output_names[i]
+    every = None if noise is None else windows_of(train, i, noise, slope)
+    if fixed is not None:
+        if every is not None and not every.explained_by(fixed).all():
+            raise InputError(
+                f"derivatives: the data contradict the given row of {name}'; it explains them only with error bounds "
+                f"{every.factor(fixed):.3g} times larger"
+            )
+        return Row(name, fixed)
+    estimate, interval, regressors = _least_squares(train, i)
+    if every is None:
+        return Row(name, estimate, estimate, interval, None, _blind(regressors))
+    enclosure = enclose(every, limits)
+    if enclosure.empty:
+        raise InputError(
+            f"no row of {name}' explains the data within the bounds of noise and slope; that of least squares needs them "
+            f"{every.factor(estimate):.3g} times larger"
+        )
+    inside = ((enclosure.lower <= estimate) & (estimate <= enclosure.upper)).all()
+    bounded = np.isfinite(enclosure.lower) & np.isfinite(enclosure.upper)
+    middle = estimate.copy()
+    middle[bounded] = enclosure.lower[bounded] / 2 + enclosure.upper[bounded] / 2
+    return Row(name, estimate if inside else middle, estimate, interval, enclosure, _unexcited(every, bounded))
+
+
+def windows_of(recording: Recording, i: int, noise: Mapping[str, float], slope: Mapping[str, float]) -> Windows:
+    """Windows of 1, 2, 4, ... steps of the row of state i, with their errors."""
+    names = recording.output_names
+    nu, L = (np.array([bounds[name] for name in names]) for bounds in (noise, slope))
+    t, x, u = recording.times, recording.outputs, recording.inputs
+    h = np.diff(t)[:, None]
+    terms = np.column_stack([h * (x[:-1] / 2 + x[1:] / 2), h * u[:-1]])
+    errors = np.column_stack([h * nu + L * h**2 / 4, np.zeros_like(u[:-1])])
+    sums, error_sums = (np.vstack([np.zeros(part.shape[1]), np.cumsum(part, axis=0)]) for part in (terms, errors))
+    N = len(h)
+    size = np.abs(np.column_stack([x, u])).max(axis=0)
+    rounding = (N + 16) * EPS * (np.abs(terms) + errors).sum(axis=0) + 4 * EPS * float(np.abs(t).max()) * N * size
+    left, Q, Q_error = [], [], []
+    for steps in _lengths(N):
+        start = np.unique(np.linspace(0, N - steps, min(MOST_WINDOWS, N - steps + 1)).astype(int))
+        left.append(x[start + steps, i] - x[start, i])
+        Q.append(sums[start + steps] - sums[start])
+        Q_error.append(error_sums[start + steps] - error_sums[start] + rounding)
+    whole = np.concatenate(left)
+    left_error = np.full(len(whole), 2 * nu[i] * (1 + 4 * EPS) + 4 * EPS * float(np.abs(x[:, i]).max()))
+    return Windows(whole, np.vstack(Q), left_error, np.vstack(Q_error))
+
+
+def _lengths(steps: int) -> list[int]:
+    return [2**k for k in range(max(steps // 2, 1).bit_length())]
+
+
+def _least_squares(train: Recording, i: int) -> tuple[Array, Array, Array]:
+    """Coefficients, their intervals, and the regressors, over windows side by side of the length with the narrowest intervals."""
+    t, x, u = train.times, train.outputs, train.inputs
+    h = np.diff(t)[:, None]
+    terms = np.column_stack([h * (x[:-1] + x[1:]) / 2, h * u[:-1]])
+    sums = np.vstack([np.zeros(terms.shape[1]), np.cumsum(terms, axis=0)])
+    p, best = terms.shape[1], None
+    for steps in _lengths(len(h)):
+        ends = np.arange(0, len(t), steps)
+        Q, left = np.diff(sums[ends], axis=0), np.diff(x[ends, i])
+        if len(Q) < LEAST_ROWS * p:
+            break
+        a = np.linalg.lstsq(Q, left, rcond=None)[0]
+        variance = float(np.sum((left - Q @ a) ** 2)) / (len(Q) - p)
+        spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(Q.T @ Q)), 0.0) * variance)
+        width = float(np.linalg.norm(spread * np.abs(np.column_stack([x, u])).max(axis=0)))
+        if best is None or width < best[0]:
+            reach = stats.t.ppf(0.5 + CONFIDENCE / 2, len(Q) - p) * spread
+            best = (width, a, np.column_stack([a - reach, a + reach]), Q)
+    assert best is not None  # a window of one step has rows enough: see identify
+    return best[1:]
+
+
+def _blind(Q: Array) -> tuple[Array, ...]:
+    """Directions in which the regressors do not move at all, to rounding."""
+    size = np.maximum(np.abs(Q).max(axis=0), 1e-300)
+    _, values, directions = np.linalg.svd(Q / size, full_matrices=False)
+    return tuple(
+        row / size / np.abs(row / size).max() for value, row in zip(values, directions, strict=True) if value <= 1e-10 * values[0]
+    )
+
+
+def _unexcited(windows: Windows, bounded: Array) -> tuple[Array, ...]:
+    """Directions whose regressor stays within its error in every window; asked for where the set is unbounded."""
+    if bounded.all():
+        return ()
+    size = np.maximum(np.abs(windows.Q).max(axis=0), 1e-300)
+    _, _, directions = np.linalg.svd(windows.Q / size, full_matrices=False)
+    found = [row / size / np.abs(row / size).max() for row in directions]
+    blind = [row for row in found if (np.abs(windows.Q @ row) <= windows.Q_error @ np.abs(row) + EPS).all()]
+    return tuple(blind or [found[-1]])
+
+
+def _validated(recording: Recording, rows: tuple[Row, ...], noise: Any, slope: Any, trained: int) -> Identification:
+    """With what the nominal plant is worth on the held-out samples."""
+    names, n = recording.output_names, len(rows)
+    rest = recording.part(trained, len(recording.times)) if len(recording.times) - trained >= 8 else recording
+    A, B = np.array([row.nominal[:n] for row in rows]), np.array([row.nominal[n:] for row in rows])
+    x = [rest.outputs[0]]
+    with np.errstate(all="ignore"):
+        for h, u in zip(np.diff(rest.times), rest.inputs[:-1], strict=True):
+            x.append(HeldSystem.of(A, B, float(h)).following(x[-1], u))
+        predicted = np.array(x)
+        spread = np.linalg.norm(rest.outputs - rest.outputs.mean(axis=0), axis=0)
+        missed = np.linalg.norm(rest.outputs - predicted, axis=0)
+    told = [float(1 - m / s) if s > 0 and np.isfinite(m) else None for m, s in zip(missed, spread, strict=True)]
+    fit = dict(zip(names, told, strict=True))
+    factor = None
+    if noise is not None:
+        factor = {row.state: windows_of(rest, i, noise, slope).factor(row.nominal) for i, row in enumerate(rows)}
+    return Identification(recording, rows, noise, slope, trained, predicted, fit, factor)
+
+
+def _bounds(field: str, given: Mapping[str, float] | None, names: Sequence[str]) -> dict[str, float] | None:
+    """A positive number for each output."""
+    if given is None:
+        return None
+    if unknown := [name for name in given if name not in names]:
+        raise InputError.of(field, f"names {validate.show(unknown[0])}, which is no output{validate.hint(unknown[0], names)}")
+    found = {}
+    for name in names:
+        if name not in given:
+            raise InputError.of(field, f"must have a bound for every output, and has none for {validate.show(name)}")
+        found[name] = validate.number(f"{field} of {name}", given[name])
+        if found[name] < 0 or (field == "slope" and found[name] == 0):
+            raise InputError.of(f"{field} of {name}", f"must be positive, got {found[name]:g}")
+    return found
+
+
+def _require_slopes(recording: Recording, noise: Mapping[str, float], slope: Mapping[str, float]) -> None:
+    """InputError where two samples are further apart than noise and slope allow."""
+    for i, name in enumerate(recording.output_names):
+        moved, h = np.abs(np.diff(recording.outputs[:, i])), np.diff(recording.times)
+        allowed = (slope[name] * h + 2 * noise[name]) * (1 + 1e-9) + 1e-12 * np.abs(recording.outputs[:-1, i])
+        if (moved > allowed).any():
+            k = int(np.argmax(moved - allowed))
+            least, at = (moved[k] - 2 * noise[name]) / h[k], f"at t = {recording.times[k]:g} s"
+            raise InputError.of(
+                f"slope of {name}",
+                f"is {slope[name]:g}, but with its noise the data move at least {least:.4g} per second {at}",
+            )
+
+
+def _given_rows(derivatives: Mapping[str, str], names: Sequence[str], p: int) -> dict[str, Array]:
+    rows = {}
+    for state, rate in derivatives.items():
+        for name in (state, rate):
+            if name not in names:
+                raise InputError.of("derivatives", f"names {validate.show(name)}, which is no output{validate.hint(name, names)}")
+        rows[state] = np.zeros(p)
+        rows[state][list(names).index(rate)] = 1.0
+    return rows
+
+
+def _within(given: Mapping[tuple[str, str], tuple[float, float]], recording: Recording) -> dict[str, Array]:
+    names = (*recording.output_names, *recording.input_names)
+    found: dict[str, Array] = {}
+    for (state, name), ends in given.items():
+        if state not in recording.output_names or name not in names:
+            raise InputError.of("within", f"names {validate.show(f'{state}.{name}')}, which is no coefficient")
+        low, high = validate.vector(f"within of {state}.{name}", ends, 2)
+        if low > high:
+            raise InputError.of(f"within of {state}.{name}", f"must begin with its lower end, got {low:g} and {high:g}")
+        rows = found.setdefault(state, np.column_stack([np.full(len(names), -np.inf), np.full(len(names), np.inf)]))
+        rows[names.index(name)] = low, high
+    return found
+
+
+def _require_affordable(n: int, p: int) -> None:
+    """InputError where the programmes of so many states are beyond the budget."""
+    each = 2.0 ** min(n, 6) * (2 * p + 1) * n * MOST_WINDOWS * 8
+    budget.require("outputs", n, lambda count: WINDOW.times(each * count / n / 50), what="identifying so many states")

@@ -1,0 +1,245 @@
+"""Set membership: every row of coefficients that explains the data within bounds of their errors, enclosed by linear programmes.
+
+Over a window of samples the plant x' = A x + B u with held inputs says, row by row,
+
+    x_i(end) - x_i(start) = sum_j A_ij (integral of x_j) + sum_l B_il (integral of u_l).
+
+What is known of both sides are the measurements: |y - x| <= nu makes the left side known to 2 nu_i, and the trapezoidal sum of
+y_j is the integral of x_j to E_j = sum over the steps of h nu_j + L_j h^2 / 4, the second from |x_j'| <= L_j. A row a explains a
+window if
+
+    |dy - Q a| <= 2 nu_i + sum_j E_j |a_j|,
+
+which is exact for errors anywhere in their box. That set is not convex, but it is a polyhedron in each orthant of the
+coefficients whose regressors have an error: linear programmes give its extreme values there. Beyond ``MOST_ORTHANTS`` such
+coefficients |a_j| is replaced by its chord over an interval that contains a_j, which gives a convex set that contains the exact
+one.
+
+Every bound is one of weak duality, rounded outward: what the solver returns are multipliers, which need not be right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from scipy.optimize import linprog
+
+from barbalat.validate import Array, InputError
+
+MOST_ORTHANTS = 6
+"""Coefficients of noisy regressors up to which the set is searched orthant by orthant: 2^6 of them."""
+EPS = float(np.finfo(float).eps)
+SLACK = 1e-9
+"""Of a window's error bound: programmes are solved a little wider than they are, so that rounding leaves them feasible."""
+CHORD_PASSES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class Windows:
+    """What is known of windows of the data, for one row: |left - Q a| <= left_error + Q_error |a|.
+
+    left (K,), Q (K, p), left_error (K,), Q_error (K, p), all errors at least what they are with rounding
+    """
+
+    left: Array
+    Q: Array
+    left_error: Array
+    Q_error: Array
+
+    @property
+    def noisy(self) -> Array:
+        """(p,) which coefficients multiply a regressor with an error of more than rounding."""
+        return (self.Q_error > 1e-9 * np.abs(self.Q).max(axis=0, initial=0.0)).any(axis=0)
+
+    def explained_by(self, a: Array) -> Array:
+        """(K,) whether a row explains each window."""
+        return np.abs(self.left - self.Q @ a) <= self.left_error + self.Q_error @ np.abs(a)
+
+    def factor(self, a: Array) -> float:
+        """By how much the error bounds would have to be multiplied for a row to explain all windows."""
+        return float((np.abs(self.left - self.Q @ a) / (self.left_error + self.Q_error @ np.abs(a))).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Enclosure:
+    """lower, upper (p,): contain every row that explains the windows; infinite where none is bounded.
+
+    exact    whether the orthants were searched, so that only the correlation of the coefficients is lost
+    empty    proven: no row explains the windows
+    """
+
+    lower: Array
+    upper: Array
+    exact: bool
+    empty: bool = False
+
+
+def enclose(windows: Windows, within: Array | None = None) -> Enclosure:
+    """Bounds of every coefficient over all rows that explain the windows.
+
+    within  (p, 2), bounds known beforehand, infinite where there is none
+    """
+    p = windows.Q.shape[1]
+    prior = np.column_stack([np.full(p, -np.inf), np.full(p, np.inf)]) if within is None else np.array(within, dtype=float)
+    scale = 2.0 ** np.round(np.log2(np.maximum(np.abs(windows.Q).max(axis=0), 1e-300)))  # powers of two: no rounding
+    scaled = Windows(windows.left, windows.Q / scale, windows.left_error, windows.Q_error / scale)
+    bounds = prior * scale[:, None]
+    exact = int(windows.noisy.sum()) <= MOST_ORTHANTS
+    found = _by_orthants(scaled, bounds) if exact else _by_chords(scaled, bounds)
+    if found is None:
+        return Enclosure(np.full(p, np.inf), np.full(p, -np.inf), exact, empty=True)
+    return Enclosure(found[:, 0] / scale, found[:, 1] / scale, exact)
+
+
+def _by_orthants(windows: Windows, prior: Array) -> Array | None:
+    """The hull over the orthants of the noisy coefficients; None where all are proven empty."""
+    noisy = np.flatnonzero(windows.noisy)
+    hull = None
+    for signs in product((-1.0, 1.0), repeat=len(noisy)):
+        bounds = prior.copy()
+        for j, sign in zip(noisy, signs, strict=True):
+            bounds[j] = (max(bounds[j, 0], 0.0), bounds[j, 1]) if sign > 0 else (bounds[j, 0], min(bounds[j, 1], 0.0))
+        if (bounds[:, 0] > bounds[:, 1]).any():
+            continue
+        slope, offset = np.zeros(len(prior)), np.zeros(len(prior))
+        slope[noisy] = signs
+        found = _polyhedron(windows, bounds, slope, offset)
+        if found is not None:
+            hull = (
+                found
+                if hull is None
+                else np.column_stack([np.minimum(hull[:, 0], found[:, 0]), np.maximum(hull[:, 1], found[:, 1])])
+            )
+    return hull
+
+
+def _by_chords(windows: Windows, prior: Array) -> Array | None:
+    """The convex outer set, from a first box that the data or ``within`` give."""
+    bounds = prior.copy()
+    if not np.isfinite(bounds[windows.noisy]).all():
+        first = _first_box(windows)
+        bounds = np.column_stack([np.maximum(bounds[:, 0], -first), np.minimum(bounds[:, 1], first)])
+    for _ in range(CHORD_PASSES):
+        lower, upper = bounds.T
+        width = upper - lower
+        finite = np.isfinite(width) & (width > 0) & windows.noisy
+        slope, offset = np.zeros(len(bounds)), np.zeros(len(bounds))
+        slope[finite] = (np.abs(upper[finite]) - np.abs(lower[finite])) / width[finite]
+        ends = np.maximum(
+            np.abs(lower[finite]) - slope[finite] * lower[finite], np.abs(upper[finite]) - slope[finite] * upper[finite]
+        )
+        offset[finite] = ends + 4 * EPS * (np.abs(lower[finite]) + np.abs(upper[finite]))
+        point = windows.noisy & (width == 0)
+        offset[point] = np.abs(upper[point])
+        found = _polyhedron(windows, bounds, slope, offset)
+        if found is None:
+            return None
+        bounds = np.column_stack([np.maximum(bounds[:, 0], found[:, 0]), np.minimum(bounds[:, 1], found[:, 1])])
+    return bounds
+
+
+def _first_box(windows: Windows) -> Array:
+    """|a| <= box for every row that explains the windows, from a left inverse M: |a| <= |M left| + |M| (errors + Q_error |a|)."""
+    M = np.linalg.pinv(windows.Q)
+    p = windows.Q.shape[1]
+    rest = np.abs(np.eye(p) - M @ windows.Q) + 8 * EPS * len(M.T) * (np.abs(M) @ np.abs(windows.Q))  # M is no inverse exactly
+    beta = (np.abs(M @ windows.left) + np.abs(M) @ (windows.left_error + 8 * EPS * len(M.T) * np.abs(windows.left))) * (1 + 1e-9)
+    box = _self_bounded(beta, rest + np.abs(M) @ windows.Q_error * (1 + 1e-9))
+    if box is None:
+        raise InputError(
+            f"more than {MOST_ORTHANTS} noisy regressors whose errors are too large to bound the plant from data alone; "
+            "give bounds of its coefficients by within"
+        )
+    return box
+
+
+def _self_bounded(beta: Array, R: Array) -> Array | None:
+    """A box with |a| <= box for every a with |a| <= beta + R |a|; None where the spectral radius of R is not proven below 1."""
+    with np.errstate(all="ignore"):
+        box = np.linalg.solve(np.eye(len(beta)) - R, beta + 1e-300) * (1 + 1e-9) if np.isfinite(R).all() else beta
+    if not np.isfinite(box).all() or not (box > 0).all():
+        return None
+    # box > beta + R box proves that R's spectral radius is below 1, and with it that no larger |a| is possible
+    return box if (box * (1 - 1e-12) >= (beta + R @ box) * (1 + 1e-12)).all() else None
+
+
+def _polyhedron(windows: Windows, bounds: Array, slope: Array, offset: Array) -> Array | None:
+    """(p, 2) bounds of {a within bounds: |left - Q a| <= left_error + Q_error (slope a + offset)}; None where proven empty.
+
+    For coefficients that are not noisy |a| is bounded as |Q_error| is rounding: it is covered by the slack, which is far larger.
+    """
+    noisy = windows.noisy
+    E = np.where(noisy, windows.Q_error, 0.0)
+    right = windows.left_error + E @ offset
+    G = np.vstack([-windows.Q - E * slope, windows.Q - E * slope])
+    g = np.concatenate([right - windows.left, right + windows.left])
+    g = g + SLACK * np.concatenate([right, right]) + 16 * EPS * (np.abs(np.concatenate([windows.left] * 2)) + np.abs(g))
+    G_error = 8 * EPS * np.vstack([np.abs(windows.Q) + E] * 2) + np.vstack([np.where(noisy, 0.0, windows.Q_error)] * 2)
+    G, g, G_error = _with_bounds(G, g, G_error, bounds)
+    p = len(bounds)
+    free = [(None, None)] * p
+    most_violated = np.column_stack([G, -np.ones(len(G))])
+    least = linprog(np.append(np.zeros(p), 1.0), A_ub=most_violated, b_ub=g, bounds=[*free, (-1.0, None)], method="highs")
+    needed = max(0.0, float(least.x[-1])) if least.x is not None else 0.0
+    relaxed = g + needed * (1 + 1e-9) + (1e-12 * np.abs(g).max() if needed else 0.0)
+    programmes = _dual_bounds(G, relaxed, G_error)
+    if programmes is None:
+        return np.where(np.isfinite(bounds), bounds, [-np.inf, np.inf])
+    box, found = programmes
+    if needed and _proven_empty(G, g, G_error, -np.asarray(least.ineqlin.marginals), box):
+        return None
+    return np.column_stack([np.maximum(found[:, 0], bounds[:, 0]), np.minimum(found[:, 1], bounds[:, 1])])
+
+
+def _with_bounds(G: Array, g: Array, G_error: Array, bounds: Array) -> tuple[Array, Array, Array]:
+    """The bounds of the coefficients as rows, which are exact."""
+    unit = np.eye(len(bounds))
+    low, high = np.isfinite(bounds).T
+    rows = np.vstack([-unit[low], unit[high]])
+    return (
+        np.vstack([G, rows]),
+        np.concatenate([g, -bounds[low, 0], bounds[high, 1]]),
+        np.vstack([G_error, np.zeros_like(rows)]),
+    )
+
+
+def _dual_bounds(G: Array, g: Array, G_error: Array) -> tuple[Array, Array] | None:
+    """Bounds of {a: G a <= g} from multipliers, which need not be right: a box (p,) of |a|, and (p, 2); None if not bounded.
+
+    For y >= 0, c'a <= y'g + (c - G'y)'a. With c = e_j and -e_j for all j, |a| <= beta + R |a| with R of the size of rounding.
+    """
+    p = G.shape[1]
+    values, rests = np.zeros((p, 2)), np.zeros((p, 2, p))
+    for j, (k, sign) in product(range(p), enumerate((-1.0, 1.0))):
+        c = np.zeros(p)
+        c[j] = sign
+        solved = linprog(-c, A_ub=G, b_ub=g, bounds=[(None, None)] * p, method="highs")
+        if solved.status != 0:
+            return None
+        y = np.maximum(-np.asarray(solved.ineqlin.marginals), 0.0)
+        values[j, k], rests[j, k] = _weak_dual(c, y, G, g, G_error)
+    beta = np.maximum(values.max(axis=1), 0.0)
+    box = _self_bounded(beta + 1e-12 * beta.max(initial=1e-300), rests.max(axis=1))
+    if box is None:
+        return None
+    reach = values + rests @ box * (1 + 1e-12)
+    reach = reach + 8 * EPS * np.abs(reach)
+    return box, np.column_stack([-reach[:, 0], reach[:, 1]])
+
+
+def _weak_dual(c: Array, y: Array, G: Array, g: Array, G_error: Array) -> tuple[float, Array]:
+    """An upper bound of y'g, and of |c - G'y| by entries."""
+    used = y > 0
+    y, G, g, G_error = y[used], G[used], g[used], G_error[used]
+    gamma = (len(y) + 4) * EPS
+    value = float(y @ g + gamma * (y @ np.abs(g)))
+    rest = np.abs(c - y @ G) + gamma * (np.abs(c) + y @ np.abs(G)) + (y @ G_error) * (1 + gamma)
+    return value, rest
+
+
+def _proven_empty(G: Array, g: Array, G_error: Array, y: Array, box: Array) -> bool:
+    """Whether 0 <= y'(g - G a) is impossible for every a in the box, by y'g + |G'y| box < 0."""
+    value, rest = _weak_dual(np.zeros(len(box)), np.maximum(y, 0.0), G, g, G_error)
+    return value + float(rest @ box) * (1 + 1e-12) < 0.0

@@ -1,0 +1,99 @@
+"""A recording to identify from: times, held inputs and measured states, read from a CSV file."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.budget import Estimate
+from barbalat.reading import contents
+from barbalat.validate import Array, InputError
+
+TEXT_BYTE = Estimate(memory=40.0, seconds=2e-7)
+"""A byte of a CSV file: its text, its cells, its numbers."""
+LEAST_SAMPLES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """times (N,) [s], increasing; inputs (N, m), each held until the next time; outputs (N, n), the measured states."""
+
+    times: Array
+    inputs: Array
+    outputs: Array
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        times = validate.vector("times", self.times)
+        N = len(times)
+        validate.freeze(
+            self,
+            times=times,
+            inputs=validate.array("inputs", self.inputs, (N, len(self.input_names))),
+            outputs=validate.array("outputs", self.outputs, (N, len(self.output_names))),
+        )
+        late = np.flatnonzero(np.diff(times) <= 0)
+        if len(late):
+            i = int(late[0])
+            raise InputError.of("times", f"must be increasing, but sample {i + 2} is at {times[i + 1]:g} after {times[i]:g}")
+        if N < LEAST_SAMPLES:
+            raise InputError.of("times", f"must be at least {LEAST_SAMPLES}, got {N}")
+
+    def part(self, start: int, stop: int) -> Recording:
+        """The samples from ``start`` to ``stop``."""
+        cut = slice(start, stop)
+        return Recording(self.times[cut], self.inputs[cut], self.outputs[cut], self.input_names, self.output_names)
+
+
+def read_csv(file: str | Path, inputs: Sequence[str], outputs: Sequence[str], time: str | None = None) -> Recording:
+    """The columns of these names; the time is the column ``time``, by default t or time.
+
+    Raises InputError that names the file and the column or line.
+    """
+    path = validate.local_path("the data file", file)
+    try:
+        text = contents(path, "the data file", TEXT_BYTE).decode("utf-8-sig")
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "it is not a text file"
+        raise InputError(f"the data file {validate.show(str(path))} cannot be read: {reason}") from None
+    rows = list(csv.reader(text.splitlines()))
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    _require_names(inputs, outputs)
+    if time is None:
+        time = next((name for name in header if name.lower() in ("t", "time")), "t")
+    names = [time, *inputs, *outputs]
+    for name in names:
+        if header.count(name) != 1:
+            found = "twice" if name in header else f"not in its first line{validate.hint(name, header)}"
+            raise InputError(f"{path}: the column {validate.show(name)} is {found}")
+    places = [header.index(name) for name in names]
+    data = np.array([_numbers(path, i, row, places) for i, row in enumerate(rows[1:], start=2) if any(row)])
+    if not len(data):
+        raise InputError(f"{path} has no rows of numbers below its first line")
+    m = len(inputs)
+    return Recording(data[:, 0], data[:, 1 : 1 + m], data[:, 1 + m :], tuple(inputs), tuple(outputs))
+
+
+def _require_names(inputs: Sequence[str], outputs: Sequence[str]) -> None:
+    if not inputs or not outputs:
+        raise InputError(f"{'inputs' if not inputs else 'outputs'} must name at least one column")
+    both = [*inputs, *outputs]
+    if twice := [name for name in both if both.count(name) > 1]:
+        raise InputError(f"inputs and outputs must be different columns, got {validate.show(twice[0])} twice")
+
+
+def _numbers(path: Path, line: int, row: Sequence[str], places: Sequence[int]) -> list[float]:
+    try:
+        return [float(row[place]) for place in places]
+    except (ValueError, IndexError):
+        raise InputError(
+            f"{path}, line {line}: expected numbers in all named columns, got {validate.show(','.join(row))}"
+        ) from None

@@ -1,0 +1,41 @@
+"""An identification on the screen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from barbalat.identify.identification import CONFIDENCE, Identification
+from barbalat.pictures.symbols import number_text
+from barbalat.report.terminal.layout import Screen
+
+
+def rows(found: Identification) -> list[list[str]]:
+    """State, coefficient, nominal value, interval of least squares, known set."""
+    told = []
+    for row in found.rows:
+        for j, name in enumerate(found.coefficient_names):
+            interval = "given" if row.interval is None else _interval(*row.interval[j])
+            known = "" if row.enclosure is None else _interval(row.enclosure.lower[j], row.enclosure.upper[j])
+            told.append([f"{row.state}'", name, number_text(float(row.nominal[j])), interval, known])
+    return told
+
+
+def _interval(low: float, high: float) -> str:
+    return f"{low:.6g} to {high:.6g}" if np.isfinite([low, high]).all() else "not bounded"
+
+
+def show(screen: Screen, found: Identification) -> None:
+    """The table, the evidence, the findings."""
+    count = len(found.recording.times)
+    screen.title(f"x' = A x + B u from {found.trained} of {count} samples")
+    known = [] if found.noise is None else ["known set"]
+    width = 4 + len(known)
+    headings = ["row of", "coefficient", "nominal", f"least squares, {CONFIDENCE:.0%}", *known]
+    screen.table(headings, [row[:width] for row in rows(found)], leads=2)
+    if found.guaranteed:
+        screen.line("Every plant that explains these samples within the stated noise and slope lies in the known set.")
+    fits = ", ".join(f"{name} {'ran away' if fit is None else f'{fit:.1%}'}" for name, fit in found.fit.items())
+    where = "the held-out samples" if found.trained < count else "the samples themselves, none being held out"
+    screen.line(f"Simulated over {where}, the nominal plant fits {fits}.")
+    for said in found.findings:
+        screen.line(f"{said[0].upper()}{said[1:]}.", start="- ")

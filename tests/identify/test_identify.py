@@ -1,0 +1,163 @@
+"""Attacks on the known set: random plants whose noise is at its bound, exact motions, an independent enumeration of vertices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from barbalat.identify import known_set
+from barbalat.identify.identification import identify, windows_of
+from barbalat.identify.known_set import Windows, enclose
+from barbalat.identify.recording import Recording
+from barbalat.validate import InputError
+
+
+def recorded(rng, A, B, h, N, noise):
+    """Exact samples of x' = A x + B u under held steps, with noise at its bound; with a slope bound found on a fine grid."""
+    n, m = len(A), B.shape[1]
+    fine = 20
+    whole = np.zeros((n + m, n + m))
+    whole[:n, :n], whole[:n, n:] = A, B
+    step = expm(whole * h / fine)
+    x, u, states, slopes = np.zeros(n), np.zeros((N, m)), [], []
+    for k in range(N):
+        u[k] = rng.choice([-1.0, 1.0], m) if k % 5 == 0 else u[k - 1]
+        states.append(x)
+        for _ in range(fine):
+            slopes.append(np.abs(A @ x + B @ u[k]))
+            x = step[:n] @ np.concatenate([x, u[k]])
+    x = np.array(states)
+    # at the bound, by the worst pattern that is easy to think of and by a random one
+    error = noise * rng.choice([-1.0, 1.0], x.shape)
+    outputs, inputs = [f"x{i}" for i in range(n)], [f"u{i}" for i in range(m)]
+    bound = 1.1 * np.max(slopes, axis=0) + 1e-9
+    return (
+        Recording(h * np.arange(N), u, x + error, tuple(inputs), tuple(outputs)),
+        dict.fromkeys(outputs, noise), dict(zip(outputs, map(float, bound), strict=True)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_true_plant_is_always_in_the_set(seed):
+    rng = np.random.default_rng(seed)
+    n, m = int(rng.integers(1, 4)), int(rng.integers(1, 3))
+    A = rng.normal(size=(n, n))
+    A -= (np.linalg.eigvals(A).real.max() + rng.uniform(-0.2, 1.0)) * np.eye(n)  # also slowly unstable
+    B = rng.normal(size=(n, m))
+    recording, noise, slope = recorded(rng, A, B, 0.02, 300, 10.0 ** rng.uniform(-5, -3))
+    for i in range(n):  # the exact set, window by window
+        assert windows_of(recording, i, noise, slope).explained_by(np.concatenate([A[i], B[i]])).all()
+    found = identify(recording, noise=noise, slope=slope)
+    for row, a, b in zip(found.rows, A, B, strict=True):
+        truth = np.concatenate([a, b])
+        assert (row.enclosure.lower <= truth).all() and (truth <= row.enclosure.upper).all()
+        assert (row.enclosure.lower <= row.nominal).all() and (row.nominal <= row.enclosure.upper).all()
+
+
+def test_the_set_is_that_of_enumerated_vertices():
+    """One noisy and one exact regressor: every pair of windows' edges in each half-plane, and what of it explains all."""
+    rng = np.random.default_rng(3)
+    recording, noise, slope = recorded(rng, np.array([[-1.0]]), np.array([[2.0]]), 0.05, 60, 2e-3)
+    every = windows_of(recording, 0, noise, slope)
+    points = []
+    for sign in (-1.0, 1.0):
+        rows = np.vstack([-every.Q - sign * every.Q_error, every.Q - sign * every.Q_error, [[-sign, 0.0]]])
+        right = np.concatenate([every.left_error - every.left, every.left_error + every.left, [0.0]])
+        for i, j in combinations(range(len(rows)), 2):
+            pair = rows[[i, j]]
+            if abs(np.linalg.det(pair)) > 1e-12:
+                point = np.linalg.solve(pair, right[[i, j]])
+                if (rows @ point <= right + 1e-9).all():
+                    points.append(point)
+    found = enclose(every)
+    assert found.exact
+    assert np.allclose(found.lower, np.min(points, axis=0), rtol=1e-6) and np.allclose(
+        found.upper, np.max(points, axis=0), rtol=1e-6
+    )
+    assert (found.lower <= np.min(points, axis=0)).all() and (np.max(points, axis=0) <= found.upper).all()
+
+
+def test_the_convex_outer_set_contains_the_orthants(monkeypatch):
+    rng = np.random.default_rng(5)
+    recording, noise, slope = recorded(rng, np.array([[-1.0, 0.4], [0.3, -2.0]]), np.array([[2.0], [1.0]]), 0.02, 300, 1e-4)
+    every = windows_of(recording, 0, noise, slope)
+    exact = enclose(every)
+    monkeypatch.setattr("barbalat.identify.known_set.MOST_ORTHANTS", 0)
+    outer = enclose(every)
+    assert exact.exact and not outer.exact
+    assert (outer.lower <= exact.lower + 1e-9).all() and (exact.upper <= outer.upper + 1e-9).all()
+    assert ((outer.upper - outer.lower) <= 1.5 * (exact.upper - exact.lower)).all()
+
+
+def test_data_that_nothing_explains_are_refused():
+    rng = np.random.default_rng(1)
+    recording, noise, _ = recorded(rng, np.array([[-1.0]]), np.array([[2.0]]), 0.05, 100, 1e-3)
+    noise["x0"] = 1e-3
+    far = recording.outputs.copy()
+    far[50:] += 0.05
+    with pytest.raises(InputError, match="no row of x0' explains the data"):
+        identify(replace(recording, outputs=far), noise=noise, slope={"x0": 10.0}, held_out=0.0)
+
+
+def test_an_unexcited_input_is_a_finding_and_leaves_no_bound():
+    rng = np.random.default_rng(2)
+    recording, _, slope = recorded(rng, np.array([[-1.0]]), np.array([[2.0, 1.0]]), 0.05, 100, 1e-3)
+    silent = recording.inputs.copy()
+    silent[:, 1] = silent[:, 0]
+    x = Recording(recording.times, silent[:, :1], recording.outputs, ("u0",), ("x0",))
+    twice = replace(recording, inputs=np.column_stack([silent[:, 0]] * 2), outputs=_exact(x))
+    found = identify(twice, noise={"x0": 1e-3}, slope=slope)
+    assert not found.guaranteed
+    assert any("do not excite" in said for said in found.findings)
+    bounded = identify(twice, noise={"x0": 1e-3}, slope=slope, within={("x0", "u1"): (0.9, 1.1)})
+    assert bounded.guaranteed and bounded.rows[0].enclosure.lower[2] >= 0.9
+
+
+def _exact(x):
+    """The samples of x' = -x + 3 u."""
+    states, now = [], 0.0
+    for u in x.inputs[:, 0]:
+        states.append(now)
+        now = np.exp(-0.05) * now + 3.0 * (1 - np.exp(-0.05)) * u
+    return np.array(states)[:, None]
+
+
+def test_least_squares_finds_the_plant_and_its_interval_holds_it():
+    rng = np.random.default_rng(8)
+    A, B = np.array([[0.0, 1.0], [-3.0, -1.0]]), np.array([[0.0], [2.0]])
+    recording, _, _ = recorded(rng, A, B, 0.01, 2000, 1e-4)
+    found = identify(recording)
+    assert np.allclose(found.A, A, atol=0.05) and np.allclose(found.B, B, atol=0.05)
+    assert min(found.fit.values()) > 0.95
+    assert not found.guaranteed and "confidence intervals" in found.findings[-1]
+
+
+def test_a_slope_that_the_data_contradict_is_refused():
+    rng = np.random.default_rng(1)
+    recording, noise, _ = recorded(rng, np.array([[-1.0]]), np.array([[2.0]]), 0.05, 100, 1e-3)
+    with pytest.raises(InputError, match=r"slope of x0 is 0\.1, but with its noise the data move at least"):
+        identify(recording, noise=noise, slope={"x0": 0.1})
+
+
+def test_weak_duality_needs_no_right_multipliers(monkeypatch):
+    """With multipliers that are wrong in their sixth digit the bounds still contain the truth."""
+    rng = np.random.default_rng(4)
+    right = known_set.linprog
+
+    def wrong(*given, **options):
+        found = right(*given, **options)
+        if found.status == 0:
+            found.ineqlin.marginals = found.ineqlin.marginals * (1 + 1e-6 * rng.normal(size=len(found.ineqlin.marginals)))
+        return found
+
+    Q = rng.normal(size=(40, 2))
+    windows = Windows(Q @ [1.0, -2.0], Q, np.full(40, 0.1), np.full((40, 2), 1e-3))
+    exact = enclose(windows)
+    monkeypatch.setattr(known_set, "linprog", wrong)
+    loose = enclose(windows)
+    assert (loose.lower <= exact.lower + 1e-9).all() and (loose.upper >= exact.upper - 1e-9).all()
+    assert (loose.upper - loose.lower < 1.1 * (exact.upper - exact.lower)).all()
