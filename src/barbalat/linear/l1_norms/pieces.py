@@ -100,7 +100,7 @@ def resolved(polynomial: arb_poly, piece: BernsteinPiece, tolerance: arb, room: 
         if full or piece.gap <= tolerance or piece.blurred():
             done.append(piece)
             continue
-        split = _split_point(polynomial, piece)
+        split = split_point(polynomial, piece)
         for start, length in ((split, 1 - split), (arb(0), split)):
             child = polynomial(arb_poly([start, length])) * length
             coefficients = child.coeffs()
@@ -111,8 +111,9 @@ def resolved(polynomial: arb_poly, piece: BernsteinPiece, tolerance: arb, room: 
     return done
 
 
-def _split_point(polynomial: arb_poly, piece: BernsteinPiece) -> arb:
-    """Return an exact point of (0, 1): close to the only root if there is one, else the middle."""
+def split_point(polynomial: arb_poly, piece: BernsteinPiece, nearest: float = _NEAREST_SPLIT) -> arb:
+    """Return an exact point of (0, 1), ``nearest`` from either end at least: close to the only root if there is one, else the
+    middle. Its error is of the order of the square of ``nearest``."""
     variations, place = piece.sign_variations()
     middle = arb(0.5)
     if variations != 1:
@@ -125,8 +126,8 @@ def _split_point(polynomial: arb_poly, piece: BernsteinPiece) -> arb:
             return middle
         correction = (polynomial(point).mid() / slope).mid()
         point = (point - correction).mid()
-        if not (point > _NEAREST_SPLIT and point < 1 - _NEAREST_SPLIT):
+        if not (point > nearest and point < 1 - nearest):
             return middle
-        if abs(correction) < _NEAREST_SPLIT:  # the next error is its square, beyond float64
+        if abs(correction) < nearest:  # the next error is its square, beyond float64
             return point
     return middle

@@ -16,7 +16,7 @@ from flint import arb, arb_mat, arb_poly, ctx
 
 from barbalat.linear.conditions import balance
 from barbalat.linear.l1_norms.decay import decay_certificate, euclidean_norm
-from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, BernsteinPiece, bernstein_matrix
+from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, BernsteinPiece, bernstein_matrix, split_point
 from barbalat.validate import Array
 
 CLOSENESS = 2.0**-60
@@ -26,7 +26,8 @@ RATES = (0.5, 0.25, 0.05)
 """Of the slowest decay, as shares that are tried."""
 MOST_STEPS = 40_000
 """For one input: half a minute; a response that takes more has no witness."""
-NEWTON_STEPS = 12
+NEAREST_ROOT = 2.0**-60
+"""A root is known to twice as many bits."""
 SHORTEST_PIECE = 2.0**-90
 """Relative to the step: a sign that is not told by then is charged."""
 
@@ -160,28 +161,8 @@ def _to_the_first_sign_change(coefficients: list[arb], step: arb, tolerance: arb
         piece = BernsteinPiece((bernstein_matrix(ctx.prec) * arb_mat([[one] for one in local])).entries())
         if piece.gap * step <= tolerance or piece.blurred():
             break
-        step = (step * _root(arb_poly(local), piece)).mid()
+        step = (step * _cut(split_point(arb_poly(local), piece, NEAREST_ROOT))).mid()
     return step
-
-
-def _root(polynomial: arb_poly, piece: BernsteinPiece) -> arb:
-    """The only root in (0, 1), to 120 bits; the middle where there is more than one, or none to be found."""
-    variations, place = piece.sign_variations()
-    middle = arb(0.5)
-    if variations != 1:
-        return middle
-    derivative, point = polynomial.derivative(), arb(place)
-    for _ in range(NEWTON_STEPS):
-        slope = derivative(point).mid()
-        if slope == 0:
-            return middle
-        correction = (polynomial(point).mid() / slope).mid()
-        point = (point - correction).mid()
-        if not (point > 0 and point < 1):
-            return middle
-        if abs(correction) < arb(2) ** -60:  # the next error is its square
-            return _cut(point)
-    return middle
 
 
 def _cut(point: arb) -> arb:
