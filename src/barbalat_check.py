@@ -140,7 +140,7 @@ class Norms:
         steps = witness.get("steps")
         if not (isinstance(steps, list) and len(steps) == B.ncols()):
             raise Refused("steps are a list for each input")
-        before, ctx.prec = ctx.prec, bits
+        before, ctx.prec, self._transitions = ctx.prec, bits, dict[fmpq, arb_mat]()
         try:
             self.A, self.P = arb_mat(A), arb_mat(P)
             found = [self._channel(B, j, vector(steps[j])) for j in range(B.ncols())]
@@ -152,6 +152,18 @@ class Norms:
     def _size(self, x: arb_mat) -> arb:
         """An upper bound of sqrt(x'Px)."""
         return arb(max((x.transpose() * self.P * x)[0, 0].upper(), arb(0))).sqrt().upper()
+
+    def _transition(self, step: fmpq) -> arb_mat:
+        """e^(A step): that of a part of it so short that |A| times it is below 1, squared again and again."""
+        if step not in self._transitions:
+            halvings, size = 0, max(sum((abs(entry) for entry in row), arb(0)).upper() for row in self.A.tolist()) * arb(step)
+            while not size * arb(2) ** -halvings < 1:
+                halvings += 1
+            found = (self.A * (arb(step) * arb(2) ** -halvings)).exp()
+            for _ in range(halvings):
+                found = found * found
+            self._transitions[step] = found
+        return self._transitions[step]
 
     def _channel(self, B: fmpq_mat, j: int, steps: list[fmpq]) -> list[tuple[arb, arb]]:
         """From the state b_j on, step by step; the state is x, exact, and an error e with |e|_P <= error."""
@@ -174,11 +186,9 @@ class Norms:
                 controls = bernstein([out[i, 0] for out in outputs])
                 lower[i] += abs(sum(controls, arb(0))) * d / (DEGREE + 1) - spread
                 upper[i] += sum((abs(one) for one in controls), arb(0)) * d / (DEGREE + 1) + spread
-            moved = terms[0]
-            for term in terms[1:]:
-                moved += term
+            moved = self._transition(step) * x
             x = moved.mid()
-            error = (error + self._size(moved - x) + beyond).upper()
+            error = (error + self._size(moved - x)).upper()
         rest = (self._size(x) + error) / (2 * arb(self.rate)).sqrt()
         return [(low.lower(), (high + rest).upper()) for low, high in zip(lower, upper, strict=True)]
 

@@ -106,6 +106,7 @@ class _March:
     rate: arb
     size: arb
     decay: float = field(init=False)
+    transitions: dict[str, arb_mat] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.decay = float(self.rate)
@@ -124,12 +125,19 @@ class _March:
             if step is None:
                 return None
             found.append(dyadic(step))
-            power, moved = arb(1), terms[0]
-            for term in terms[1:-1]:
-                power *= step
-                moved += term * power
-            x = moved.mid()
+            x = (self._transition(found[-1], step) * x).mid()
         return found
+
+    def _transition(self, name: str, step: arb) -> arb_mat:
+        """e^(A step), by squaring that of a short part: its balls stay small where fast modes have died out."""
+        if name not in self.transitions:
+            size = float(np.abs(as_floats(self.A)).sum(axis=1).max()) * float(step)
+            halvings = max(0, math.frexp(size)[1])
+            part = (self.A * (step * arb(2) ** -halvings)).exp()
+            for _ in range(halvings):
+                part = part * part
+            self.transitions[name] = part
+        return self.transitions[name]
 
     def _norm(self, x: arb_mat) -> arb:
         return euclidean_norm(arb_mat([[((x.transpose() * self.P * x)[0, 0]).upper().max(arb(0)).sqrt()]]))
