@@ -4,6 +4,8 @@ from .comparison.contest.contest import contest as contest
 from .comparison.contest.entrant import Entrant as Entrant
 from .comparison.contest.result import Contest as Contest
 from .comparison.contest.rule import Rule as Rule
+from .comparison.design.design import Design as Design
+from .comparison.design.design import design as design
 from .comparison.grids import default_knobs as default_knobs
 from .comparison.tradeoff.tradeoff import TradeOff as TradeOff
 from .comparison.tradeoff.tradeoff import trade_off as trade_off
@@ -14,6 +16,7 @@ from .explorer.explorer import explore as explore
 from .identify.identification import Identification as Identification
 from .identify.identification import identify as identify
 from .identify.recording import Recording as Recording
+from .judge.specification import Specification as Specification
 from .run.engine.check_numerics import check_numerics as check_numerics
 from .study.delay_margin import DelayMargins as DelayMargins
 from .study.delay_margin import delay_margins as delay_margins

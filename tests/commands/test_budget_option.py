@@ -14,7 +14,20 @@ def elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-WORKING = {"reproduce", "run", "certify", "sweep", "tune", "contest", "tradeoff", "identify", "explore", "export", "fly"}
+WORKING = {
+    "reproduce",
+    "run",
+    "certify",
+    "sweep",
+    "tune",
+    "contest",
+    "design",
+    "tradeoff",
+    "identify",
+    "explore",
+    "export",
+    "fly",
+}
 
 
 def test_every_command_that_works_takes_it():

@@ -17,6 +17,7 @@ from barbalat.cases.table_models import Table
 from barbalat.cases.typed_numbers import in_the_files_words
 from barbalat.controllers import Sampled
 from barbalat.judge.settings import Judge
+from barbalat.judge.specification import Specification
 from barbalat.loop.binding import bound, require_controllers
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.structure import identical
@@ -35,6 +36,7 @@ class Case:
 
     equations  of each controller on the problem, where they are known already
     judge      what counts as following, as lost and as a limit cycle
+    specification  what ``design`` asks of a controller
     """
 
     problem: TrackingProblem
@@ -42,6 +44,7 @@ class Case:
     simulation: Simulation
     equations: tuple[Any, ...] = ()
     judge: Judge = field(default_factory=Judge)
+    specification: Specification | None = None
 
     @property
     def name(self) -> str:
@@ -117,10 +120,11 @@ def build(
     """
     parts = Parts() if parts is None else parts
     base = Context(folder, objects=parts.objects)
-    posed = [value for key, value in vars(case).items() if key not in ("controller", "simulation", "judge")]
+    posed = [value for key, value in vars(case).items() if key not in ("controller", "simulation", "judge", "specification")]
 
     given = _given(case, base, "")
     simulation, judge = given.pop("simulation"), given.pop("judge", Judge())
+    specification = given.pop("specification", None)
 
     def pose() -> TrackingProblem:
         with in_the_files_words(given):
@@ -131,7 +135,7 @@ def build(
     judge = judge.named(problem)
     found = _controllers(case, base._replace(known=problem.known), problem, parts)
     found += [(controller, bound(problem, controller)) for controller in joining]
-    made = replace(_assembled(problem, found, simulation, parts), judge=judge)
+    made = replace(_assembled(problem, found, simulation, parts), judge=judge, specification=specification)
     if not parts.complete:
         parts.objects, parts.complete = MappingProxyType(parts.objects), True
     return made

@@ -11,6 +11,7 @@ from barbalat.cases.keys import REQUIRED, Context, Differences, Given, Key, keys
 from barbalat.cases.physical_tables import physical_plant, scale_of_states
 from barbalat.cases.table_models import FORMS, chosen
 from barbalat.judge.settings import Judge
+from barbalat.judge.specification import Specification
 from barbalat.linear.pole_placement import place
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBall, ParameterBox
@@ -126,6 +127,7 @@ def _output_problem(given: Given, _: Context) -> OutputProblem:
 
 _NAME = Key(str, "of the case")
 _JUDGE = Key(Judge, "what counts as following, as lost and as a limit cycle; by default derived from the model's motion", None)
+_SPECIFICATION = Key(Specification, "what `barbalat design` asks of a controller; no other command reads it", None)
 _DISTURBANCE = Key(Signal | None, "matched: it enters with u; none by default", None)
 
 STATES = chosen(
@@ -161,6 +163,7 @@ DIFFERENCES: dict[type, Differences] = {
             "uncertainty": Key(Uncertainty, "the known set Omega; without one nothing is projected", None),
             "simulation": Key(Simulation, "how to simulate"),
             "judge": _JUDGE,
+            "specification": _SPECIFICATION,
             "name": _NAME,
         },
         required=("reference_model", "reference"),

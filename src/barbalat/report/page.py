@@ -21,6 +21,7 @@ import barbalat
 from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.certify import Certified
 from barbalat.comparison.contest.result import Contest
+from barbalat.comparison.design.design import Design
 from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.result import Tuning
@@ -29,6 +30,7 @@ from barbalat.papers.finding import Finding
 from barbalat.papers.paper import ADDED_FIGURE, Paper, PaperFigure
 from barbalat.pictures.symbols import number_text
 from barbalat.report import contest as contest_rows
+from barbalat.report import design as design_rows
 from barbalat.report import dispersed, flights, tradeoff
 from barbalat.report import tuning as tuning_rows
 from barbalat.report.documents import by_side, coverage
@@ -227,6 +229,19 @@ def contest(found: Contest, picture: ReportFigure | None) -> str:
         "OWN": rows_of.OWN,
     }
     return _render("contest.html", found=found, picture=picture, **headings, **{one.__name__: one for one in made})
+
+
+def design(found: Design, picture: ReportFigure | None, *, explorer: str | None, files: Sequence[str], text: str | None) -> str:
+    """The page of ``barbalat design``.
+
+    explorer  why there is no page with sliders beside it, None where there is one
+    files     sentences on the files beside it; ``text`` is that of the case file
+    """
+    made = (design_rows.title, design_rows.rows, design_rows.sentences)
+    return _render(
+        "design.html", found=found, picture=picture, explorer=explorer, files=files, text=text, COLUMNS=design_rows.COLUMNS,
+        **{one.__name__: one for one in made},
+    )  # fmt: skip
 
 
 def _symbols(rows: Sequence[Sequence[str]]) -> list[list[str]]:

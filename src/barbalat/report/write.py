@@ -16,6 +16,7 @@ from barbalat.certificates.certify import Certified
 from barbalat.certificates.picture import distinct
 from barbalat.comparison.contest.picture import draw as draw_contest
 from barbalat.comparison.contest.result import Contest
+from barbalat.comparison.design.design import Design
 from barbalat.comparison.tradeoff.picture import draw as draw_trade_off
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.picture import draw as draw_tuning
@@ -240,6 +241,13 @@ def write_contest(folder: Folder, found: Contest) -> None:
     """The held-out runs' picture, where there are any, and the page."""
     picture = _draw_both(folder, "contest", partial(draw_contest, found)) if found.held_out else None
     folder.write(PAGE, page.contest(found, picture))
+
+
+def write_design(folder: Folder, found: Design, *, explorer: str | None, files: Sequence[str], text: str | None) -> None:
+    """The page, with the contest's page and picture beside it."""
+    picture = _draw_both(folder, "contest", partial(draw_contest, found.contest)) if found.contest.held_out else None
+    folder.write("contest.html", page.contest(found.contest, picture))
+    folder.write(PAGE, page.design(found, picture, explorer=explorer, files=files, text=text))
 
 
 def _draw(folder: Folder, name: str, drawing: Figure) -> ReportFigure:

@@ -140,7 +140,10 @@ def entrants_of(
             entrant = _from_the_middle(entrant, problem, reach.theta_hat0)
         try:
             by_nature = isinstance(bound(problem, _first(entrant)), SampledEquations)
-            found.append(entrant if by_nature or sample_time is None else entrant.sampled(sample_time))
+            if not by_nature and sample_time is not None:
+                entrant = entrant.sampled(sample_time)
+                bound(problem, _first(entrant))
+            found.append(entrant)
         except InputError as error:
             left_out.append(f"{entrant.name} is left out: {error}")
     return found, left_out

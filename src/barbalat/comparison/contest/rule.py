@@ -41,6 +41,7 @@ class Rule(Settings):
     plants        the problem's own and so many less one of its known set
     trials        tunings that are tried of each scheme
     seed          of the plants, the searches, the held-out plants, commands and noise
+    also          further constraints of the tuning, such as "max_abs_u <= 10"
     """
 
     delay_margin: float
@@ -49,6 +50,7 @@ class Rule(Settings):
     plants: int = DEFAULT_PLANTS
     trials: int = DEFAULT_TRIALS
     seed: int = 0
+    also: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -59,10 +61,11 @@ class Rule(Settings):
         plants: int = DEFAULT_PLANTS,
         trials: int = DEFAULT_TRIALS,
         seed: int = 0,
+        also: tuple[str, ...] = (),
     ) -> None:
         validate.freeze(
             self, delay_margin=delay_margin, gain_margin=gain_margin, until=Criterion.accept("until", until), plants=plants,
-            trials=trials, seed=seed,
+            trials=trials, seed=seed, also=also,
         )  # fmt: skip
         self.__post_init__()
 
@@ -86,7 +89,8 @@ class Rule(Settings):
     def aim(self) -> Aim:
         """The rule as the aim of a tuning."""
         quantity = TunedQuantity(OBJECTIVE_FIGURE, larger_is_worse=True)
-        return Aim(quantity=quantity, constraints=self.constraints, plants=self.plants, seed=self.seed)
+        constraints = (*self.constraints, *map(Constraint.parse, self.also))
+        return Aim(quantity=quantity, constraints=constraints, plants=self.plants, seed=self.seed)
 
     def require_steps(self, simulation: Simulation) -> None:
         """InputError for a delay that can't be simulated."""

@@ -1,0 +1,114 @@
+"""``barbalat design``: schemes and the fixed loop compete under a specification; a page, a case file, C."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from barbalat.commands.options import add_budget, add_list, whole
+from barbalat.commands.output import folder_of, tell, write_drawn
+from barbalat.commands.progress import SECONDS_EACH_STEP, work
+
+if TYPE_CHECKING:
+    from barbalat.cases.load import CaseText
+    from barbalat.commands import Commands
+    from barbalat.comparison.design.design import Design
+    from barbalat.folders import Folder
+
+
+def add(commands: Commands) -> None:
+    """Register the command and its options."""
+    parser = commands.add_parser("design", help="schemes and the fixed loop compete under a specification; one is recommended")
+    parser.add_argument("case", metavar="CASE", help="a case file with [specification], and a known set of its plant")
+    add_list(
+        parser, "--schemes", metavar="NAME", commas=True, help="by their names in case files; default: all that can be tuned"
+    )
+    parser.add_argument(
+        "--sample-time", type=float, metavar="S",
+        help="with which all run [s]; default: that of the case's first sampled controller, or one that follows from the plant",
+    )  # fmt: skip
+    parser.add_argument("--plants", type=whole, default=3, metavar="N", help="of the tuning: the case's and others; default 3")
+    parser.add_argument("--trials", type=whole, default=288, metavar="N", help="tunings of each scheme at most; default 288")
+    parser.add_argument("--members", type=whole, default=64, metavar="N", help="held-out runs of each scheme; default 64")
+    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of plants, searches, commands and noise; default 0")
+    parser.add_argument("--out", metavar="DIR", help="default: barbalat-design, none with --json")
+    parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
+    add_budget(parser)
+    parser.set_defaults(execute=execute)
+
+
+MOST_SCHEMES = 9
+"""That can be tuned."""
+DRAWING_SECONDS = 12.0
+CASE_FILE, PREFIX = "design.toml", "design"
+
+
+def execute(options: argparse.Namespace) -> int:
+    """Run the command; returns the exit code."""
+    from barbalat.cases.load import CaseText
+    from barbalat.comparison.contest.contest import RUNS_EACH_TRIAL
+    from barbalat.comparison.design.design import design
+    from barbalat.report import design as screens
+    from barbalat.report import documents
+    from barbalat.report.file_names import PAGE
+
+    text = CaseText.read(options.case)
+    case = text.case()
+    steps = case.simulation.steps * options.trials * RUNS_EACH_TRIAL * (len(options.schemes) or MOST_SCHEMES)
+    expected = {"designing": max(steps * SECONDS_EACH_STEP, 1.0), "drawing": DRAWING_SECONDS}
+    with folder_of(options.out, None if options.json else "barbalat-design") as folder, work(expected) as running:
+        with running.part("designing") as progress:
+            found = design(
+                case,
+                sample_time=options.sample_time,
+                schemes=options.schemes,
+                plants=options.plants,
+                trials=options.trials,
+                members=options.members,
+                seed=options.seed,
+                progress=progress,
+            )
+        document = documents.as_json(found.as_json())
+        write_drawn(folder, running, "design.json", document, lambda into: _write(into, found, text))
+    tell(document, lambda screen: screens.show(screen, found), folder, as_json=options.json, page=PAGE)
+    return 0
+
+
+def _write(folder: Folder, found: Design, text: CaseText) -> None:
+    """Page, case file, page with sliders; the C is written beside them. What can't be made is said on the page."""
+    from dataclasses import replace
+
+    from barbalat.comparison.design.case_file import with_controller
+    from barbalat.explorer.explorer import Explorer
+    from barbalat.explorer.source import TextSource
+    from barbalat.export.write import export_controller
+    from barbalat.report import write
+    from barbalat.validate import InputError
+
+    which = "the recommended controller" if found.recommended else "the nearest miss, which does not meet the specification"
+    said, explorer, written = [], None, None
+    try:
+        written = with_controller(text, found.controller)
+        folder.write(CASE_FILE, written)
+        said.append(f"{CASE_FILE}: the case with {which}, {found.controller.name}")
+    except InputError as error:
+        explorer = f"no case file could be written: {error}"
+        said.append(explorer)
+    if written is not None:
+        try:
+            folder.write("explorer.html", Explorer(TextSource(replace(text, text=written, own=None))).html)
+        except InputError as error:
+            explorer = str(error)
+    with tempfile.TemporaryDirectory() as made:
+        try:
+            out = Path(made) / PREFIX
+            export_controller(found.case.problem, found.controller, found.case.simulation, out=out, name=PREFIX)
+            files = sorted(out.iterdir())
+            for file in files:
+                folder.write(file.name, file.read_bytes())
+            said.append(f"{', '.join(file.name for file in files)}: its C, with a self-test")
+        except InputError as error:
+            said.append(f"no C was written: {error}")
+    write.write_design(folder, found, explorer=explorer, files=said, text=written)

@@ -1,0 +1,1 @@
+"""Schemes and the fixed baseline compete under a specification."""

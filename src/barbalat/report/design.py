@@ -1,0 +1,51 @@
+"""A design as rows of tables, for its page and for the terminal."""
+
+from __future__ import annotations
+
+from barbalat.comparison.design.design import Candidate, Design
+from barbalat.pictures.symbols import number_text
+from barbalat.report.terminal.layout import Screen
+
+COLUMNS = (
+    "scheme",
+    "requirement",
+    "asked",
+    "on the worst plant",
+    "used of what is allowed",
+    "held-out plants that miss it",
+)
+
+
+def title(found: Design) -> str:
+    """Who meets the specification, or that nobody does."""
+    first = found.recommended
+    return "None of them meets the specification" if first is None else f"{first.name} meets the specification"
+
+
+def rows(found: Design) -> list[list[str]]:
+    """Scheme, requirement, what is asked, what is reached, how much of it is used, held-out misses."""
+    return [_row(found, one, name) for one in found.candidates for name in one.factor]
+
+
+def _row(found: Design, one: Candidate, name: str) -> list[str]:
+    share = one.held_out.get(name)
+    unseen = "see the contest" if share is None else f"{share.count} of {share.judged}"
+    asked = number_text(float(getattr(found.specification, name)))
+    return [one.name, name, asked, f"{one.worst[name]:.4g}", f"{one.factor[name]:.2g}", unseen]
+
+
+def sentences(found: Design) -> list[tuple[str, str, bool]]:
+    """Of each candidate its name, what it meets or misses, and whether it meets everything."""
+    return [(one.name, one.sentence, one.meets) for one in found.candidates]
+
+
+def show(screen: Screen, found: Design) -> None:
+    """The recommendation, its reasons, every candidate's sentence."""
+    screen.title(title(found))
+    for said in found.reasons:
+        screen.line(f"{said[0].upper()}{said[1:]}.", start="- ")
+    screen.title("All that competed")
+    for name, said, meets in sentences(found):
+        screen.line(f"{name} {'meets it: it ' if meets else ''}{said}.", start="- ")
+    for said in found.contest.left_out:
+        screen.line(f"{said}.", start="- ")
