@@ -13,7 +13,7 @@ from scipy import stats
 from barbalat import budget, validate
 from barbalat.budget import Estimate
 from barbalat.identify.known_set import EPS, Enclosure, Windows, enclose
-from barbalat.identify.recording import Recording, read_csv
+from barbalat.identify.recording import LEAST_SAMPLES, Recording, read_csv
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.validate import Array, InputError
 
@@ -108,11 +108,10 @@ class Identification:
                 )
             if row.enclosure is not None and not row.enclosure.exact:
                 said.append(f"the set of {row.state}' is a convex outer set: more noisy regressors than are searched by orthants")
+        where = "held-out samples" if self.trained < len(self.recording.times) else "samples"
         for name, factor in (self.held_factor or {}).items():
             if factor > 1:
-                said.append(
-                    f"the nominal row of {name}' explains the held-out samples only with error bounds {factor:.3g} times larger"
-                )
+                said.append(f"the nominal row of {name}' explains the {where} only with error bounds {factor:.3g} times larger")
         if self.noise is None:
             said.append(
                 f"no noise bound was given: the ranges are {CONFIDENCE:.0%} confidence intervals, which guarantee nothing"
@@ -179,6 +178,8 @@ def identify(
         raise InputError.of("held_out", f"must be from 0 to 0.9, got {share:g}")
     p = len(names) + len(recording.input_names)
     trained = len(recording.times) - int(share * len(recording.times))
+    if len(recording.times) - trained < LEAST_SAMPLES:  # too few to try the plant on
+        trained = len(recording.times)
     if trained - 1 < LEAST_ROWS * p:
         raise InputError(f"{trained} samples are too few for {p} coefficients in a row: give at least {LEAST_ROWS * p + 1}")
     train = recording.part(0, trained)
@@ -290,7 +291,7 @@ def _unexcited(windows: Windows, bounded: Array) -> tuple[Array, ...]:
 def _validated(recording: Recording, rows: tuple[Row, ...], noise: Any, slope: Any, trained: int) -> Identification:
     """With what the nominal plant is worth on the held-out samples."""
     names, n = recording.output_names, len(rows)
-    rest = recording.part(trained, len(recording.times)) if len(recording.times) - trained >= 8 else recording
+    rest = recording if trained == len(recording.times) else recording.part(trained, len(recording.times))
     A, B = np.array([row.nominal[:n] for row in rows]), np.array([row.nominal[n:] for row in rows])
     x = [rest.outputs[0]]
     with np.errstate(all="ignore"):
