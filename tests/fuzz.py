@@ -102,7 +102,7 @@ class Tally:
 
 
 def drawn(seed: int, given: dict[str, Any] | None, folder: Path) -> dict[str, Any]:
-    """The case of a number: half are new, half are changes of bundled ones; all are changes of a given one."""
+    """Draw the case of a seed: new in seven of ten, else a change of a bundled one; a change of ``given`` where there is one."""
     rng = random.Random(seed)
     if given is not None:
         return plausible.changed(rng, given, folder)

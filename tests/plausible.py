@@ -36,6 +36,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "width": (0.5, 3), "spread": (0.2, 2), "time_constant": (0.1, 2), "capacity": (1, 20), "anti_windup": (0.1, 10),
     "unmodelled_delay": (0.005, 0.05), "m": (1, 5), "sigma_bound": (10, 100), "lipschitz": (0.05, 0.5),
     "normalization": (0.1, 2), "k_r0": (0.5, 2), "duration": (0.5, 5), "history": (0.01, 1), "threshold": (0.1, 3),
+    "jitter": (0.002, 0.4),
 }  # fmt: skip
 """By key, between which sizes a number is drawn, evenly in its logarithm."""
 WHOLE: dict[str, tuple[int, int]] = {
@@ -89,7 +90,7 @@ class Draw:
             "scale": lambda: [1.0 + abs(x) for x in self.vector(self.n)], "predictor_poles": lambda: -rng.uniform(1, 20),
             "assumed_sample_time": lambda: self.sample_time * rng.uniform(0.8, 1.5), "terms": self.terms,
             "centers": lambda: [self.vector(self.n) for _ in range(self.p)], "labels": self.labels,
-            "regressor": self.regressor,
+            "regressor": self.regressor, "specification": self.specification,
             "nonlinear": lambda: rng.choice(("0.3*sin(y)", "0.2*y/(1 + y*y)", "0.1*cos(t)*tanh(y)")),
         }  # fmt: skip
 
@@ -208,7 +209,17 @@ class Draw:
     def simulation(self) -> Table:
         table = {"t_end": self.steps * self.dt, "dt": self.dt}
         more = self.table(self.definition("Simulation"), without={**table, "tolerance": 0})  # which stands instead of dt
+        if more.get("solver") == "auto":  # which goes with a tolerance
+            del more["solver"]
         return table | more
+
+    def specification(self) -> Table:
+        """One demand at least; a gain is a factor above 1."""
+        demands = {
+            "settling": self.steps * self.dt * self.rng.uniform(0.1, 0.5), "overshoot": self.rng.uniform(0.02, 0.3),
+            "u_max": self.number("amplitude"), "delay": self.dt * self.rng.randint(1, 10), "gain": self.rng.uniform(1.1, 2),
+        }  # fmt: skip
+        return {key: demands[key] for key in self.rng.sample(sorted(demands), self.rng.randint(1, 3))}
 
     # The schema
 
