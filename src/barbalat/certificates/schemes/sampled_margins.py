@@ -18,7 +18,7 @@ from barbalat.certificates.schemes import bounded_response
 from barbalat.certificates.schemes.sampled_loop import add_loop, unstable
 from barbalat.controllers import Sampled
 from barbalat.linear.largest import largest, largest_from
-from barbalat.linear.sampled_loop import delay_margin
+from barbalat.linear.sampled_loop import MOST_SAMPLES_OF_DELAY, delay_margin
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.validate import InputError
@@ -28,7 +28,7 @@ WITH_ITS_LAW = "from sample to sample with its law"
 LONGER_SAMPLE, SHORTER_SAMPLE = 1.4, 2.0
 """Between two sample times that are tried, up and down from the present one: the first loss of stability counts."""
 LONGEST_SAMPLE = 100.0
-"""Of the present one, up and down: beyond it no limit is looked for."""
+"""Of the present one, up and down: beyond it no limit is looked for, nor where a delay takes ``MOST_SAMPLES_OF_DELAY``."""
 SAMPLE_TIME_WITHIN = 2e-3
 NOT_SETTLING = 1e-10
 """Of a spectral radius to 1: a covariance that has died out, and what else a law does not return from."""
@@ -98,8 +98,9 @@ def _longest(problem: TrackingProblem, controller: Sampled, stable: bool) -> flo
 
     T = controller.sample_time
     if not stable:
-        found = largest_from(bears, T, factor=SHORTER_SAMPLE, within=SAMPLE_TIME_WITHIN, least=T / LONGEST_SAMPLE)
-        return found or NotApplicable(f"no sample time down to {T / LONGEST_SAMPLE:.3g} s was found stable")
+        least = max(T / LONGEST_SAMPLE, problem.delay / MOST_SAMPLES_OF_DELAY)
+        found = largest_from(bears, T, factor=SHORTER_SAMPLE, within=SAMPLE_TIME_WITHIN, least=least)
+        return found or NotApplicable(f"no sample time down to {least:.3g} s was found stable")
     low = T
     while bears(low * LONGER_SAMPLE):
         low *= LONGER_SAMPLE
