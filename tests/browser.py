@@ -19,11 +19,10 @@ from collections.abc import Container, Iterator
 from contextlib import contextmanager
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
-from itertools import chain
 from pathlib import Path
 
 from axe_playwright_python.sync_playwright import Axe
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Page
 
 from chromium import look, overheard
 from turns import drawn
@@ -56,15 +55,29 @@ OPENED = "() => document.querySelectorAll('details').forEach(one => { one.open =
 """What is folded away is looked at too."""
 
 
+Tabs = dict[str, tuple[Page, list[str]]]
+"""A tab of each width by its name, with what it has said since its page was asked for."""
+
+
 def main(pages: list[Path]) -> int:
     """Returns the exit code."""
     with tempfile.TemporaryDirectory() as made:
-        return look(lambda browser: chain.from_iterable(_of(browser, page) for page in pages or _made_in(Path(made))))
+        return look(lambda browser: _of_all(tabs(browser), pages or _made_in(Path(made))))
 
 
-def _of(browser: Browser, page: Path) -> Iterator[str]:
-    """What is wrong with a page, or with those of a site."""
-    return _of_site(browser, page) if page.is_dir() else _findings(browser, page, page.resolve().as_uri())
+def tabs(browser: Browser) -> Tabs:
+    """Two tabs, for as many pages as come: a tab for each page would read the site's styles, scripts and fonts anew."""
+    found = {}
+    for name, width in WIDTHS.items():
+        tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if name == "phone" else "light")
+        found[name] = tab, overheard(tab, OWN_ADDRESSES)
+    return found
+
+
+def _of_all(opened: Tabs, pages: list[Path]) -> Iterator[str]:
+    """What is wrong with pages, or with those of sites."""
+    for page in pages:
+        yield from _of_site(opened, page) if page.is_dir() else _findings(opened, page, page.resolve().as_uri())
 
 
 def _made_in(folder: Path) -> list[Path]:
@@ -77,7 +90,7 @@ def _made_in(folder: Path) -> list[Path]:
     return sorted(folder.rglob("*.html"))
 
 
-def _of_site(browser: Browser, folder: Path) -> Iterator[str]:
+def _of_site(opened: Tabs, folder: Path) -> Iterator[str]:
     """What is wrong with the pages of a site but for those of ``barbalat reproduce``, which is kept there as it is.
 
     Its pages share their style, so that half of them at each width find what is wrong with it in half of the time.
@@ -88,7 +101,7 @@ def _of_site(browser: Browser, folder: Path) -> Iterator[str]:
     with _served(folder) as address:
         for place in places:
             examined = {"desk" if place in on_a_desk else "phone"}
-            yield from at_both_widths(browser, f"{folder.name}/{place}", f"{address}/{place.as_posix()}", examined)
+            yield from at_both_widths(opened, f"{folder.name}/{place}", f"{address}/{place.as_posix()}", examined)
 
 
 @contextmanager
@@ -107,28 +120,27 @@ class Quiet(SimpleHTTPRequestHandler):
         """Nothing."""
 
 
-def _findings(browser: Browser, page: Path, address: str) -> Iterator[str]:
+def _findings(opened: Tabs, page: Path, address: str) -> Iterator[str]:
     """What is wrong with a page of the program's."""
     most = LARGEST_EXPLORER if page.name == EXPLORER else LARGEST_PAGE
     if page.stat().st_size > most:
         yield f"{page.parent.name}/{page.name}: {page.stat().st_size} bytes, more than {most}"
-    yield from at_both_widths(browser, f"{page.parent.name}/{page.name}", address)
+    yield from at_both_widths(opened, f"{page.parent.name}/{page.name}", address)
 
 
-def at_both_widths(browser: Browser, page: str, address: str, examined: Container[str] = tuple(WIDTHS)) -> Iterator[str]:
+def at_both_widths(opened: Tabs, page: str, address: str, examined: Container[str] = tuple(WIDTHS)) -> Iterator[str]:
     """What is wrong with a page at the widths of ``WIDTHS``, of which ``examined`` names those where axe looks as well."""
-    for name, width in WIDTHS.items():
-        tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if name == "phone" else "light")
-        said = overheard(tab, OWN_ADDRESSES)
+    for name, (tab, said) in opened.items():
+        tab.goto("about:blank")  # else an address that differs in its fragment alone would not be read again
+        said.clear()
         tab.goto(address)
         tab.evaluate(OPENED)
-        said += [f"scrolls: {one}" for one in tab.evaluate(SCROLLING)]
+        found = [f"scrolls: {one}" for one in tab.evaluate(SCROLLING)]
         if tab.evaluate("document.scrollingElement.scrollWidth > innerWidth"):
-            said += [f"sticks out: {one}" for one in tab.evaluate(UNSCROLLABLE)] or ["overflows"]
+            found += [f"sticks out: {one}" for one in tab.evaluate(UNSCROLLABLE)] or ["overflows"]
         for rule in Axe().run(tab).response["violations"] if name in examined else ():
-            said += [f"{rule['id']}: {node['html'][:100]}" for node in rule["nodes"][:3]]
-        yield from (f"{page} on a {name}: {one}" for one in said if "favicon" not in one)
-        tab.close()
+            found += [f"{rule['id']}: {node['html'][:100]}" for node in rule["nodes"][:3]]
+        yield from (f"{page} on a {name}: {one}" for one in (*said, *found) if "favicon" not in one)
 
 
 if __name__ == "__main__":

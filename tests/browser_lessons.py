@@ -17,7 +17,7 @@ from playwright.sync_api import Browser, Page
 from barbalat import certify
 from barbalat.cases.load import parse_case
 from barbalat.explorer.section_v import PAGES, explorer
-from browser import at_both_widths
+from browser import at_both_widths, tabs
 from browser_explorer import compared, copied, judged_alike, settled
 from chromium import look, overheard
 
@@ -46,7 +46,7 @@ def of_page(browser: Browser, file: Path) -> Iterator[str]:
     said += by_address(tab, file)
     tab.close()
     yield from (f"{file.name}: {one}" for one in said)
-    yield from at_both_widths(browser, file.name, f"{file.as_uri()}#lesson={PAGES[file.name][-1].key}")
+    yield from at_both_widths(tabs(browser), file.name, f"{file.as_uri()}#lesson={PAGES[file.name][-1].key}")
 
 
 def taught(tab: Page) -> Iterator[str]:
