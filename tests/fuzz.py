@@ -46,6 +46,8 @@ from independent import as_toml
 PROCESSOR_SECONDS = 90
 """For a command on a small case; those that search have SEARCH_SECONDS. Processor time: other programs don't count."""
 SEARCH_SECONDS = 900
+SEARCHING_SHARE = 1 / 3
+"""Of a limited time, in which cases may begin that search: else one that begins at the end goes on for minutes, alone."""
 WALL_SECONDS = 1800
 """Until a worker that uses no processor time counts as hanging."""
 MEMORY = 8 << 30
@@ -238,14 +240,16 @@ def judged(said: Said | Failure, words: list[str]) -> tuple[str, Any]:
     return "failed", Failure("exit code", str(said.code), said.err[-3000:], tuple(words))
 
 
-def tried(seed: int, case: dict[str, Any], folder: Path, only: tuple[str, ...] = ()) -> Iterator[tuple[str, str, Any]]:
+def tried(
+    seed: int, case: dict[str, Any], folder: Path, only: tuple[str, ...] = (), *, searches: bool = True
+) -> Iterator[tuple[str, str, Any]]:
     """(command, how it ended, what it gave) of each command that takes this case; ``only`` are those to repeat."""
     file = folder / "case.toml"
     file.write_text(text_of(case), encoding="utf-8")
     found = {}
     for place, (share, seconds, make) in enumerate(COMMANDS):
         rng = random.Random(f"{seed}/{place}")
-        words = make(rng, case, folder) if rng.random() < share else None
+        words = make(rng, case, folder) if rng.random() < share and (searches or seconds < SEARCH_SECONDS) else None
         if words is None or (only and words[0] not in only):
             continue
         words = [words[0], str(file), *words[1:]]
@@ -328,7 +332,8 @@ def work(pipe: Connection, given: dict[str, Any] | None) -> None:
     """Tries the numbers that arrive; tells each command's end, and "next" after each case."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     os.environ["BROWSER"] = "true"
-    while (seed := pipe.recv()) is not None:
+    while (asked := pipe.recv()) is not None:
+        seed, searches = asked
         folder = Path(tempfile.mkdtemp())
         os.chdir(folder)
         plausible.write_files(folder)
@@ -336,7 +341,7 @@ def work(pipe: Connection, given: dict[str, Any] | None) -> None:
         try:
             case = drawn(seed, given, folder)
             pipe.send(("case", text_of(case), plausible.accepted(case, folder)))
-            for command, ended, what in tried(seed, case, folder):
+            for command, ended, what in tried(seed, case, folder, searches=searches):
                 if ended == "failed":
                     least = reduced(seed, case, what, folder)
                     pipe.send(("failed", command, what, text_of(least)))
@@ -384,6 +389,7 @@ class Fuzz:
     def __init__(self, options: argparse.Namespace, given: dict[str, Any] | None) -> None:
         self.options, self.given, self.tally = options, given, Tally()
         self.stop_at = time.monotonic() + options.seconds if options.seconds else float("inf")
+        self.last_search = time.monotonic() + SEARCHING_SHARE * options.seconds if options.seconds else float("inf")
         self.number = 0
 
     def next_seed(self) -> int | None:
@@ -431,7 +437,7 @@ class Fuzz:
 
     def give(self, worker: Worker, seed: int) -> None:
         worker.seed, worker.heard, worker.left = seed, time.monotonic(), worker.left - 1
-        worker.pipe.send(seed)
+        worker.pipe.send((seed, time.monotonic() < self.last_search))
 
     def hear(self, worker: Worker, said: tuple[Any, ...]) -> None:
         worker.heard = time.monotonic()
