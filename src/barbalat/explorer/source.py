@@ -78,13 +78,13 @@ class TextSource(Source):
         return in_tables(self._tables())
 
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
-        tables = self._tables()
-        for i in toggled:
-            if i >= self._in_tables:
-                raise InputError("a controller from a file of one's own has no projection to switch")
-            tables["controller"][i]["projection"] = not self.projected(i)
         key = tuple(toggled)
         if key not in self._varied:
+            tables = self._tables()
+            for i in toggled:
+                if i >= self._in_tables:
+                    raise InputError("a controller from a file of one's own has no projection to switch")
+                tables["controller"][i]["projection"] = not self.projected(i)
             self._varied[key] = VariedCase(self.text, (), tables)
         return self._varied[key].with_numbers(numbers)
 

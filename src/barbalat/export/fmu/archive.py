@@ -37,6 +37,13 @@ _SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": 
 _MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 
 
+STATE_NAMES = {
+    2: {"component": "fmi2Component", "state": "FMUstate", "read": "DeSerialize"},
+    3: {"component": "fmi3Instance", "state": "FMUState", "read": "Deserialize"},
+}
+"""What the versions of the standard call an instance, its saved state, and reading one."""
+
+
 @dataclass(frozen=True, eq=False)
 class Archive:
     """A unit in one version of the standard, 2 or 3."""
@@ -75,7 +82,8 @@ class Archive:
         texts["model.c"] = self._glue()
         texts["fmu_instance.h"] = filled("fmu_instance.h", **names)
         texts[f"{version}_types.h"] = filled(f"{version}_types.h", **names)
-        texts[f"{version}.c"] = filled(f"{version}.c", refused=refused(self.version), **names)
+        states = filled("fmi_states.c", version=self.version, **STATE_NAMES[self.version])
+        texts[f"{version}.c"] = filled(f"{version}.c", refused=refused(self.version), states=states, **names)
         named = hashlib.sha256("".join([unit.identifier, *texts.values()]).encode()).hexdigest()
         token = "{" + "-".join([named[:8], named[8:12], named[12:16], named[16:20], named[20:32]]) + "}"
         texts["model.h"] = self._types(token)

@@ -203,59 +203,7 @@ FMI fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference r[], size
     return count == 0 ? fmi2OK : refused(c, "there are no texts");
 }
 
-FMI fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state)
-{
-    *state = copied(&((instance *)c)->state, (fmu_state *)*state);
-    return *state != NULL ? fmi2OK : refused(c, "there is no memory for a state");
-}
-
-FMI fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state)
-{
-    if (state == NULL) {
-        return refused(c, "no state is given");
-    }
-    (void)copied((const fmu_state *)state, &((instance *)c)->state);
-    return fmi2OK;
-}
-
-FMI fmi2Status fmi2FreeFMUstate(fmi2Component c, fmi2FMUstate *state)
-{
-    (void)c;
-    if (state != NULL) {
-        free(*state);
-        *state = NULL;
-    }
-    return fmi2OK;
-}
-
-FMI fmi2Status fmi2SerializedFMUstateSize(fmi2Component c, fmi2FMUstate state, size_t *size)
-{
-    (void)c;
-    (void)state;
-    *size = sizeof(fmu_saved);
-    return fmi2OK;
-}
-
-FMI fmi2Status fmi2SerializeFMUstate(fmi2Component c, fmi2FMUstate state, fmi2Byte bytes[], size_t size)
-{
-    if (state == NULL || size < sizeof(fmu_saved)) {
-        return refused(c, "no state is given, or no room for it");
-    }
-    to_bytes((const fmu_state *)state, bytes);
-    return fmi2OK;
-}
-
-FMI fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state)
-{
-    fmu_state read;
-    const char *what = from_bytes(bytes, size, &read);
-    if (what == NULL) {
-        *state = copied(&read, (fmu_state *)*state);
-        what = *state != NULL ? NULL : "there is no memory for a state";
-    }
-    return unless(c, what);
-}
-
+${states}
 FMI fmi2Status fmi2DoStep(fmi2Component c, fmi2Real point, fmi2Real size, fmi2Boolean final)
 {
     static const fmi2Status grades[] = { fmi2OK, fmi2Warning, fmi2Error };

@@ -214,59 +214,7 @@ FMI fmi3Status fmi3SetBoolean(fmi3Instance c, const fmi3ValueReference r[], size
     return unless(c, what);
 }
 
-FMI fmi3Status fmi3GetFMUState(fmi3Instance c, fmi3FMUState *state)
-{
-    *state = copied(&((instance *)c)->state, (fmu_state *)*state);
-    return *state != NULL ? fmi3OK : refused(c, "there is no memory for a state");
-}
-
-FMI fmi3Status fmi3SetFMUState(fmi3Instance c, fmi3FMUState state)
-{
-    if (state == NULL) {
-        return refused(c, "no state is given");
-    }
-    (void)copied((const fmu_state *)state, &((instance *)c)->state);
-    return fmi3OK;
-}
-
-FMI fmi3Status fmi3FreeFMUState(fmi3Instance c, fmi3FMUState *state)
-{
-    (void)c;
-    if (state != NULL) {
-        free(*state);
-        *state = NULL;
-    }
-    return fmi3OK;
-}
-
-FMI fmi3Status fmi3SerializedFMUStateSize(fmi3Instance c, fmi3FMUState state, size_t *size)
-{
-    (void)c;
-    (void)state;
-    *size = sizeof(fmu_saved);
-    return fmi3OK;
-}
-
-FMI fmi3Status fmi3SerializeFMUState(fmi3Instance c, fmi3FMUState state, fmi3Byte bytes[], size_t size)
-{
-    if (state == NULL || size < sizeof(fmu_saved)) {
-        return refused(c, "no state is given, or no room for it");
-    }
-    to_bytes((const fmu_state *)state, bytes);
-    return fmi3OK;
-}
-
-FMI fmi3Status fmi3DeserializeFMUState(fmi3Instance c, const fmi3Byte bytes[], size_t size, fmi3FMUState *state)
-{
-    fmu_state read;
-    const char *what = from_bytes(bytes, size, &read);
-    if (what == NULL) {
-        *state = copied(&read, (fmu_state *)*state);
-        what = *state != NULL ? NULL : "there is no memory for a state";
-    }
-    return unless(c, what);
-}
-
+${states}
 FMI fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 point, fmi3Float64 size, fmi3Boolean final, fmi3Boolean *events,
     fmi3Boolean *end, fmi3Boolean *early, fmi3Float64 *reached)
 {

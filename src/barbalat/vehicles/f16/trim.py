@@ -48,12 +48,6 @@ class Trim:
     def surfaces(self) -> Surfaces:
         return Surfaces(self.elevator)
 
-    @property
-    def short_period(self) -> tuple[Array, Array]:
-        """A (2, 2) and b (2,) of alpha and q, for the elevator: in degrees as in radians."""
-        rows = np.array([1, 3])
-        return self.A[np.ix_(rows, rows)], self.B[rows, 0]
-
     def modes(self) -> dict[str, list[complex]]:
         """The eigenvalues of the two 4 x 4 parts by their names, the faster pair first [1/s]."""
         pitching = _by_size(np.linalg.eigvals(self.A[:4, :4]))
