@@ -10,14 +10,18 @@ from barbalat import validate
 from barbalat.loop.binding import bound
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
+from barbalat.protocols import Controller, Equations, SampledEquations
 from barbalat.roles import main_estimates, state_parts, taken_from
 from barbalat.validate import Array
 
 
 def initial_estimates(problem: TrackingProblem, controller: Controller) -> Array:
     """theta_hat at t = 0, whatever it estimates; empty where the controller has no estimates."""
-    equations = bound(problem, controller)
+    return estimates_in(bound(problem, controller))
+
+
+def estimates_in(equations: Equations | SampledEquations) -> Array:
+    """Where these equations' estimates start."""
     state = equations.initial()
     return np.asarray(taken_from(state, main_estimates(state_parts(equations, state))), dtype=float)
 

@@ -11,7 +11,7 @@ from itertools import combinations
 import numpy as np
 
 from barbalat.cases.build import Case
-from barbalat.comparison.starts import initial_estimates
+from barbalat.comparison.starts import estimates_in, initial_estimates
 from barbalat.explorer.in_signals import InSignals, SignalSearch
 from barbalat.explorer.source import Source
 from barbalat.open_numbers.numbers import Number, ranged
@@ -209,8 +209,9 @@ class Sliders:
 
 
 def _starts(case: Case) -> list[Array]:
-    problem = case.problem
-    return [initial_estimates(problem, one) for one in case.controllers]
+    if len(case.equations) == len(case.controllers):
+        return [estimates_in(equations) for equations in case.equations]
+    return [initial_estimates(case.problem, one) for one in case.controllers]
 
 
 def _alike(one: Sequence[Array], other: Sequence[Array]) -> bool:

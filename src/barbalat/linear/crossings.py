@@ -7,6 +7,7 @@ Source: the crossings are zeros of 1 - L(-s)L(s) and of L(s) - L(-s) on the imag
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 
@@ -45,7 +46,8 @@ class Crossings:
         points, order = np.unique(np.concatenate([self._grid, beside]), return_index=True)
         values = function(np.concatenate([self._response, self.loop.response(beside)])[order])
         found = [float(w) for w in points[values == 0]]
-        at: Callable[[float], float] = lambda w: float(function(self.loop.response(np.array([w])))[0])  # noqa: E731
+        # the ends of a bracket are asked for more than once
+        at = cache(lambda w: float(function(self.loop.response(np.array([w])))[0]))
         for k in np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0):
             left, right = float(points[k]), float(points[k + 1])
             if at(left) * at(right) < 0:

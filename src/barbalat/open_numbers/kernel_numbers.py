@@ -100,7 +100,7 @@ class Family:
         first = self.reader.problem, self.reader.controller
         if all(one is other for member in members for one, other in zip(member[:2], first, strict=True)):
             return self._first.of(np.zeros(len(members), dtype=int))
-        reader = Reader.of((self.reader.problem, self.reader.controller), self.reader.simulation, adjustable=False)
+        reader = self.reader.again()
         try:
             for member in members:
                 reader.take(*member)

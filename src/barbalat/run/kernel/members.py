@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -154,6 +154,13 @@ class Reader:
         reader.columns = Columns(Member(loop, None if adjustable else weights))
         reader.weights = None if weights is None else Columns(weights)
         return reader
+
+    def again(self) -> Reader:
+        """A reader that has taken up the first member alone."""
+        firsts = {name: getattr(self, name)[:1] for name in ("delays", "lags", "history", "seeds")}
+        weights = None if self.weights is None else self.weights.again()
+        columns, initial = self.columns.again(), self.initial.again()
+        return replace(self, bind=Bindings(), columns=columns, initial=initial, weights=weights, known_delays={}, **firsts)
 
     def add(self, problem: TrackingProblem, controller: Controller) -> None:
         """InputError or StructureError for a member that can't be read beside the first."""

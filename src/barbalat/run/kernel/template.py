@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, is_dataclass, replace
 from typing import Any, NamedTuple
 
@@ -56,6 +57,12 @@ class Columns:
             inner = tuple(self._read(value, depth + 1) for value in parts.values())
             return _ColumnPart(part, begin, inner, is_dataclass(part))
         return _ColumnPart(part, begin, None)
+
+    def again(self) -> Columns:
+        """Columns of the first member alone, which is not looked into again."""
+        other = copy(self)
+        other.count, other._kept = 1, {}
+        return other
 
     def add(self, member: Any) -> None:
         """Take up the next member; StructureError where it differs by more than numbers."""
