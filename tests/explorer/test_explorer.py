@@ -95,6 +95,23 @@ def test_every_number_of_the_loop_has_a_slider(page) -> None:
     assert not paths["plant.theta[0]"]["log"]
 
 
+@pytest.mark.parametrize(
+    "controller",
+    [
+        'scheme = "mrac"\ngamma = 20\nsample_time = 0.01',
+        'scheme = "l1"\ngamma = 20\nfilter = { kappa = 0.1 }\nsample_time = 0.01\ndiscretization = "euler"',
+    ],
+)
+def test_gains_of_sampled_controllers_have_sliders(controller) -> None:
+    text = (
+        'name = "sampled"\n[plant]\nA_m = [[0, 1], [-4, -3]]\nb = [0, 2]\ntheta = [1, -0.5]\n[reference_model]\nk_0 = 2\n'
+        '[reference]\nkind = "constant"\nvalue = 1\n[uncertainty]\nlower = [-2, -2]\nupper = [2, 2]\n'
+        f"[simulation]\nt_end = 2\ndt = 0.01\n[[controller]]\n{controller}\n"
+    )
+    described = Described.of(TextSource(CaseText(text)))
+    assert {"controller[0].gamma", "uncertainty.upper[0]"} <= {str(one.number.path) for one in described.sliders}
+
+
 def test_numbers_that_move_the_same_entries_name_each_other() -> None:
     """P follows from all entries of A_m, of which a page has the values one at a time; b, gamma and kappa stand alone."""
     text = CASE.replace("[[-4.0]]", "[[0.0, 1.0], [-4.0, -2.8]]").replace("[1.0]", "[0.0, 1.0]").replace("[5.0]", "[1.0, -0.5]")

@@ -32,7 +32,7 @@ from barbalat.run.engine.simulate import recorded
 from barbalat.run.kernel.sampled_controller import Agreement
 from barbalat.signals import Constant, Sine
 from export.examples import SEVERAL
-from export.targets import needs_gcc
+from export.targets import ISO, needs_gcc, run_selftest, write
 from independent import refusal
 
 PROBLEM = Problem(
@@ -97,6 +97,16 @@ def test_it_is_the_c_that_a_user_gets(monkeypatch) -> None:
             for text in (seen[name], written[name])
         )
         assert a == b
+
+
+@pytest.mark.parametrize("controller", CONTROLLERS, ids=lambda one: one.name)
+@pytest.mark.short(kept=lambda controller: controller is CONTROLLERS[0])
+def test_without_fused_sums_the_c_has_the_bits_of_such_a_run(controller, tmp_path) -> None:
+    """These runs have symbols for a controller's numbers, which leaves other operations than numbers do."""
+    folder = write(tmp_path / "made", files(PROBLEM, controller, Simulation(t_end=2.0, dt=0.01, fused=False)))
+    done = run_selftest(folder, "gcc", *ISO, "-O2")
+    assert done.returncode == 0, done.stdout
+    assert "200 samples agree in every bit" in done.stdout
 
 
 def test_a_last_bit_in_the_c_is_told(monkeypatch) -> None:

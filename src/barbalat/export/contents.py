@@ -66,6 +66,8 @@ class Contents:
         loop = ClosedLoop.of(problem, controller)
         require_sampled(controller.name, sampled=loop.sampled)
         around = Around.of_shell(surrounded, loop.sample_time)
+        if opened is None and not simulation.fused:  # whose list has a symbol for each number, which rounds differently
+            opened = Opened.of(problem, controller, simulation, tunable=False)
         program = controller_program(loop) if opened is None else controller_program(opened.template.loop, opened.template.column)
         vectors = recorded(problem, controller, simulation, VECTORS)
         if not all(np.isfinite(part).all() for part in (vectors.measured, vectors.commands, vectors.states)):

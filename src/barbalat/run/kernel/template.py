@@ -228,19 +228,15 @@ def argument_numbers(members: Columns, *, opened: bool) -> Array:
     return differing | open_numbers(members.first) if opened else differing
 
 
-COMPUTED_PARTS = ("model", "equations", "discrete_model", "around")
-"""Parts of a loop that a sampled controller's computer has: its list is exported, with their numbers in it."""
-
-
 def open_numbers(member: Member) -> Array:
     """(N,) which of a member's numbers are parameters of a kernel whose list does not depend on them.
 
-    All but the zeros of matrices, which say what a state acts on at all; the numbers of a sampled controller, whose list is the
-    same in exported C; and those of parts from outside the package, which may do with their numbers what no symbol bears.
+    These are all numbers but the zeros of matrices, which decide what a state acts on at all, and the numbers of parts from
+    outside the package, which may do with a number what cannot be done with a symbol.
     """
     loop, found = member.loop, [np.zeros(0, dtype=bool)]
-    for name, part in (parts_of(loop) or {}).items():
-        closed = (loop.sampled and name in COMPUTED_PARTS) or comes_from_outside(part)
+    for part in (parts_of(loop) or {}).values():
+        closed = comes_from_outside(part)
         for leaf in Columns(part, depth=2).leaves:
             open_here = leaf != 0 if leaf.ndim == 2 else np.ones(leaf.shape, dtype=bool)
             found.append(open_here.reshape(-1) & (not closed))
