@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from barbalat import (
     Adrc,
+    BaselineAlone,
     DirectMrac,
     KnownParameters,
     L1Adaptive,
@@ -105,6 +106,7 @@ CASES = [
     ("robust MRAC, two inputs, gradient, Euler", SEVERAL, _sampled(RobustMrac(tau=0.3, law=Gradient(gamma=2.0)), "euler")),
     ("linear, one state", STATE, _sampled(LinearFeedback(controller=TransferFunction([50.0, 40.0], [1.0, 0.0])))),
     ("ADRC", STATE, _sampled(Adrc(bandwidth=5.0))),
+    ("baseline alone", STATE, _sampled(BaselineAlone())),
     ("known parameters, Euler", STATE, _sampled(KnownParameters(theta=[1.0, -0.5]), "euler")),
     (
         "output MRAC, n* = 1, Lyapunov, Euler",

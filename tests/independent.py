@@ -17,6 +17,7 @@ from barbalat.adaptation.lyapunov import LyapunovLaw
 from barbalat.adaptation.modifications import FixedSigma
 from barbalat.controllers import (
     Adrc,
+    BaselineAlone,
     DirectMrac,
     KnownParameters,
     L1Adaptive,
@@ -188,6 +189,7 @@ def example_controllers(n: int) -> dict[str, tuple]:
             Adrc(bandwidth=20.0),
             Adrc(bandwidth=30.0, output=np.eye(n)[0], nominal=0.5 * np.ones(n)),
         ),
+        "baseline": (BaselineAlone(), BaselineAlone(nominal={1: [1.2], 2: [0.8, -0.4], 3: [0.8, -0.8, 0.4]}[n])),
         "known-parameters": (KnownParameters(theta={1: [1.5], 2: [1.0, -0.5], 3: [1.0, -1.0, 0.5]}[n]),),
     }
 

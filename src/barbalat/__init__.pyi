@@ -17,6 +17,7 @@ from .cases.build import Case as Case
 from .cases.load import load_case as load_case
 from .certificates.certify import certify as certify
 from .controllers import Adrc as Adrc
+from .controllers import BaselineAlone as BaselineAlone
 from .controllers import DirectMrac as DirectMrac
 from .controllers import KnownParameters as KnownParameters
 from .controllers import L1Adaptive as L1Adaptive

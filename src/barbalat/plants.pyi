@@ -1,4 +1,10 @@
 from .problem.actuation import PlantInput as PlantInput
+from .problem.baseline import LqiBaseline as LqiBaseline
+from .problem.baseline import LqrBaseline as LqrBaseline
+from .problem.baseline import PiBaseline as PiBaseline
+from .problem.baseline import PidBaseline as PidBaseline
+from .problem.baseline import StateBaseline as StateBaseline
+from .problem.baseline import SystemBaseline as SystemBaseline
 from .problem.faults import Bias as Bias
 from .problem.faults import Dropout as Dropout
 from .problem.faults import Jitter as Jitter

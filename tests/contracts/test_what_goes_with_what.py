@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from barbalat import KnownParameters, Mrac, Sampled, Simulation, TransferFunction
+from barbalat import KnownParameters, Mrac, MracClosedLoop, Plant, Sampled, Simulation, TransferFunction
 from barbalat.cases.build import Case, made
 from barbalat.cases.keys import Context
 from barbalat.cases.schema import json_schema, table_of
@@ -39,7 +39,7 @@ from barbalat.export.plant import PlantContents
 from barbalat.laws import CompositeLearning, DeadZone, EpsilonModification, FixedSigma, Normalization, SwitchingSigma
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.kernel_numbers import Family
-from barbalat.plants import Disturbance, Noise, PlantInput, Sensor
+from barbalat.plants import Disturbance, LqiBaseline, Noise, PlantInput, Sensor
 from barbalat.run.engine.simulate import simulate
 from barbalat.signals import SIGNALS, Sine
 from barbalat.targets import (
@@ -110,6 +110,13 @@ SENSORS = {"lag": 0.02, "noise": Noise(std=0.01, sample_time=T)}
 FEATURED = {
     "several inputs": replace(SEVERAL, plant=replace(SEVERAL.plant, input=LIMITED)),
     "an unknown input gain": replace(GAIN, plant=PLAIN.plant, sensor=None),
+    "a baseline": replace(
+        PLAIN,
+        plant=Plant(
+            A=PLAIN.plant.A, b=PLAIN.plant.b, input=LIMITED, baseline=LqiBaseline(Q=np.ones(3), R=1.0, output=[1.0, 0.0])
+        ),
+        uncertainty=None,
+    ),
     "another regressor than x": replace(POLYNOMIAL, plant=replace(POLYNOMIAL.plant, input=LIMITED), sensor=None),
 }
 
@@ -278,7 +285,9 @@ def test_a_scheme_takes_a_plant_or_declares_that_it_does_not(scheme, feature):
 
 
 def fitted(controller: Any, problem: Any) -> Any:
-    """With as many known parameters as the problem has."""
+    """With as many known parameters, and a model of the size, as the problem has."""
+    if isinstance(controller, MracClosedLoop):
+        return replace(controller, model_feedback=-np.eye(problem.known.n))
     if not isinstance(controller, KnownParameters):
         return controller
     return replace(controller, theta=np.append(problem.plant.theta, [1.0] * (problem.input_gain is not None)))
@@ -339,7 +348,10 @@ def test_targets_ask_for_what_they_declare():
 def test_who_takes_part_in_a_contest_is_who_says_what_is_tuned():
     """But for those that do not take the plant, as each is said to be."""
     found, left = entrants_of(FEATURED["several inputs"], Simulation(t_end=2.0, dt=1e-2))
-    assert len(found) == sum(is_tunable(kind) and "several inputs" not in kind.beyond for kind in SCHEMES.values())
+    taking = [name for name, kind in SCHEMES.items() if is_tunable(kind) and "several inputs" not in kind.beyond]
+    assert len(found) == len(taking) - 1  # the baseline alone takes part beside a baseline
+    beside, _ = entrants_of(FEATURED["a baseline"], Simulation(t_end=2.0, dt=1e-2), schemes=["mrac", "baseline"])
+    assert [one.name for one in beside] == ["MRAC", "Baseline"]
     assert all(any(one.startswith(f"{name} is left out") for one in left) for name in SCHEMES if not is_tunable(SCHEMES[name]))
 
 
@@ -352,7 +364,8 @@ def test_the_schema_says_where_a_scheme_and_a_signal_do_not_go():
         "Takes no plant with several inputs or an unknown input gain or another regressor than x."
     )
     assert (
-        left_out(SCHEMES["mit-rule"]) == "Takes no plant with several inputs. Not for contest, tradeoff and tune without --vary."
+        left_out(SCHEMES["mit-rule"])
+        == "Takes no plant with several inputs or a baseline. Not for contest, tradeoff and tune without --vary."
     )
     assert left_out(OUTPUT_SCHEMES["l1-output-piecewise"]) == "Not for contest and tradeoff."
     assert sum("A page of explore keeps" in one for one in said) >= len(SIGNALS)

@@ -75,7 +75,7 @@ def test_the_swapping_identity_for_any_auxiliary_input(n, relative_degree, law, 
         return 2 * np.sin(3 * t) - np.exp(-t) + 0.5
 
     def derivative(t, y):
-        x, x_m, _, _, state, _ = loop.unpack(y[:-n])
+        x, x_m, *_, state, _ = loop.unpack(y[:-n])
         u = -state.theta_hat @ x + k_0 * r(np.array(t)) + u_a(t)
         rates = equations.derivative(state, x, x_m, r(np.array(t)), u)
         missing = np.clip(u, -level, level) - u
@@ -85,7 +85,7 @@ def test_the_swapping_identity_for_any_auxiliary_input(n, relative_degree, law, 
     samples = integrate(derivative, np.append(loop.initial(), np.zeros(n)), 4.0, np.linspace(0, 4, 9), rtol=1e-10, atol=1e-11).T
     left, right, moved = [], [], 0.0
     for y in samples:
-        x, x_m, _, _, state, _ = loop.unpack(y[:-n])
+        x, x_m, *_, state, _ = loop.unpack(y[:-n])
         estimation = equations.estimation(state, x)
         left.append(c_0 @ (x - x_m))
         right.append(estimation.epsilon * estimation.m_s_squared + c_0 @ state.swapping + c_0 @ y[-n:])
@@ -113,7 +113,7 @@ def test_what_the_auxiliary_input_leaves_of_the_error(n, relative_degree, printe
         return estimation.epsilon * estimation.m_s_squared + c_0 @ state.swapping
 
     def derivative(t, y):
-        x, _, _, _, state, _ = loop.unpack(y[:-relative_degree])
+        x, *_, state, _ = loop.unpack(y[:-relative_degree])
         signals = np.array([float(problem.reference(np.array(t)))])
         return np.append(loop.derivative(y[:-relative_degree], signals), A @ y[-relative_degree:] + B * argument(state, x))
 
@@ -121,7 +121,7 @@ def test_what_the_auxiliary_input_leaves_of_the_error(n, relative_degree, printe
     samples = integrate(derivative, start, 4.0, np.linspace(0.5, 4, 8), rtol=1e-10, atol=1e-11).T
     left, right = [], []
     for y in samples:
-        x, x_m, _, _, state, _ = loop.unpack(y[:-relative_degree])
+        x, x_m, *_, state, _ = loop.unpack(y[:-relative_degree])
         left.append(c_0 @ (x - x_m))
         right.append(argument(state, x) - C @ y[-relative_degree:])
     violation = np.abs(np.subtract(left, right)).max() / np.abs(left).max()
@@ -249,7 +249,7 @@ def test_the_covariance_of_the_run(problems, n):
     samples = brute_force(loop, problem.signals, "rk4", 8 / steps, steps)
     integrand = []
     for y in samples.states:
-        x, _, _, _, state, _ = loop.unpack(y)
+        x, *_, state, _ = loop.unpack(y)
         estimation = loop.equations.estimation(state, x)
         integrand.append(np.outer(estimation.phi, estimation.phi) / estimation.m_s_squared)
     weights = np.ones(steps + 1)

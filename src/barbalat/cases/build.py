@@ -15,7 +15,7 @@ from barbalat.cases.keys import Context, Given
 from barbalat.cases.scheme_keys import sampling_of
 from barbalat.cases.table_models import Table
 from barbalat.cases.typed_numbers import in_the_files_words
-from barbalat.controllers import Sampled
+from barbalat.controllers import BaselineAlone, Sampled
 from barbalat.judge.settings import Judge
 from barbalat.judge.specification import Specification
 from barbalat.loop.binding import bound, require_controllers
@@ -135,6 +135,8 @@ def build(
     judge = judge.named(problem)
     found = _controllers(case, base._replace(known=problem.known), problem, parts)
     found += [(controller, bound(problem, controller)) for controller in joining]
+    if (alone := _baseline_alone(problem, [controller for controller, _ in found])) is not None:
+        found.append((alone, bound(problem, alone)))
     made = replace(_assembled(problem, found, simulation, parts), judge=judge, specification=specification)
     if not parts.complete:
         parts.objects, parts.complete = MappingProxyType(parts.objects), True
@@ -173,6 +175,17 @@ def _controllers(case: Table, context: Context, problem: TrackingProblem, parts:
     if refused:
         raise several(refused)
     return controllers
+
+
+def _baseline_alone(problem: TrackingProblem, controllers: Sequence[Controller]) -> Controller | None:
+    """The baseline without adaptation, sampled as the first sampled controller is; None without one, or where it is there."""
+    inner = [one.controller if isinstance(one, Sampled) else one for one in controllers]
+    if problem.fixed is None or any(isinstance(one, BaselineAlone) for one in inner):
+        return None
+    taken = {one.name for one in controllers}
+    alone = BaselineAlone(name=next(name for name in ("Baseline", "Baseline alone", "Baseline 2") if name not in taken))
+    times = [one.sample_time for one in controllers if isinstance(one, Sampled)]
+    return Sampled(controller=alone, sample_time=times[0]) if times else alone
 
 
 def _name(table: Table) -> str:

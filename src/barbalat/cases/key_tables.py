@@ -25,6 +25,7 @@ from barbalat.controllers.piecewise_predictor import AsFlown
 from barbalat.controllers.settings import PLANT_FEATURES, beyond_of
 from barbalat.controllers.windup import ModifiedError
 from barbalat.linear.systems import TransferFunction
+from barbalat.problem.baseline import BASELINES, Baseline
 from barbalat.problem.faults import FAULTS, Fault
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.regressors import REGRESSORS, Regressor
@@ -45,6 +46,7 @@ WORDS: dict[Any, str] = {
     TransferFunction: "{ num, den }",
     Signal: "signal",
     Fault: "fault",
+    Baseline: "baseline",
     Regressor: "regressor",
     AdaptiveLaw: "law",
     OutputErrorLaw: "law",
@@ -70,6 +72,7 @@ def tables() -> dict[str, str]:
         "regressors": _registry(REGRESSORS, "kind"),
         "signals": _registry(SIGNALS, "kind"),
         "faults": _registry(FAULTS, "kind"),
+        "baselines": _registry(BASELINES, "kind"),
         "schemes": _registry(SCHEMES, "scheme"),
         "parts": _markdown("key", "type", "default", "meaning", rows=parts),
         "laws": _registry(LAWS, "kind"),

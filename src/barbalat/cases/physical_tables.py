@@ -12,7 +12,7 @@ from barbalat.linear.driven_response import driven_response
 from barbalat.problem.labels import Labels
 from barbalat.problem.parameters import Parameter, evaluated, require_parameter_name
 from barbalat.problem.physical import PhysicalPlant
-from barbalat.problem.plant import Plant, ReferenceModel
+from barbalat.problem.plant import Model, Plant, ReferenceModel
 from barbalat.validate import Array, InputError
 
 Tables = dict[str, Any]
@@ -74,17 +74,17 @@ def physical_plant(tables: Tables, parameters: Mapping[str, Any]) -> PhysicalPla
 
 
 def scale_of_states(
-    A_m: Array, b: Array, x0: Any, model: ReferenceModel, commands: Any, labels: Labels | None, judge: Judge, t_end: float
+    plant: Plant, model: ReferenceModel, commands: Any, labels: Labels | None, judge: Judge, t_end: float
 ) -> tuple[Array, str]:
-    """(n,) by whose squares the states are weighted, and where they come from: the judge's bands, else the model's motion."""
-    n = len(A_m)
+    """By whose squares the plant's states are weighted, and where they come from: the judge's bands, else the model's motion."""
+    n = plant.states
     names = (labels or Labels()).of_states(n)
     if all(name in judge.follows for name in names):
         return np.array([judge.follows[name] for name in names]), "the bands of judge.follows"
-    plant = Plant(A_m=A_m, b=b, theta=np.zeros(b.size), x0=x0)
-    B = b.reshape(n, -1) @ np.atleast_2d(model.gain(plant, names))
+    k_0 = model.gain(plant, names) if plant.baseline is None else plant.baseline.feedforward
+    A, B, C = Model(plant.A_m, plant.b, k_0, plant.x0, plant.enters, n).matrices
     signals = commands if isinstance(commands, tuple) else (commands,)
-    _, x_m = driven_response(A_m, B, np.eye(n), plant.x0, signals, t_end, MOTION_INSTANTS)
+    _, x_m = driven_response(A, B, C, plant.x0, signals, t_end, MOTION_INSTANTS)
     largest = np.abs(x_m).max(axis=0)
     moves = largest > 1e-9 * largest.max(initial=0.0)
     said = "the largest motions of the reference model" + ("" if moves.all() else ", 1 where it rests")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import GenericAlias
 
@@ -13,8 +13,11 @@ from barbalat.cases.table_models import FORMS, chosen
 from barbalat.judge.settings import Judge
 from barbalat.judge.specification import Specification
 from barbalat.linear.pole_placement import place
+from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.actuation import PlantInput
+from barbalat.problem.baseline import BASELINES, Baseline, SystemBaseline
 from barbalat.problem.known_set import ParameterBall, ParameterBox
+from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem
 from barbalat.problem.parameters import Parameter
@@ -26,7 +29,7 @@ from barbalat.problem.truth import Truth
 from barbalat.protocols import Signal
 from barbalat.signals import Constant, MatFile, Recorded
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array, InputError, Matrix, Vector, local_path
+from barbalat.validate import Array, InputError, Matrix, Vector, counted, hint, local_path, show
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,9 @@ def _problem(given: Given, context: Context) -> Problem:
     """The disturbances stand with the plant, the input gain with the known set, what A becomes with the model."""
     plant, model, known = given.pop("plant"), given.pop("reference_model"), given.pop("uncertainty", {})
     disturbances = {key: plant.pop(key) for key in ("disturbance", "unmatched") if key in plant}
+    baseline = given.pop("baseline", None)
+    if baseline is not None:
+        return _around_baseline(baseline, given | {"plant": plant, "reference_model": model}, disturbances, known, context)
     if "k_0" not in model and "follow" not in model:
         raise InputError.of("reference_model.k_0", "is missing (or give reference_model.follow, the state that is to follow)")
     reference_model = ReferenceModel(k_0=model.get("k_0"), follow=model.get("follow"))
@@ -61,6 +67,67 @@ def _problem(given: Given, context: Context) -> Problem:
     else:
         made = _plant(plant, model)
     return Problem(plant=made, reference_model=reference_model, **disturbances, **known, **given)
+
+
+def _around_baseline(baseline: Baseline, given: Given, disturbances: Given, known: Given, context: Context) -> Problem:
+    """The problem whose model is what the baseline gives on the nominal plant; ``known`` is of the departure from that plant."""
+    plant, model = given.pop("plant"), given.pop("reference_model")
+    for table, keys, at in ((model, ("A_m", "poles", "k_0"), "reference_model"), (plant, ("A_m", "theta", "regressor"), "plant")):
+        for key in keys:
+            if key in table:
+                raise InputError.of(
+                    f"{at}.{key}", "and baseline are both given; the model is what the baseline gives on plant.A and plant.b"
+                )
+    if "A" not in plant:
+        raise InputError.of("plant.A", "is missing; the baseline acts on x' = A x + b u")
+    follow = model.get("follow")
+    if follow is None:
+        raise InputError.of("reference_model.follow", "is missing: the state that the baseline makes follow the command")
+    parameters, labels = given.pop("parameters", None), given.get("labels")
+    of_states = len(plant["A"])
+    rows = _rows_of(follow, (labels or Labels()).of_states(of_states))
+    baseline = replace(baseline, output=rows)  # type: ignore[type-var]  # every kind is a dataclass
+    reference_model = ReferenceModel(follow=follow)
+    if parameters and context.raw is not None:
+        physical = physical_plant(context.raw, parameters)
+        nominal = Plant(physical=physical, baseline=baseline)
+        scale, said = scale_of_states(nominal, reference_model, given.get("reference"), labels, context.judge, context.t_end)
+        made = Plant(physical=physical, baseline=baseline, scale=scale, scale_from=said)
+    else:
+        made = Plant(**plant, baseline=baseline)
+    assert made.baseline is not None
+    departure = known.pop("uncertainty", None)
+    if departure is not None:
+        wanted = made.states * made.inputs
+        if departure.size != wanted:
+            raise InputError.of(
+                f"uncertainty.{departure.first_field}",
+                f"must have {counted(wanted, 'entry')} beside a baseline, of what the plant may differ by, got {departure.size}",
+            )
+        known["uncertainty"] = made.baseline.around_nominal(departure)
+    return Problem(plant=made, reference_model=reference_model, **disturbances, **known, **given)
+
+
+def _rows_of(follow: str | tuple[str, ...], names: tuple[str, ...]) -> list[list[float]]:
+    """Of C, one for each followed state."""
+    followed = (follow,) if isinstance(follow, str) else tuple(follow)
+    for state in followed:
+        if state not in names:
+            raise InputError.of(
+                "reference_model.follow", f"names no state, got {show(state)}; there are {', '.join(names)}{hint(state, names)}"
+            )
+    return [[float(name == state) for name in names] for state in followed]
+
+
+def _system_of(given: Given, _: Context) -> SystemBaseline:
+    """From num and den, or from A, B, C and D."""
+    if given.keys() == {"num", "den"}:
+        return SystemBaseline(TransferFunction(**given))
+    if given.keys() != {"A", "B", "C", "D"}:
+        raise InputError.of(
+            "baseline", f"must have either num and den, or A, B, C and D, got {', '.join(sorted(given)) or 'neither'}"
+        )
+    return SystemBaseline(StateSpace(**given))
 
 
 def _nominal_plant(
@@ -78,7 +145,7 @@ def _nominal_plant(
     A_m = place(A, b, model["poles"]) if "poles" in model else model["A_m"]
     commands, labels = given.get("reference"), given.get("labels")
     nominal = Plant(physical=physical, A_m=A_m)  # refuses an A_m that does not fit
-    scale, said = scale_of_states(nominal.A_m, b, nominal.x0, reference_model, commands, labels, context.judge, context.t_end)
+    scale, said = scale_of_states(nominal, reference_model, commands, labels, context.judge, context.t_end)
     return Plant(physical=physical, A_m=A_m, scale=scale, scale_from=said)
 
 
@@ -160,7 +227,18 @@ DIFFERENCES: dict[type, Differences] = {
                 "truth is a formula of them",
                 None,
             ),
-            "uncertainty": Key(Uncertainty, "the known set Omega; without one nothing is projected", None),
+            "baseline": Key(
+                Baseline | None,
+                "the fixed controller that is already there, to whose control adaptive laws add theirs; its loop on `plant.A` "
+                "and `plant.b` is the model, and `reference_model` has `follow` alone",
+                None,
+            ),
+            "uncertainty": Key(
+                Uncertainty,
+                "the known set Omega; without one nothing is projected. Beside `baseline` it is that of the plant's departure "
+                "from the nominal one",
+                None,
+            ),
             "simulation": Key(Simulation, "how to simulate"),
             "judge": _JUDGE,
             "specification": _SPECIFICATION,
@@ -187,8 +265,21 @@ DIFFERENCES: dict[type, Differences] = {
             "unmatched": Key(tuple[Disturbance, ...], "others: direction (n,) times the signal is added to x'", None),
         },
         optional=("A_m", "theta"),
-        without=("physical", "scale", "scale_from"),
+        without=("physical", "scale", "scale_from", "baseline"),
         make=_as_given,
+    ),
+    **{kind: Differences(without=("output",)) for kind in BASELINES.values()},
+    SystemBaseline: Differences(
+        keys={
+            "num": Key(Vector | None, "of K(s), highest power first; with `den`", None),
+            "den": Key(Vector | None, "of K(s); with `num`", None),
+            "A": Key(Matrix | None, "instead: of its state space, with B, C and D", None),
+            "B": Key(Array | None, "of its state space", None),
+            "C": Key(Array | None, "of its state space", None),
+            "D": Key(float | None, "of its state space", None),
+        },
+        without=("output", "system"),
+        make=_system_of,
     ),
     OutputPlant: Differences(
         keys={

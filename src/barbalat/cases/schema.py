@@ -21,6 +21,7 @@ from barbalat.cases.scheme_keys import sampling_of
 from barbalat.cases.table_models import Recipe, Table, chosen, numbers, one_or_several
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
+from barbalat.problem.baseline import BASELINES, Baseline
 from barbalat.problem.faults import FAULTS, Fault
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.regressors import REGRESSORS, Regressor
@@ -38,6 +39,7 @@ REGISTRY_OF_TYPE: dict[Any, Mapping[str, type]] = {
     AdaptiveLaw: LAWS,
     OutputErrorLaw: OUTPUT_LAWS,
     Fault: FAULTS,
+    Baseline: BASELINES,
 }
 """By the type that a field asks for, the registry of what it may be: a table whose key ``kind`` says which."""
 NAMES_OF_TYPE: dict[Any, Mapping[str, Any]] = {Tableau: SOLVERS | {AUTO.name: AUTO}}

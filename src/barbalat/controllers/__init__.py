@@ -1,6 +1,7 @@
 """The registry: one line for each scheme, by the name that case files use. The contract tests run over it."""
 
 from barbalat.controllers.adrc import Adrc as Adrc
+from barbalat.controllers.baseline import BaselineAlone as BaselineAlone
 from barbalat.controllers.known_parameters import KnownParameters as KnownParameters
 from barbalat.controllers.l1 import L1Adaptive as L1Adaptive
 from barbalat.controllers.l1_piecewise import L1PiecewiseConstant as L1PiecewiseConstant
@@ -27,4 +28,5 @@ SCHEMES = {
     "linear": LinearFeedback,
     "adrc": Adrc,
     "known-parameters": KnownParameters,
+    "baseline": BaselineAlone,
 }

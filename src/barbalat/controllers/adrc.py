@@ -9,7 +9,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 
 from barbalat import validate
-from barbalat.controllers.settings import Scheme
+from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.controllers.steps import LinearStep, Tustin
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
@@ -169,6 +169,8 @@ class Adrc(Scheme):
     saturated_predictor: bool = False
     name: str = "ADRC"
 
+    beyond: ClassVar[tuple[str, ...]] = ("a baseline",)
+
     def __post_init__(self) -> None:
         validate.label("name", self.name)
         validate.freeze(self, bandwidth=validate.positive("bandwidth", self.bandwidth), b_0=validate.positive("b_0", self.b_0))
@@ -187,6 +189,7 @@ class Adrc(Scheme):
         )
 
     def bind(self, known: Known) -> Equations:
+        require_taken(Adrc, known)
         n, m = known.n, known.inputs
         nominal = np.zeros(n * m) if self.nominal is None else validate.vector("nominal", self.nominal, n * m)
         theta_0, b = nominal.reshape(n, m), known.b.reshape(n, m)

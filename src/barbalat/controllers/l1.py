@@ -100,6 +100,8 @@ class Predictor:
         phi = (c.matched.with_input(before.x, u) + c.matched.with_input(now.x, u)) / 2
         # A_m acts on x_mid - x_tilde: what is measured enters as in the midpoint rule, what is estimated at the sample's end
         measured = np.dot(c.b, c.matched.known_input(u)) - c.A_m @ ((now.x - before.x) / 2)
+        if c.enters is not None:
+            measured = measured + np.dot(c.enters, before.r)  # as the sampled model takes it, held over the sample
         x_hat = self.end @ (state.x_hat + T * measured)
         error = (now.x - x_hat) @ (c.P @ c.b) - np.dot(self.coupling, phi.T @ state.theta_hat)
         return Unmoved(x_hat, error, phi)
@@ -145,6 +147,8 @@ class Equations:
     x0: Array
     estimate_set: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
+    enters: Array | None = None  # by what the command enters beside the input
+    theta_0: Array | None = None  # of a baseline, which is not filtered
     limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
 
     @property
@@ -157,17 +161,23 @@ class Equations:
         return State(self.theta_hat0, self.x0, at_rest, self.modifications.initial(self.b, self.x0, len(self.theta_hat0)))
 
     def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
-        return self.C.output(state.filter, self.filter_input(state, x, r))  # (5)
+        u = self.C.output(state.filter, self.filter_input(state, x, r))  # (5)
+        return u if self.theta_0 is None else u + self.baseline(x, r)
+
+    def baseline(self, x: Value, r: Value) -> Value:
+        """What is there without adaptation, and passes no filter."""
+        return np.dot(self.k_0, r) - self.matched.phi(x).T @ self.theta_0
 
     def filter_input(self, state: State, x: Value, r: Value) -> Value:
         """What C(s) filters. With an unknown gain u = C/(1 - C)[-theta_hat'phi - omega_hat u + k_0 r] stands for (5)."""
         theta_hat, omega_hat = self.matched.split(state.theta_hat)
         wanted = -self.matched.phi(x).T @ theta_hat + np.dot(self.k_0, r)
+        beside = 0.0 if self.theta_0 is None else self.baseline(x, r)
         if not self.matched.gain_unknown:
-            return wanted
+            return wanted - beside
         if self.C.order == 0:
-            return wanted / omega_hat  # C = 1
-        return wanted - omega_hat * self.C.output(state.filter, 0 * wanted)
+            return wanted / omega_hat - beside  # C = 1
+        return wanted - omega_hat * (self.C.output(state.filter, 0 * wanted) + beside)
 
     def applied(self, u: Value) -> Value:
         """What the predictor is fed with."""
@@ -184,6 +194,8 @@ class Equations:
             self.gamma, x_tilde, self.P, self.b, phi, state.theta_hat, state.memory, self.estimate_set
         )  # (7)
         x_hat_dot = self.A_m @ state.x_hat + np.dot(self.b, phi.T @ state.theta_hat + known)  # (8)
+        if self.enters is not None:
+            x_hat_dot = x_hat_dot + np.dot(self.enters, r)
         filter_dot = self.C.derivative(state.filter, self.filter_input(state, x, r))
         return State(theta_hat_dot, x_hat_dot, filter_dot, law.memory_rates(state.memory, self.A_m, self.b, x, phi, known))
 
@@ -247,6 +259,7 @@ class L1Adaptive(Scheme):
         return Equations(
             **bound_with_lyapunov_law(self, known),
             C=self._filter(unknown_gain=known.matched.gain_unknown),
+            theta_0=known.theta_0,
             limits=limits_of_predictor(self.saturated_predictor, known),
         )
 

@@ -124,7 +124,7 @@ class L1PiecewiseConstant(Scheme):
     saturated_predictor: bool = False
     name: str = "L1, piecewise constant"
 
-    beyond: ClassVar[tuple[str, ...]] = ("an unknown input gain",)
+    beyond: ClassVar[tuple[str, ...]] = ("an unknown input gain", "a baseline")
 
     patent: ClassVar[str] = PATENT_NOTE
 

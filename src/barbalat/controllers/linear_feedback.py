@@ -62,7 +62,8 @@ class LinearFeedback(Scheme):
 
     controller  K(s), proper, a TransferFunction, StateSpace or python-control system; an integrator is allowed. Starts at rest
     output      c, (n,): the combination of the states that is fed back, P b by default
-    nominal     theta_0, (n,): the parameters that are assumed; by default the middle of the known set, zero without one
+    nominal     theta_0, (n,): the parameters that are assumed; by default a baseline's, else the middle of the known set,
+                 zero without one
     unmodelled  W(s), stable and proper: the size of the unmodelled dynamics that mu is computed for; none by default
     anti_windup  > 0 [u for each unit of c'e]: K(s) is driven by L (sat(u) - u) too, L the gain of a Kalman filter that reads the
                  output of K(s) with noise of this size beside an error of size 1; with a PI of this k_p it is back-calculation
@@ -120,6 +121,7 @@ class LinearFeedback(Scheme):
         require_linear_plant(known)
         K = StateSpace.accept("controller", self.controller)
         middle = np.zeros(known.n) if known.theta_set is None else known.theta_set.middle
+        middle = middle if known.theta_0 is None else known.theta_0
         return Equations(
             k_0=known.k_0,
             c=known.P @ known.b if self.output is None else validate.vector("output", self.output, known.n),

@@ -96,7 +96,7 @@ class MitRule(Scheme):
     projection: bool | None = None
     name: str = "MIT rule"
 
-    beyond: ClassVar[tuple[str, ...]] = ("several inputs",)
+    beyond: ClassVar[tuple[str, ...]] = ("several inputs", "a baseline")
 
     def __post_init__(self) -> None:
         check_gains(self)

@@ -47,6 +47,7 @@ class Equations:
     x0: Array
     estimate_set: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
+    enters: Array | None = None  # by what the command enters beside the input
     windup: ModifiedError | None = None
     limits: Array | None = None  # of the input, where windup is cared for
 
@@ -100,6 +101,7 @@ class Equations:
             x0=self.x0,
             estimate_set=self.estimate_set,
             modifications=self.modifications,
+            enters=self.enters,
             limits=self.limits,
         )
         return Predictor.of(with_predictor, T, self.windup)

@@ -51,7 +51,7 @@ class Equations:
     def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
         A_m, b, k_0, e_c = self.known.A_m, self.known.b, self.known.k_0, x - state.x_c
         rate = self.gamma.scaled(e_c @ (self.P @ b), self.regressor_at(state, x, u))  # (4) with e_c
-        x_c_dot = A_m @ state.x_c + b * (k_0 * r) - self.L @ e_c
+        x_c_dot = A_m @ state.x_c + b * (k_0 * r) + self.known.commanded(r) - self.L @ e_c
         return State(project(rate, state.theta_hat, self.estimate_set, self.gamma), x_c_dot)
 
     def limit(self, state: State) -> State:

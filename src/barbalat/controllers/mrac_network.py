@@ -139,7 +139,7 @@ class NetworkMrac(Scheme):
     V_hat0: Array | None = None
     name: str = "MRAC, network"
 
-    beyond: ClassVar[tuple[str, ...]] = ("an unknown input gain",)
+    beyond: ClassVar[tuple[str, ...]] = ("an unknown input gain", "a baseline")
 
     def __post_init__(self) -> None:
         validate.label("name", self.name)

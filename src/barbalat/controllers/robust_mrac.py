@@ -51,7 +51,8 @@ class StateEstimator(Estimator):
         c = self.continuous
         u = applied(u, c.limits)
         x_mid = (before.x + now.x) / 2
-        xi_mid = self.model.middle(state.xi, c.b * u)
+        known = c.b * u if c.enters is None else c.b * u + np.dot(c.enters, before.r)
+        xi_mid = self.model.middle(state.xi, known)
         Xi_mid = self.model.middle(state.Xi, np.outer(c.b, (c.regressor(before.x) + c.regressor(now.x)) / 2))
         learnt = self.learnt(state, z=c.c_0 @ (x_mid - xi_mid), phi=c.c_0 @ Xi_mid, driven=u * u)  # (13)
         following = state._replace(**learnt._asdict(), xi=2 * xi_mid - state.xi, Xi=2 * Xi_mid - state.Xi)
@@ -75,6 +76,7 @@ class Equations(OnParametricModel):
     x0: Array
     estimate_set: EstimateSet | None
     limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
+    enters: Array | None = None  # by what the command enters beside the input
 
     def estimation(self, state: State, x: Value) -> Estimation:
         z = self.c_0 @ (x - state.xi)  # (13)
@@ -97,10 +99,11 @@ class Equations(OnParametricModel):
         u = applied(u, self.limits)
         rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.estimate_set)  # (15)
         swapping_dot, filter_dot = self.auxiliary_rates(state, x, rates.theta_hat)
+        xi_dot = self.A_m @ state.xi + self.b * u
         return State(
             theta_hat=rates.theta_hat,
             memory=rates.memory,
-            xi=self.A_m @ state.xi + self.b * u,
+            xi=xi_dot if self.enters is None else xi_dot + np.dot(self.enters, r),
             Xi=self.A_m @ state.Xi + np.outer(self.b, self.regressor(x)),
             n_d=self.normalization.n_d_dot(state.n_d, u),
             swapping=swapping_dot,
@@ -264,4 +267,5 @@ def _bound(settings: RobustMrac | NormalizedMrac, known: Known) -> Equations | s
         x0=known.x0,
         estimate_set=estimate_set,
         limits=limits_of_predictor(settings.saturated_predictor, known),
+        enters=known.enters,
     )

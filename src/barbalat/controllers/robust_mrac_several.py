@@ -65,6 +65,7 @@ class Equations(OnParametricModel):
     x0: Array
     estimate_set: EstimateSet | None
     limits: Array | None = None  # of the inputs, where the parametric model is fed with what is left of u
+    enters: Array | None = None  # (n, q), by what the commands enter beside the inputs
 
     def estimation(self, state: State, x: Value) -> Estimation:
         z = self.C_0 @ (x - state.xi)  # (13)
@@ -87,10 +88,11 @@ class Equations(OnParametricModel):
         u = applied(u, self.limits)
         rates = self.law.rates(state.theta_hat, state.memory, self.estimation(state, x), self.estimate_set)  # (15)
         swapping_dot, filter_dot = self.auxiliary_rates(state, x, rates.theta_hat)
+        xi_dot = self.A_m @ state.xi + self.B @ u
         return State(
             theta_hat=rates.theta_hat,
             memory=rates.memory,
-            xi=self.A_m @ state.xi + self.B @ u,
+            xi=xi_dot if self.enters is None else xi_dot + self.enters @ r,
             Xi=self.A_m @ state.Xi + self.B @ self.matched.phi(x).T,
             n_d=self.normalization.driven(state.n_d, u @ u),
             swapping=swapping_dot,
@@ -128,6 +130,7 @@ def equations(
         x0=known.x0,
         estimate_set=estimate_set,
         limits=limits,
+        enters=known.enters,
     )
 
 

@@ -67,10 +67,12 @@ def check_common(settings: Adaptive) -> None:
 def initial_estimate(theta_hat0: Array | None, estimate_set: EstimateSet | None, known: Known) -> Array:
     """theta_hat(0), (p,), inside the known set if there is one.
 
-    Unless given it is zero, or the centre of a set without zero; 1 or the nearest bound for an input gain.
+    Unless given it is zero, or the centre of a set without zero; 1 or the nearest bound for an input gain. Beside a baseline
+    it is the baseline's theta_0 instead of zero, so that the control starts as the baseline's.
     """
     gains = known.inputs if known.matched.gain_unknown else 0
-    default = np.concatenate([np.zeros(known.parameters - gains), np.ones(gains)])
+    of_baseline = np.zeros(known.parameters - gains) if known.theta_0 is None else known.theta_0
+    default = np.concatenate([of_baseline, np.ones(gains)])
     of_theta = None if estimate_set is None else estimate_set.of_theta(known.parameters - gains)
     if of_theta is not None and not of_theta.contains(default[: known.parameters - gains]):
         default[: known.parameters - gains] = of_theta.middle
@@ -103,6 +105,11 @@ PLANT_FEATURES = {
     "several inputs": PlantFeature(lambda known: known.inputs > 1, "takes plants with one input, got {inputs}", "take several"),
     "an unknown input gain": PlantFeature(
         lambda known: known.matched.gain_unknown, "takes the input gain as known", "take uncertainty.input_gain"
+    ),
+    "a baseline": PlantFeature(
+        lambda known: known.theta_0 is not None,
+        "takes no baseline, since no part of it can be told from one",
+        "take a baseline",
     ),
     "another regressor than x": PlantFeature(
         lambda known: not isinstance(known.matched.regressor, Linear),
@@ -141,6 +148,8 @@ def beyond_of(scheme: type) -> tuple[str, ...]:
 def bound_with_lyapunov_law(settings: LyapunovSettings, known: Known) -> dict[str, Any]:
     """The fields that the equations of L1-AC and of the MRAC have in common, on a plant; InputError where the two don't fit."""
     gamma, modifications = Gain(settings.gamma), Modifications.of(settings)
+    if known.theta_0 is not None:
+        require_separable(modifications)
     gamma.require_size("gamma", known.parameters)
     modifications.require_fit(known.inputs)
     estimate_set = projection_set(settings.projection, known)
@@ -155,7 +164,18 @@ def bound_with_lyapunov_law(settings: LyapunovSettings, known: Known) -> dict[st
         "x0": known.x0,
         "estimate_set": estimate_set,
         "modifications": modifications,
+        "enters": known.enters,
     }
+
+
+def require_separable(modifications: Modifications) -> None:
+    """InputError for modifications of a law that take the baseline for a part of what was learnt."""
+    if modifications.leakage is not None:
+        raise InputError(
+            "leakage pulls the estimates to zero, and the baseline's gains with them: give no leakage beside a baseline"
+        )
+    if modifications.learning is not None:
+        raise InputError("composite learning takes no baseline: its memory holds u as all that enters beside theta'phi")
 
 
 def projection_set(projection: bool | None, known: Known) -> EstimateSet | None:

@@ -76,6 +76,19 @@ class SampledForm:
 
 
 @dataclass(frozen=True, eq=False)
+class Still(SampledForm):
+    """A controller without any state that moves."""
+
+    continuous: Equations
+    sample_time: float
+
+    explicit: ClassVar[bool] = False
+
+    def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
+        return state
+
+
+@dataclass(frozen=True, eq=False)
 class Tustin(SampledForm):
     """A linear controller on the output or on the state, whose NamedTuple is the state of its linear system."""
 

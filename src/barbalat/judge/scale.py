@@ -72,7 +72,8 @@ def _disturbances(problem: TrackingProblem, B: Array) -> tuple[list[Signal], Arr
     matched = [] if acting.disturbance is None else [(acting.disturbance, B if b is None else b)]
     measured = problem.dynamics.output  # of a truth with other states those of the plant
     every = [*matched, *((one.signal, measured(np.asarray(one.direction, dtype=float))) for one in acting.unmatched)]
-    return [signal for signal, _ in every], np.array([np.reshape(direction, -1) for _, direction in every]).reshape(-1, len(B))
+    rows = [np.pad(np.reshape(direction, -1), (0, len(B) - np.size(direction))) for _, direction in every]
+    return [signal for signal, _ in every], np.array(rows).reshape(-1, len(B))  # no disturbance enters a baseline's own states
 
 
 def scale_of(model: Array, initial: Array, noise: Array | None, beside: Uncommanded) -> Array:

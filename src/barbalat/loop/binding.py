@@ -7,6 +7,8 @@ from dataclasses import fields, is_dataclass, replace
 from itertools import chain, count
 from typing import Any, TypeGuard
 
+import numpy as np
+
 from barbalat import validate
 from barbalat.loop.checking import Ports, check_equations
 from barbalat.loop.structure import comes_from_outside, identical, parts_of, structure
@@ -109,7 +111,11 @@ def subject_of(controller: Controller) -> Subject:
 def ports_of(problem: TrackingProblem) -> Ports:
     """What the problem hands to equations."""
     commands = len(problem.commands) if isinstance(problem.reference, tuple) else None
-    return Ports.of(problem.dynamics, problem.model, commands, len(problem.plant.paths))
+    found = Ports.of(problem.dynamics, problem.model, commands, len(problem.plant.paths))
+    if problem.fixed is None:
+        return found
+    whole = np.concatenate([found.y, np.zeros(problem.fixed.order)])
+    return found._replace(y=whole, y_m=np.asarray(problem.model.x0, dtype=float))
 
 
 def require_controllers(controllers: Sequence[Any]) -> None:

@@ -15,6 +15,7 @@ from barbalat.loop.around import Around
 from barbalat.loop.binding import Bind, bound, is_sampled
 from barbalat.loop.packing import LoopState, Outputs, Signals, SignalSizes, as_array, flatten, map_arrays, unflatten
 from barbalat.loop.sampling import Acting, SampledController, held_model
+from barbalat.problem.baseline import FixedController
 from barbalat.problem.measurement import Sensor
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, DiscretizedEquations, Dynamics, Equations, SampledEquations, Value
@@ -40,6 +41,7 @@ class ClosedLoop:
     delayed: bool = False
     discrete_model: HeldSystem | None = None  # of a sampled controller
     around: Around | None = None  # its shell, and the faults that reach it
+    baseline: FixedController | None = None  # with states of its own, which equations are handed behind what is measured
     begins: Any = (
         None  # the equations' state at t = 0, in numbers, where the equations themselves have symbols among their numbers
     )
@@ -71,6 +73,7 @@ class ClosedLoop:
             delayed=problem.delay > 0,
             discrete_model=held_model(problem.model, equations.sample_time, commands) if is_sampled(equations) else None,
             around=Around.of(problem, equations.sample_time) if is_sampled(equations) else None,
+            baseline=problem.fixed if problem.fixed is not None and problem.fixed.order else None,
         )
 
     def initial(self) -> Array:
@@ -87,6 +90,7 @@ class ClosedLoop:
             x_m=self.model.x0,
             input=input_paths.initial(self.paths),
             sensor=np.zeros(0) if self.lag is None else y,
+            baseline=np.zeros(0 if self.baseline is None or self.sampled else self.baseline.order),
             controller=controller,
             held=() if acting is None else acting.held,
         )
@@ -96,7 +100,9 @@ class ClosedLoop:
         """A sampled controller with its own reference model."""
         if not is_sampled(self.equations) or self.discrete_model is None:
             return None
-        return SampledController(self.equations, self.model, self.discrete_model, self.inputs, self.commands, self.around)
+        return SampledController(
+            self.equations, self.model, self.discrete_model, self.inputs, self.commands, self.around, self.baseline
+        )
 
     @cached_property
     def sampled(self) -> bool:
@@ -211,17 +217,18 @@ class ClosedLoop:
         x_dot = self.plant.derivative(state.x, v + given.matched[0] if self.disturbed else v, *t)  # (1), with (11)'s input
         for i, direction in enumerate(self.directions):
             x_dot = x_dot + direction * given.unmatched[i]
-        y, y_m = self._measured(state, given), self.model.output(state.x_m)
+        y = self._measured(state, given)
         controller, held = state.controller, state.held
         if isinstance(self.equations, SampledEquations):
             controller, held = (map_arrays(lambda value: 0 * value, part) for part in (controller, held))
         else:
-            controller = self.equations.derivative(controller, y, y_m, given.r, u)
+            controller = self.equations.derivative(controller, *self._handed(state, y), given.r, u)
         return LoopState(
             x=x_dot,
             x_m=self.model.derivative(state.x_m, given.r),  # (2)
             input=input_paths.derivative(self.paths, state.input, u),
             sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self._output(state, given)),
+            baseline=self._of_the_baseline(state, y, given.r),
             controller=controller,
             held=held,
         )
@@ -265,8 +272,19 @@ class ClosedLoop:
     def _control(self, state: LoopState, given: Signals) -> Value:
         if self.sampled:
             return state.held.u
-        y, y_m = self._measured(state, given), self.model.output(state.x_m)
-        return as_array(self.equations.control(state.controller, y, y_m, given.r))
+        return as_array(self.equations.control(state.controller, *self._handed(state, self._measured(state, given)), given.r))
+
+    def _handed(self, state: LoopState, y: Value) -> tuple[Value, Value]:
+        """What equations are handed of the plant and of the model, a baseline's own states included."""
+        if self.baseline is None:
+            return y, self.model.output(state.x_m)
+        return np.concatenate([y, state.baseline]), state.x_m
+
+    def _of_the_baseline(self, state: LoopState, y: Value, r: Value) -> Value:
+        """The rates of the baseline's own states, which a sampled controller keeps itself."""
+        if self.baseline is None or self.sampled:
+            return state.baseline
+        return self.baseline.derivative(state.baseline, y, r)
 
     def limit(self, flat: Value) -> Value:
         """The state with the estimates limited to the known set; applied at every stage and at a step's end."""
@@ -288,4 +306,5 @@ class ClosedLoop:
         e = (y - self.model.output(state.x_m)).reshape(-1)
         x = state.x if self.measured_outputs else y  # of a truth with more states those of the plant that is designed for
         y = y.reshape(-1)[: self.measured_outputs]
-        return Outputs(e, u.reshape(-1), self.theta_hat(state.controller), x, state.x_m, y)
+        x_m = state.x_m if self.baseline is None else self.model.output(state.x_m)
+        return Outputs(e, u.reshape(-1), self.theta_hat(state.controller), x, x_m, y)

@@ -27,8 +27,10 @@ def continuous_twin(loop: ClosedLoop) -> ClosedLoop:
     """The loop with the equations that a sampled controller stands for; any other loop as it is.
 
     Its flat state is the sampled loop's without what is held, which stands last. A sampled form with states of its own has
-    no such twin.
+    no such twin, nor has one beside a baseline with states.
     """
+    if loop.baseline is not None:
+        return loop
     twin = replace(loop, equations=loop.continuous)
     same = len(flatten(twin.equations.initial())) == len(flatten(loop.equations.initial()))
     return twin if same else loop

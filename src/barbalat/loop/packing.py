@@ -24,6 +24,7 @@ class Held(NamedTuple):
     r: Value  # the command that was sampled
     started: Value  # 0 before the first sample, then 1
     theta_hat: Value  # the estimates as they were before this step's sample, if it has one
+    baseline: Value = np.zeros(0)  # (l,) the baseline's own states
     around: Any = ()  # what the shell keeps, an ``around.Kept``, where there is one
 
 
@@ -34,6 +35,7 @@ class LoopState(NamedTuple):
     x_m: Value  # (n,) reference model
     input: Any  # an InputState for each input with limits or unmodelled dynamics
     sensor: Value  # (n,) lagged measurement
+    baseline: Value  # (l,) a baseline's own states; those of a sampled controller are held
     controller: Any  # the scheme's own NamedTuple
     held: Any  # Held
 

@@ -14,6 +14,7 @@ import numpy as np
 from barbalat.linear.zero_order_hold import HeldSystem
 from barbalat.loop.around import Around
 from barbalat.loop.packing import Held, as_array, flatten, unflatten
+from barbalat.problem.baseline import FixedController
 from barbalat.protocols import Dynamics, Freezable, Sample, SampledEquations, Value
 from barbalat.roles import main_estimates, resting, roles_of, state_parts, taken_from
 from barbalat.validate import Array
@@ -41,6 +42,7 @@ class SampledController:
     inputs    entries of u
     commands  ``None`` for one command, a scalar
     around    the shell and the faults; None where every sample is taken as it comes
+    baseline  whose own states stand behind what is measured in what the equations are handed; None without any
     """
 
     equations: SampledEquations
@@ -49,6 +51,7 @@ class SampledController:
     inputs: int
     commands: int | None
     around: Around | None = None
+    baseline: FixedController | None = None
 
     def initial(self, y: Array, controller: Any = None) -> Acting:
         """At t = 0, before the first sample; ``y`` has the shape of what is measured.
@@ -63,6 +66,7 @@ class SampledController:
             r=np.zeros(() if self.commands is None else self.commands),
             started=np.zeros(()),
             theta_hat=self._theta_hat(controller),
+            baseline=np.zeros(0 if self.baseline is None else self.baseline.order),
             around=() if self.around is None else self.around.initial(y, self.inputs),
         )
         return Acting(controller, held)
@@ -75,12 +79,27 @@ class SampledController:
         controller, held = state
         started = held.started > 0
         x_m = np.where(started, self.discrete.following(held.x_m, held.r), held.x_m)
-        before, now = Sample(held.measured, self.model.output(held.x_m), held.r), Sample(y, self.model.output(x_m), r)
+        xi = self._advanced(held, y)
+        before = Sample(self._handed(held.measured, held.baseline), self._followed(held.x_m), held.r)
+        now = Sample(self._handed(y, xi), self._followed(x_m), r)
         advanced = self._advance(controller, before, held.u, now, freeze)
         chosen = np.where(started, flatten(advanced), flatten(controller))
         following, _ = unflatten(controller, chosen, 0)
         u = as_array(self.equations.control(following, *now))
-        return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, self._theta_hat(controller), held.around))
+        return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, self._theta_hat(controller), xi, held.around))
+
+    def _advanced(self, held: Held, y: Value) -> Value:
+        """The baseline's own states at this sample."""
+        if self.baseline is None:
+            return held.baseline
+        xi = self.baseline.advance(held.baseline, held.measured, y, held.r, self.equations.sample_time)
+        return np.where(held.started > 0, xi, held.baseline)
+
+    def _handed(self, y: Value, xi: Value) -> Value:
+        return y if self.baseline is None else np.concatenate([y, xi])
+
+    def _followed(self, x_m: Value) -> Value:
+        return self.model.output(x_m) if self.baseline is None else x_m
 
     def _advance(self, controller: Any, before: Sample, u: Value, now: Sample, freeze: Value) -> Any:
         if freeze is None:

@@ -57,14 +57,21 @@ def _projected(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
     """theta and omega of the simulated A and b, with the gains before the inputs; a regressor keeps its theta."""
     plant, n = problem.plant, problem.plant.n
     scale = np.ones(n) if plant.scale is None else plant.scale
-    omega = np.diag(projection(plant.b, scale) @ simulated.b.reshape(n, -1)) * [path.gain for path in problem.surroundings.paths]
-    return projected(simulated.A, plant.A_m, plant.b, scale) if plant.is_linear else plant.theta, omega
+    A, b = _matrices(problem, simulated)
+    omega = np.diag(projection(plant.b, scale) @ b.reshape(n, -1)) * [path.gain for path in problem.surroundings.paths]
+    return projected(A, plant.A_m, plant.b, scale) if plant.is_linear else plant.theta, omega
+
+
+def _matrices(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
+    """A and b of what is simulated, with a baseline's states behind its own."""
+    baseline = problem.plant.baseline
+    return (simulated.A, simulated.b) if baseline is None else baseline.around(simulated.A, simulated.b)
 
 
 def _of_the_dynamics(problem: Problem, simulated: TruePlant) -> Iterator[Departure]:
     plant = problem.plant
     if simulated.S is not None:
-        yield Departure(f"it has {validate.counted(len(simulated.x0), 'state')}, and the plant {plant.n}")
+        yield Departure(f"it has {validate.counted(len(simulated.x0), 'state')}, and the plant {plant.states}")
     else:
         theta, omega = _projected(problem, simulated)
         yield from _of_theta(problem, theta)
@@ -114,9 +121,10 @@ def _of_the_rests(problem: Problem, simulated: TruePlant, theta: Array) -> Itera
     plant, n = problem.plant, problem.plant.n
     b = plant.b.reshape(n, -1)
     g = projection(plant.b, np.ones(n) if plant.scale is None else plant.scale)
-    rest_A = simulated.A - plant.A_m - (b @ theta.reshape(n, -1).T if plant.is_linear else 0.0)
-    rest_b = simulated.b.reshape(n, -1) - b * np.diag(g @ simulated.b.reshape(n, -1))
-    for name, rest, beside in (("A", rest_A, (simulated.A, plant.A_m)), ("b", rest_b, (simulated.b, plant.b))):
+    A, own_b = _matrices(problem, simulated)
+    rest_A = A - plant.A_m - (b @ theta.reshape(n, -1).T if plant.is_linear else 0.0)
+    rest_b = own_b.reshape(n, -1) - b * np.diag(g @ own_b.reshape(n, -1))
+    for name, rest, beside in (("A", rest_A, (A, plant.A_m)), ("b", rest_b, (own_b, plant.b))):
         largest = max(1.0, *(float(np.abs(one).max()) for one in beside))
         if np.abs(rest).max() > SAME_TO * largest:
             yield Departure(
@@ -171,6 +179,7 @@ def _noise(sensor: Sensor | None) -> tuple[object, ...]:
 
 def _of_the_start(problem: Problem, simulated: TruePlant) -> Iterator[Departure]:
     x0, own = (np.asarray(one, dtype=float) for one in (simulated.output(simulated.x0), problem.plant.x0))
+    own = own[: problem.plant.states]
     if not np.allclose(x0, own, rtol=SAME_TO, atol=0.0):
         yield Departure(f"it starts at {_shown(x0)}, and the model at {_shown(own)}")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -15,7 +15,9 @@ from barbalat.linear.conditions import require_controllable, require_hurwitz
 from barbalat.linear.pole_placement import place
 from barbalat.linear.systems import open_loop
 from barbalat.problem.actuation import PlantInput
+from barbalat.problem.baseline import Baseline, FixedController
 from barbalat.problem.from_ranges import FromRanges, from_ranges
+from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.physical import PhysicalPlant, holds_formulas, input_matrix, projected
 from barbalat.problem.regressors import Linear, MatchedTerm, Regressor
 from barbalat.protocols import Value
@@ -38,6 +40,9 @@ class Plant(Settings):
     Or as x' = A x + b (u + d): with A and b, and the model's A_m, or the ``poles`` that state feedback gives it, theta
     solves the matching condition A = A_m + b theta'; phi(x) = x. A complex pole is given once, as [real, imaginary].
 
+    Or as x' = A x + b (u + d) around a ``baseline``, a fixed controller such as an ``LqiBaseline``: A_m is what it gives on this
+    plant, and x stands with the baseline's own states behind it, [x; xi], in A_m, b, theta and x0.
+
     Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair, and, with the unmatched rest, where no
     theta matches.
     """
@@ -51,6 +56,7 @@ class Plant(Settings):
     physical: PhysicalPlant | None = field(default=None, repr=False)
     scale: Vector | None = field(default=None, repr=False)
     scale_from: str = field(default="as given", repr=False)
+    baseline: FixedController | None = field(default=None, repr=False)
     __repr__ = one_line
 
     def __init__(
@@ -67,13 +73,17 @@ class Plant(Settings):
         physical: PhysicalPlant | None = None,
         scale: Vector | None = None,
         scale_from: str = "as given",
+        baseline: Baseline | FixedController | None = None,
     ) -> None:
         if physical is None and holds_formulas((A, b, x0, input)):
             physical = PhysicalPlant(A=A, b=b, x0=x0, input=input)  # type: ignore[arg-type]  # refuses what is no formula of these
         if physical is not None and theta is None:
-            A_m, b, theta, x0, input = _nominal(physical, A_m, poles, scale)
+            A_m, b, theta, x0, input, baseline = _nominal(physical, A_m, poles, scale, baseline)
         elif b is None:
             raise InputError.of("plant.b", "is missing")
+        elif A is not None and baseline is not None:
+            _require_alone(A_m, theta, regressor, poles)
+            A_m, b, theta, baseline = _around(baseline, A, b)
         elif A is not None:
             A_m, b, theta = _from_open_loop(A, b, A_m, theta, regressor, poles)
         elif A_m is None or theta is None:
@@ -84,7 +94,9 @@ class Plant(Settings):
         elif poles is not None:
             raise InputError("poles goes with plant.A, which is missing")
         freeze(self, A_m=A_m, b=b, theta=theta, x0=x0, input=input, regressor=Linear() if regressor is None else regressor)
-        freeze(self, physical=physical, scale=scale, scale_from=scale_from)
+        if baseline is not None and not isinstance(baseline, FixedController):
+            raise InputError("baseline goes with plant.A, which is missing")
+        freeze(self, physical=physical, scale=scale, scale_from=scale_from, baseline=baseline)
         self.__post_init__()
 
     def __post_init__(self) -> None:
@@ -103,14 +115,21 @@ class Plant(Settings):
             self,
             A_m=A_m,
             b=input_matrix("plant.b", self.b, n),
-            x0=validate.vector("plant.x0", np.zeros(n) if self.x0 is None else self.x0, n),
+            x0=self._whole("plant.x0", np.zeros(n) if self.x0 is None else self.x0, 0.0),
         )
         freeze(self, theta=parameters("plant.theta", self.theta, self.regressor.size(n), self.inputs))
         if self.input is not None:
             freeze(self, input=inputs_of("plant.input", self.input, self.inputs))
         if self.scale is not None:
-            freeze(self, scale=sizes_of_states(self.scale, n))
+            freeze(self, scale=sizes_of_states(self._whole("plant.scale", self.scale, 1.0), n))
         _require_sound(A_m.tobytes(), self.b.tobytes(), self.b.shape)
+
+    def _whole(self, field: str, given: Any, own: float) -> Array:
+        """(n,) of that or of the plant's states alone, whose baseline's states then have the value ``own``."""
+        n, xi = len(self.A_m), 0 if self.baseline is None else self.baseline.order
+        if xi and np.size(given) == n:
+            return validate.vector(field, given, n)
+        return np.concatenate([validate.vector(field, given, n - xi), np.full(xi, own)])
 
     @classmethod
     def from_system(
@@ -137,12 +156,32 @@ class Plant(Settings):
         if self.physical is None:
             return None
         scale, said = (np.ones(self.n), "which are 1 each") if self.scale is None else (self.scale, self.scale_from)
-        return from_ranges(self.physical, self.A_m, self.b, scale, said)
+        if self.baseline is None:
+            return from_ranges(self.physical, self.A_m, self.b, scale, said)
+        found = from_ranges(self.baseline.around_formulas(self.physical), self.A_m, self.b, scale, said)
+        nominal = self.baseline.theta  # its gains on states of its own are known, up to the roundings of A_m
+        hull = ParameterBox(lower=np.minimum(found.theta.lower, nominal), upper=np.maximum(found.theta.upper, nominal))
+        return replace(found, theta=hull)
 
     @property
     def n(self) -> int:
-        """The dimension of the state."""
+        """The dimension of the state, a baseline's own states included."""
         return len(self.b)
+
+    @property
+    def states(self) -> int:
+        """The number of the plant's own states, which are measured."""
+        return self.n if self.baseline is None else self.n - self.baseline.order
+
+    @property
+    def open_loop(self) -> tuple[Array, Array]:
+        """A and b of the plant's own states."""
+        return self.A[: self.states, : self.states], self.b[: self.states]
+
+    @property
+    def enters(self) -> Array | None:
+        """By what the command enters beside the input, into a baseline's own states: (n,), with m inputs (n, q); None without."""
+        return None if self.baseline is None or not self.baseline.order else self.baseline.enters
 
     @property
     def inputs(self) -> int:
@@ -159,7 +198,7 @@ class Plant(Settings):
     @property
     def outputs(self) -> int:
         """The number of measured quantities: all states."""
-        return self.n
+        return self.states
 
     @property
     def is_linear(self) -> bool:
@@ -236,8 +275,38 @@ def parameters(field: str, theta: Any, p: int, m: int) -> Array:
     return validate.vector(field, theta, p * m)
 
 
-def _nominal(physical: PhysicalPlant, A_m: Any, poles: Any, scale: Any) -> tuple[Array, Array, Array, Any, Any]:
+def _require_alone(A_m: Any, theta: Any, regressor: Any, poles: Any) -> None:
+    given = {"reference_model.A_m": A_m, "plant.theta": theta, "plant.regressor": regressor, "reference_model.poles": poles}
+    for name, value in given.items():
+        if value is not None:
+            raise InputError.of(name, "and baseline are both given; the model is what the baseline gives on the nominal plant")
+
+
+def _around(baseline: Baseline | FixedController, A: Any, b: Any) -> tuple[Array, Array, Array, FixedController]:
+    """A_m, b and theta of the state with the baseline's own behind it, and the baseline on this plant."""
+    A = validate.square_matrix("plant.A", A)
+    b = input_matrix("plant.b", b, len(A))
+    validate.instance("baseline", baseline, (Baseline, FixedController))
+    fixed = baseline if isinstance(baseline, FixedController) else baseline.controller(A, b)
+    A_z, b_z = fixed.around(A, b)
+    A_m = A_z - b_z.reshape(len(A_z), -1) @ fixed.K
+    largest = np.linalg.eigvals(A_m).real.max()
+    if not largest < 0:
+        raise InputError.of(
+            "baseline", f"does not stabilise the nominal plant: an eigenvalue of its loop has real part {largest:.6g}"
+        )
+    return A_m, b_z, fixed.theta, fixed
+
+
+def _nominal(
+    physical: PhysicalPlant, A_m: Any, poles: Any, scale: Any, baseline: Any
+) -> tuple[Array, Array, Array, Any, Any, FixedController | None]:
     """A_m, b, theta, x0 and input of the plant at its nominal parameters; theta is that of the weighted projection."""
+    if baseline is not None:
+        _require_alone(A_m, None, None, poles)
+        at = physical.nominal
+        A_m, b, theta, fixed = _around(baseline, *physical.matrices(at))
+        return A_m, b, theta, physical.initial(at), physical.inputs(at), fixed
     if (A_m is None) == (poles is None):
         raise InputError("give either A_m or poles of the reference model with plant.A")
     A, b = physical.matrices(physical.nominal)
@@ -245,7 +314,8 @@ def _nominal(physical: PhysicalPlant, A_m: Any, poles: Any, scale: Any) -> tuple
         raise InputError.of("plant.b", "must not be zero at the nominal parameters")
     A_m = place(A, b, poles) if A_m is None else validate.square_matrix("reference_model.A_m", A_m, len(A))
     weights = np.ones(len(A)) if scale is None else sizes_of_states(scale, len(A))
-    return A_m, b, projected(A, A_m, b, weights), physical.initial(physical.nominal), physical.inputs(physical.nominal)
+    at = physical.nominal
+    return A_m, b, projected(A, A_m, b, weights), physical.initial(at), physical.inputs(at), None
 
 
 def sizes_of_states(scale: Any, n: int) -> Array:
@@ -274,23 +344,27 @@ class Model:
     b: Array
     k_0: Array | float
     x0: Array
+    enters: Array | None = None  # by what the command enters beside the input
+    states: int | None = None  # of the plant, where a baseline's own stand behind them
 
     def derivative(self, x_m: Value, r: Value) -> Value:
-        return self.A_m @ x_m + np.dot(self.b, np.dot(self.k_0, r))  # (2)
+        rate = self.A_m @ x_m + np.dot(self.b, np.dot(self.k_0, r))  # (2)
+        return rate if self.enters is None else rate + np.dot(self.enters, r)
 
     def output(self, x_m: Value) -> Value:
         """What the plant's output is to follow."""
-        return x_m
+        return x_m if self.states is None else x_m[: self.states]
 
     def remedy(self, gain: float) -> str | None:
         """The k_0 with which it would settle at a command of which it settles at ``gain`` times."""
-        return None if gain == 0 or np.ndim(self.k_0) > 0 else f"k_0 = {self.k_0 / gain:.6g}"
+        return None if gain == 0 or np.ndim(self.k_0) > 0 or self.states is not None else f"k_0 = {self.k_0 / gain:.6g}"
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
         """A, B, C with x_m' = A x_m + B r and the output C x_m."""
         n = len(self.b)
-        return self.A_m, self.b.reshape(n, -1) @ np.atleast_2d(self.k_0), np.eye(n)
+        B = self.b.reshape(n, -1) @ np.atleast_2d(self.k_0)
+        return self.A_m, B if self.enters is None else B + self.enters.reshape(n, -1), np.eye(self.states or n, n)
 
 
 AT_REST = 1e-9

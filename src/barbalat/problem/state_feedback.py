@@ -11,6 +11,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.problem.actuation import InputPath, PlantInput
+from barbalat.problem.baseline import FixedController
 from barbalat.problem.faults import Fault
 from barbalat.problem.from_ranges import FromRanges
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, with_gains
@@ -20,8 +21,8 @@ from barbalat.problem.plant import Model, Plant, ReferenceModel
 from barbalat.problem.regressors import Linear, MatchedTerm
 from barbalat.problem.shell import Shell
 from barbalat.problem.tracking import Disturbance, MeasuredDynamics, Surroundings, TrackingProblem, require_signal
-from barbalat.problem.truth import TruePlant, Truth, true_inputs, true_plant, true_sensor, true_unmatched
-from barbalat.protocols import Signal
+from barbalat.problem.truth import TruePlant, Truth, own_states, true_inputs, true_plant, true_sensor, true_unmatched
+from barbalat.protocols import Signal, Value
 from barbalat.settings import Settings
 from barbalat.signals import Constant
 from barbalat.validate import Array, InputError, freeze
@@ -38,6 +39,8 @@ class Known:
     estimate_set: EstimateSet | None  # of all that is estimated: theta, and the input gains where they are unknown
     matched: MatchedTerm = MatchedTerm(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
     saturation: Array | None = None  # (2,) lower and upper limit of the actuator, (2, m) with m inputs; None where one has none
+    enters: Array | None = None  # (n,), or (n, q): by what the command enters beside the input; None where it does not
+    theta_0: Array | None = None  # the baseline is u = k_0 r - theta_0'x: what adapts adds to it; None without one
 
     @property
     def inputs(self) -> int:
@@ -49,12 +52,35 @@ class Known:
         theta = self.matched.regressor.size(self.n) * self.inputs
         return theta + self.inputs if self.matched.gain_unknown else theta
 
+    def commanded(self, r: Value) -> Value:
+        """What the command adds to the rate of a predictor's or a model's state, beside the input; 0 where it adds nothing."""
+        return 0.0 if self.enters is None else np.dot(self.enters, r)
+
     @property
     def theta_set(self) -> KnownSet | None:
         """The known set of theta alone."""
         return (
             None if self.estimate_set is None else self.estimate_set.of_theta(self.matched.regressor.size(self.n) * self.inputs)
         )
+
+    @property
+    def departures(self) -> KnownSet | None:
+        """The known set of theta - theta_0, which is left to what adapts; that of theta without a baseline."""
+        theta = self.theta_set
+        if theta is None or self.theta_0 is None:
+            return theta
+        if isinstance(theta, ParameterBall):
+            center = theta.center - self.theta_0
+            beside = 2 * np.finfo(float).eps * (theta.radius + float(np.abs(center).sum()))
+            return ParameterBall(center=center, radius=theta.radius + beside)
+        lower, upper = theta.lower - self.theta_0, theta.upper - self.theta_0
+        down, up = np.nextafter(lower, -np.inf), np.nextafter(upper, np.inf)  # a difference of zero is exact
+        return ParameterBox(lower=np.where(lower == 0, 0.0, down), upper=np.where(upper == 0, 0.0, up))
+
+    @property
+    def adapted_command(self) -> Array | float:
+        """The command's gain in what adapts: k_0, or 0 beside a baseline, whose part the command is."""
+        return self.k_0 if self.theta_0 is None else 0.0 * np.asarray(self.k_0)
 
     @property
     def gains(self) -> ParameterBox | None:
@@ -134,7 +160,7 @@ class Problem(TrackingProblem, Settings):
             self._check_input_gain()
         if self.labels is not None:
             validate.instance("labels", self.labels, Labels)
-            self.labels.require(self.plant.n, self.plant.inputs)
+            self.labels.require(self.plant.states, self.plant.inputs)
         self._check_commands()
         if self.disturbance is not None:
             require_signal("disturbance", self.disturbance)
@@ -143,12 +169,12 @@ class Problem(TrackingProblem, Settings):
         if self.sensor is not None:
             validate.instance("sensor", self.sensor, Sensor)
             if self.sensor.noise is not None and np.size(self.sensor.noise.std) > 1:
-                validate.vector("sensor.noise.std", self.sensor.noise.std, self.plant.n)
+                validate.vector("sensor.noise.std", self.sensor.noise.std, self.plant.states)
         if not isinstance(self.unmatched, (list, tuple)):
             raise InputError(f"unmatched must be a list of Disturbance, got {validate.show(self.unmatched)}")
         for disturbance in self.unmatched:
             validate.instance("unmatched", disturbance, Disturbance)
-            validate.vector("unmatched.direction", disturbance.direction, self.plant.n)
+            validate.vector("unmatched.direction", disturbance.direction, self.plant.states)
         freeze(self, unmatched=tuple(self.unmatched))
         self.require_surroundings()
         self._check_truth()
@@ -196,12 +222,14 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def k_0(self) -> Array | float:
-        """The command's gain, (m, q) with m inputs: as the reference model gives it, or from the state that is to follow."""
+        """The command's gain, (m, q) with m inputs: as model or baseline give it, or from the state that is to follow."""
+        if self.plant.baseline is not None:
+            return self.plant.baseline.feedforward
         return self.reference_model.gain(self.plant, (self.labels or Labels()).of_states(self.plant.n))
 
     @property
     def in_brief(self) -> str:
-        n, m, p = self.plant.n, self.plant.inputs, len(self.parameters)
+        n, m, p = self.plant.states, self.plant.inputs, len(self.parameters)
         known_set = "" if self.known.estimate_set is None else " in a known set"
         return f"{n} state{'s' * (n > 1)}, {m} input{'s' * (m > 1)}; {p} unknown parameter{'s' * (p > 1)}{known_set}"
 
@@ -232,7 +260,7 @@ class Problem(TrackingProblem, Settings):
         """What is simulated in the plant's place; None where it is the plant itself."""
         if self.truth is None and self.plant.physical is None:
             return None
-        return true_plant(self.truth or Truth(), self.plant, (self.labels or Labels()).of_states(self.plant.n))
+        return true_plant(self.truth or Truth(), self.plant, (self.labels or Labels()).of_states(self.plant.states))
 
     @property
     def design(self) -> Problem:
@@ -282,6 +310,8 @@ class Problem(TrackingProblem, Settings):
             estimate_set=with_gains(self.uncertainty, gains),
             matched=MatchedTerm(p.regressor, p.inputs, self.input_gain is not None),
             saturation=_limits(p),
+            enters=p.enters,
+            theta_0=None if p.baseline is None else p.baseline.theta,
         )
 
     @property
@@ -312,13 +342,19 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def dynamics(self) -> MeasuredDynamics:
-        return self.plant if self.simulated is None else self.simulated
+        if self.simulated is not None:
+            return self.simulated
+        return self.plant if self.plant.baseline is None else own_states(self.plant)
+
+    @property
+    def fixed(self) -> FixedController | None:
+        return self.plant.baseline
 
     @property
     def model(self) -> Model:
         """The reference model (2), which starts where the plant does."""
         p = self.plant
-        return Model(p.A_m, p.b, self.k_0, p.x0)
+        return Model(p.A_m, p.b, self.k_0, p.x0, p.enters, None if p.baseline is None else p.states)
 
 
 def _limits(plant: Plant) -> Array | None:

@@ -12,6 +12,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.actuation import InputPath, PlantInput
+from barbalat.problem.baseline import FixedController
 from barbalat.problem.faults import Fault, FaultSignal
 from barbalat.problem.labels import Labels
 from barbalat.problem.measurement import Noise, Sensor
@@ -139,6 +140,11 @@ class TrackingProblem:
         raise AssertionError("a problem has a model")
 
     @property
+    def fixed(self) -> FixedController | None:
+        """The baseline that is already there, with states of its own; None without one."""
+        return None
+
+    @property
     def parameters(self) -> Array | None:
         """The true values of what is estimated, where the problem knows them."""
         return None
@@ -211,7 +217,11 @@ class TrackingProblem:
     def measured_names(self) -> tuple[str, ...]:
         """What the measured quantities are called: by the labels, else x_1, x_2, ..., or y."""
         labels = self.labels or Labels()
-        return labels.of_states(int(np.size(self.model.x0))) if self.feedback == "state" else labels.names or ("y",)
+        return (
+            labels.of_states(int(np.size(self.model.output(self.model.x0))))
+            if self.feedback == "state"
+            else labels.names or ("y",)
+        )
 
     @property
     def nominal(self) -> Self:

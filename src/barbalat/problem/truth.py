@@ -157,6 +157,13 @@ class TruePlant:
         return not self.friction and not self.terms and self.nonlinear is None
 
 
+def own_states(plant: Plant) -> TruePlant:
+    """The plant that a baseline acts on, without the baseline's states."""
+    A, b = plant.open_loop
+    names = tuple(f"x_{i + 1}" for i in range(plant.states))
+    return TruePlant(A=A, b=b, x0=np.asarray(plant.x0)[: plant.states], S=None, friction=(), terms=(), values={}, names=names)
+
+
 def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
     """The dynamics that a truth gives to a plant, whose states are called ``labels``; InputError where the two do not fit."""
     physical = plant.physical
@@ -164,7 +171,7 @@ def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
     if physical is None and truth.parameters:
         raise InputError.of("truth.parameters", f"needs [parameters]; got {', '.join(truth.parameters)}")
     A, b = _matrices(truth, plant, values)
-    N, n = len(A), plant.n
+    N, n = len(A), plant.states
     if n != N and truth.states is None:
         raise InputError.of(
             "truth.states",
@@ -199,13 +206,13 @@ def _matrices(truth: Truth, plant: Plant, values: Mapping[str, float]) -> tuple[
     elif plant.physical is not None:
         A = plant.physical.matrices(values)[0]
     else:
-        A = plant.A
+        A = plant.open_loop[0]
     if truth.b is not None:
         b = input_matrix("truth.b", evaluated("truth.b", _plain(truth.b), values), len(A))
-    elif len(A) != plant.n:
-        raise InputError.of("truth.b", f"is missing: truth.A has {len(A)} states and plant.b is of {plant.n}")
+    elif len(A) != plant.states:
+        raise InputError.of("truth.b", f"is missing: truth.A has {len(A)} states and plant.b is of {plant.states}")
     else:
-        b = plant.b if plant.physical is None else plant.physical.matrices(values)[1]
+        b = plant.b[: plant.states] if plant.physical is None else plant.physical.matrices(values)[1]
     if (1 if b.ndim == 1 else b.shape[1]) != plant.inputs:
         raise InputError.of(
             "truth.b", f"must be of {validate.counted(plant.inputs, 'input')}, as plant.b, got {validate.show(b)}"
@@ -241,11 +248,11 @@ def _mapped(states: Any, labels: Sequence[str], N: int, hint: Any) -> tuple[tupl
 
 def _initial(truth: Truth, plant: Plant, values: Mapping[str, float], S: Array | None) -> Array:
     """x(0), (N,): as given, or the smallest one of which the plant's states are its own x0."""
-    N = plant.n if S is None else S.shape[1]
+    N = plant.states if S is None else S.shape[1]
     if truth.x0 is not None:
         return validate.vector("truth.x0", evaluated("truth.x0", _plain(truth.x0), values), N)
     own = None if plant.physical is None else plant.physical.initial(values)
-    x0 = plant.x0 if own is None else validate.vector("plant.x0", own, plant.n)
+    x0 = np.asarray(plant.x0)[: plant.states] if own is None else validate.vector("plant.x0", own, plant.states)
     return x0 if S is None else np.asarray(np.linalg.pinv(S) @ np.asarray(x0, dtype=float))
 
 

@@ -158,7 +158,7 @@ def test_the_exact_identity(name, law, level):
         return np.array(0.4 * np.sin(3 * t) - 0.3 * np.exp(-t) + 0.1)
 
     def slope(t, s):
-        x, x_m, _, _, state, _ = loop.unpack(s[:-order])
+        x, x_m, *_, state, _ = loop.unpack(s[:-order])
         y, command = G.C @ x, np.array(float(r(np.array(t))))
         u = state.theta_hat @ eq.omega(state, y, command) + u_a(t)
         rates = eq.derivative(state, y, W_m.C @ x_m, command, u)
@@ -171,7 +171,7 @@ def test_the_exact_identity(name, law, level):
     samples = solve_ivp(slope, (0, 4), start, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=np.linspace(0, 4, 9)).y.T
     left, right, moved = [], [], 0.0
     for s in samples:
-        x, x_m, _, _, state, _ = loop.unpack(s[:-order])
+        x, x_m, *_, state, _ = loop.unpack(s[:-order])
         y, y_m = G.C @ x, W_m.C @ x_m
         estimation = eq.estimation(state, y)
         left.append(state.theta_hat[-1] * (y - y_m))

@@ -37,10 +37,8 @@ def model_bounds(problem: Problem) -> ModelBounds:
 
 def motion_along_the_command(problem: Problem, simulation: Simulation) -> tuple[Array, Array]:
     """Instants (K,) and x_m there, (K, n), under the case's own command: the exact response for what is straight between them."""
-    known = problem.known
-    B = known.b.reshape(known.n, -1) @ np.atleast_2d(known.k_0)
-    identity = np.eye(known.n)
-    return driven_response(known.A_m, B, identity, known.x0, problem.commands, simulation.t_end, simulation.steps)
+    known, (A_m, B, _) = problem.known, problem.model.matrices
+    return driven_response(A_m, B, np.eye(known.n), known.x0, problem.commands, simulation.t_end, simulation.steps)
 
 
 def largest_along_the_command(problem: Problem, simulation: Simulation) -> float:
@@ -62,6 +60,9 @@ def state_bounds(problem: Problem) -> list[float]:
     """Guaranteed bounds of sup |x_m,i|, i = 1 ... n, for any inputs and commands: those of the inputs add up."""
     known, n, pushed = problem.known, problem.known.n, command_bounds(problem)
     columns = known.b.reshape(n, -1).T
+    if known.enters is not None:  # the command enters beside the inputs, and each by a column of its own
+        pushed = np.array([command.bound for command in problem.commands if isinstance(command, BoundedSignal)])
+        columns = problem.model.matrices[1].T
 
     def forced(i: int) -> float:
         norms = [l1_norm(known.A_m, b[:, None], np.eye(n)[i : i + 1], np.zeros((1, 1))).upper for b in columns]

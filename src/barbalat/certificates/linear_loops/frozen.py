@@ -65,7 +65,7 @@ class FrozenLoops:
             )
 
     def at(self, theta_hat: Array) -> StateSpace:
-        """L with the estimates frozen at ``theta_hat`` (n,); its states are x, the sensor's, zeta and Q's.
+        """L with the estimates frozen at ``theta_hat`` (n,); its states are x, the sensor's, a baseline's own, zeta and Q's.
 
         Of xi and Xi the control contains zeta = xi + Xi theta_hat alone, with zeta' = A_m zeta + b (theta_hat'x + u).
         """
@@ -120,7 +120,7 @@ class FrozenLoops:
         jacobians = open_jacobians(loop, lambda state, v: loop.derivative_given_input(state, at_zero, v))
         marked = loop.unpack(np.arange(loop.size))
         parts: Any = marked.controller
-        kept = flatten((parts.xi, parts.Xi, marked.x, marked.sensor, parts.filter)).astype(int).tolist()
+        kept = flatten((parts.xi, parts.Xi, marked.x, marked.sensor, marked.baseline, parts.filter)).astype(int).tolist()
         rest, rows = np.zeros(loop.size), loop.theta_hat_rows
 
         def at(theta_hat: Array) -> Any:

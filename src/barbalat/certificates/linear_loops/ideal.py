@@ -71,7 +71,7 @@ def around_equilibrium(problem: Problem, controller: Mrac | L1Adaptive, r: float
     jacobians = open_jacobians(loop, lambda state, v: loop.derivative_given_input(state, signals_at_rest(loop, r), v))
     rest, u_rest = equilibrium(problem, loop, r)
     A, B, C = (np.array(value) for value in jacobians(rest, u_rest))
-    moving = _moving_directions(loop, Gain(controller.gamma), rest[: problem.plant.n])
+    moving = _moving_directions(loop, Gain(controller.gamma), loop.unpack(rest).x_m)
     return StateSpace(moving.T @ A @ moving, moving.T @ B[:, 0], -C[0] @ moving, 0.0)
 
 
@@ -80,9 +80,9 @@ def _moving_directions(loop: ClosedLoop, gamma: Gain, x: Array) -> Array:
 
     At rest the law's rate is Gamma x times a scalar, so the other directions neither move nor show in theta_hat'x.
     """
-    n, rows = len(x), loop.theta_hat_rows
+    rows, model = loop.theta_hat_rows, loop.unpack(np.arange(loop.size)).x_m
     identity = np.eye(loop.size)
-    kept = [i for i in range(loop.size) if not n <= i < 2 * n and not rows.start <= i < rows.stop]
+    kept = [i for i in range(loop.size) if i not in model and not rows.start <= i < rows.stop]
     along = np.zeros(loop.size)
     direction = gamma.times(x)
     length = float(np.linalg.norm(direction))
@@ -100,15 +100,17 @@ def equilibrium(problem: Problem, loop: ClosedLoop, r: float) -> tuple[Array, fl
     import casadi as ca
 
     plant = problem.plant
-    x = -np.linalg.solve(plant.A_m, plant.b * (problem.model.k_0 * r))
+    A_m, B, _ = problem.model.matrices
+    x = -np.linalg.solve(A_m, B[:, 0] * r)
     state_column, state = symbols("state", loop.size)
     slope = column(loop.derivative(state, signals_at_rest(loop, r)))
     function = ca.Function("slope", [state_column], [slope, ca.jacobian(slope, state_column)])
     rest = np.array(loop.initial())
-    n = len(plant.b)
-    rest[:n] = rest[n : 2 * n] = x
+    places = loop.unpack(np.arange(loop.size))
+    rest[places.x], rest[places.x_m], rest[places.baseline] = x[: len(places.x)], x, x[len(x) - len(places.baseline) :]
     rest[loop.theta_hat_rows] = plant.theta
-    free = np.setdiff1d(np.arange(2 * n, loop.size), np.arange(loop.size)[loop.theta_hat_rows])
+    settled = np.concatenate([places.x, places.x_m, places.baseline, np.arange(loop.size)[loop.theta_hat_rows]])
+    free = np.setdiff1d(np.arange(loop.size), settled)
     for _ in range(3):  # linear in what is free: the first step is exact, the others remove rounding
         value, jacobian = (np.array(part) for part in function(rest))
         if len(free):

@@ -101,7 +101,8 @@ class SampledRest:
             assert value is not None
             state[part.rows] = value
         found = self._frozen_at(state)
-        return _acting(replace(found, loop=found.beside(problem.plant.b, theta - problem.plant.theta))).loop
+        own = problem.plant.states  # a baseline's own states are known, and what moves them is
+        return _acting(replace(found, loop=found.beside(problem.plant.b[:own], (theta - problem.plant.theta)[:own]))).loop
 
     def with_its_law(self) -> SampledLoop:
         """The loop with its law, without combinations of the estimates and the law's memory that nothing moves."""
@@ -197,8 +198,8 @@ def _start(loop: ClosedLoop, level: Array, signals: Array, true: dict[StatePart,
     start[places.x_m] = start[held.x_m] = x_m
     for part, value in true.items():
         start[part.rows] = value
-    if len(places.x) == len(x_m):
-        start[places.x] = x_m
+    if len(places.x) + (0 if loop.baseline is None else loop.baseline.order) == len(x_m):
+        start[places.x], start[held.baseline] = x_m[: len(places.x)], x_m[len(places.x) :]
     for part in loop.parts:
         if part.role.kind == "predictor" and part.size == len(x_m):
             start[part.rows] = x_m
@@ -210,7 +211,7 @@ def _start(loop: ClosedLoop, level: Array, signals: Array, true: dict[StatePart,
         lambda state: np.asarray(loop.derivative(state, signals), dtype=float),
         lambda state: np.asarray(jacobian(state, signals)),
         start,
-        free if len(places.x) != len(x_m) else free[len(x_m) :],
+        free if loop.baseline is not None or len(places.x) != len(x_m) else free[len(x_m) :],
         np.setdiff1d(np.arange(loop.size), places.x_m),
     )
     start = start if rests is None else rests

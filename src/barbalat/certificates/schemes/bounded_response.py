@@ -39,6 +39,9 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
     """Add the bounds of e, x and u for every command and disturbance of the case's sizes; nothing where phi(x) is not x."""
     if not isinstance(problem, Problem) or not problem.plant.is_linear or not is_needed(*KEYS):
         return
+    if problem.plant.states < problem.plant.n:
+        draft.all_missing(KEYS, "no bound is known beside a baseline with states of its own, which are sampled too")
+        return
     acting = (*(() if problem.disturbance is None else (problem.disturbance,)), *(one.signal for one in problem.unmatched))
     try:  # in the order in which the loop has its signals
         found = response(problem, controller, bounds_of(problem.commands), bounds_of(acting))

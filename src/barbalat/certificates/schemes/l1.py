@@ -34,6 +34,7 @@ from barbalat.certificates.schemes.state_feedback import (
     projected,
     unproven_robustness,
 )
+from barbalat.certificates.schemes.unregistered import add_at_rest
 from barbalat.certificates.step_limits import any_regressor, frozen_laws
 from barbalat.controllers import L1Adaptive
 from barbalat.controllers.l1 import Equations
@@ -70,7 +71,7 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
     equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
     C, model = equations.C, model_bounds(problem)
     add_parameter_errors(draft, problem, equations)
-    add_ingredients(draft, problem, equations.estimate_set, model)
+    add_ingredients(draft, problem, equations.estimate_set, model, problem.known.departures)
     reach: StateReach | None = None
     assumed: tuple[str, ...] = (FROZEN_LAW,)
     if equations.estimate_set is None:
@@ -88,9 +89,12 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
         draft.estimate(motion, FROZEN_LAW)
     if controller.filter is None:
         add_margins_at_rest(draft, problem)
+    elif problem.plant.baseline is not None:
+        add_at_rest(draft, problem, controller)
     else:
         _add_margins_of_the_limit(draft, problem, equations)
-    add_adapting_margins(draft, problem, controller)
+    if controller.filter is None or problem.plant.baseline is None:
+        add_adapting_margins(draft, problem, controller)
     return draft.finish()
 
 
@@ -149,7 +153,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
     rests_on = (*of_the_case(problem, controller.bind(known).estimate_set), FILTER_AT_REST)
     kappa = theorem_1.time_constant(controller.filter)
     if kappa and np.ndim(controller.gamma) == 0:
-        constants = theorem_1.first_order_constants(nu_0, kappa, slope, theta_max, known.k_0, model)
+        constants = theorem_1.first_order_constants(nu_0, kappa, slope, theta_max, float(known.adapted_command), model)
         if constants is not None:
             for key, value in zip(("nu_1", "nu_2"), constants, strict=True):
                 draft.guarantee(key, value, *rests_on)
@@ -160,7 +164,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
         return None
     level = laws.error_level(problem, controller, nu_0)
     draft.guarantee("reference_error_bound", theorem_1.reference_error_bound(level, found, C), *rests_on)
-    bound = theorem_1.l1_bound(level, 1.0, found, theta_max, known.k_0, model)
+    bound = theorem_1.l1_bound(level, 1.0, found, theta_max, float(known.adapted_command), model)
     draft.guarantee("error_bound", bound, *rests_on)
     remaining, root_n = 1 - found.value_upper, math.sqrt(known.n)
     return StateReach(model.x_m_euclidean + root_n * (bound - level / remaining), root_n * nu_0 / remaining)

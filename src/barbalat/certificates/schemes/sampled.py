@@ -65,7 +65,8 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
     controller.bind(problem.known)  # refuses what has no sampled form
     scheme, T, judged = controller.controller, controller.sample_time, judged_at(controller, simulation)
     file = scheme_file(scheme)
-    linear = file.linear_when(problem, scheme) if isinstance(file, LinearFile) else None
+    own_states = problem.fixed is not None and problem.fixed.order > 0  # whose samples the linear bounds don't know
+    linear = file.linear_when(problem, scheme) if isinstance(file, LinearFile) and not own_states else None
     with leaving_out(*OF_THE_CONTINUOUS_LOOP):
         continuous = (file or unregistered).certificate(problem, scheme, judged)
     dropped = LIMIT_KEYS_AT_MODEL | OF_THE_CONTINUOUS_LOOP | {"margins_of", "unlimited"}

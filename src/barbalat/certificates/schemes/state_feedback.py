@@ -28,7 +28,7 @@ from barbalat.certificates.schemes.unregistered import add_at_rest
 from barbalat.certificates.step_limits import any_regressor
 from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR
-from barbalat.problem.known_set import EstimateSet
+from barbalat.problem.known_set import EstimateSet, KnownSet
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
@@ -121,13 +121,18 @@ def _add_nu_0(draft: Draft, problem: Problem, equations: laws.Bound, known: Know
     draft.guarantee("nu_0", theorem_1.nu_0(error, known), *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
 
 
-def add_ingredients(draft: Draft, problem: Problem, estimate_set: EstimateSet | None, model: ModelBounds) -> None:
-    """Add what (9) and (10) are computed from, which no controller and no theta changes."""
+def add_ingredients(
+    draft: Draft, problem: Problem, estimate_set: EstimateSet | None, model: ModelBounds, adapted: KnownSet | None = None
+) -> None:
+    """Add what (9) and (10) are computed from, which no controller and no theta changes.
+
+    adapted  the known set of what is left to adaptation; that of theta by default
+    """
     known = problem.known
     draft.advise({"P": known.P.tolist()})
     draft.guarantee("lambda_min", smallest_eigenvalue(known.P), NUMBERS_ALONE)
     if estimate_set is not None and known.theta_set is not None:
-        draft.guarantee("theta_max", known.theta_set.theta_max, NUMBERS_ALONE)
+        draft.guarantee("theta_max", (adapted or known.theta_set).theta_max, NUMBERS_ALONE)
     draft.guarantee("bounds", {"r": model.r, "x_m": model.x_m}, NUMBERS_ALONE)
 
 

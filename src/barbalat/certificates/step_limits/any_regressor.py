@@ -178,7 +178,7 @@ def of_parametric_model_at_model(
     b = problem.known.b.reshape(n)
     identity, zero = np.eye(n), np.zeros((n * n, n))
     A = np.block([[A_m, zero.T], [np.kron(identity, b[:, None]), np.kron(identity, A_m)]])
-    B = np.concatenate([b * float(problem.known.k_0), np.zeros(n * n)])[:, None]
+    B = np.concatenate([problem.model.matrices[1], np.zeros((n * n, 1))])
     C = np.hstack([np.zeros((n, n)), np.kron(identity, equations.c_0[None])])
     start = np.concatenate([problem.known.x0, np.zeros(n * n)])
     _, phi = driven_response(A, B, C, start, problem.commands, simulation.t_end, simulation.steps)

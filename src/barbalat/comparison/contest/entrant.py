@@ -12,7 +12,7 @@ from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.comparison.grids import reach_of
 from barbalat.comparison.ranges import Range, Space
-from barbalat.controllers import SCHEMES, Sampled
+from barbalat.controllers import SCHEMES, BaselineAlone, Sampled
 from barbalat.controllers.tuning_grid import Tunable, TuningGrid
 from barbalat.judge.settings import Judge
 from barbalat.loop.binding import bound
@@ -113,25 +113,26 @@ def entrants_of(
     own          controllers from outside: those that say what is tuned of them take part too
     sample_time  all run sampled [s]; by default what is continuous stays so
 
-    All start from the same knowledge: estimates in the middle of the known set, which linear designs assume as well, and where
+    All start from the same knowledge: estimates in the middle of the known set, or at a baseline's, which linear designs assume
+    as well; a baseline takes part alone. Where
     the input saturates each with what it has against windup. One from outside starts there where its class has a field
     ``theta_hat0``, or its ``knobs`` pass on ``reach.theta_hat0``; of another one ``starts.start_of`` says where it starts.
     """
     if unknown := [name for name in schemes if name not in SCHEMES]:
         raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
     reach, how = reach_of(problem, simulation)
-    theta_set = problem.known.theta_set
+    theta_set, theta_0 = problem.known.theta_set, problem.known.theta_0
     reach = replace(
         reach,
-        theta_hat0=None if theta_set is None else theta_set.middle,
+        theta_hat0=theta_0 if theta_0 is not None or theta_set is None else theta_set.middle,
         saturated=problem.known.saturation is not None,
         sample_time=sample_time or reach.sample_time,
     )
     unresolved = f"gains above {reach.highest_gain:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate)"
     left_out = [f"{unresolved}, are not tried"]
-    candidates = [SCHEMES[name] for name in schemes or SCHEMES]
+    asked = schemes or [name for name, kind in SCHEMES.items() if kind is not BaselineAlone or theta_0 is not None]
     found, outside = [], {id(one) for one in own}
-    for name, one in [*zip(schemes or SCHEMES, candidates, strict=True), *((one.name, one) for one in own)]:
+    for name, one in [*((name, SCHEMES[name]) for name in asked), *((one.name, one) for one in own)]:
         if not isinstance(one, Tunable):
             left_out.append(f"{name} is left out: nothing says which of its settings are tuned")
             continue

@@ -1,0 +1,78 @@
+"""The controller that is there without adaptation, alone: what every adaptive one is compared with."""
+
+from __future__ import annotations
+
+from dataclasses import KW_ONLY, dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from barbalat import validate
+from barbalat.controllers.settings import Scheme
+from barbalat.controllers.steps import Still
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
+from barbalat.problem.regressors import MatchedTerm
+from barbalat.problem.state_feedback import Known
+from barbalat.protocols import Value
+from barbalat.validate import Array, Vector
+
+
+class State(NamedTuple):
+    """Nothing is kept, and nothing estimated."""
+
+    theta_hat: Value  # (0,)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Equations:
+    """u = k_0 r - theta_0'phi(x)."""
+
+    k_0: Array | float
+    matched: MatchedTerm
+    theta_0: Array
+
+    def initial(self) -> State:
+        return State(np.zeros(0))
+
+    def control(self, state: State, x: Value, x_m: Value, r: Value) -> Value:
+        return np.dot(self.k_0, r) - self.matched.phi(x).T @ self.theta_0
+
+    def derivative(self, state: State, x: Value, x_m: Value, r: Value, u: Value) -> State:
+        return state
+
+    def limit(self, state: State) -> State:
+        return state
+
+    def sampled(self, T: float) -> Still:
+        return Still(self, T)
+
+
+@dataclass(frozen=True, eq=False)
+class BaselineAlone(Scheme):
+    """u = k_0 r - theta_0'phi(x): the baseline of the plant, and nothing adapts; an unknown input gain counts as 1.
+
+    nominal  theta_0, (p,): by default the baseline's own, else the middle of the known set, zero without one
+    """
+
+    _: KW_ONLY
+    nominal: Vector | None = None
+    name: str = "Baseline"
+
+    def __post_init__(self) -> None:
+        validate.label("name", self.name)
+        if self.nominal is not None:
+            validate.freeze(self, nominal=validate.vector("nominal", self.nominal))
+
+    @classmethod
+    def knobs(cls, _: TuningScale) -> TuningGrid:
+        return TuningGrid(scheme="Baseline", values={}, make=cls, traded=False)
+
+    def bind(self, known: Known) -> Equations:
+        p = known.matched.regressor.size(known.n) * known.inputs
+        if self.nominal is not None:
+            theta_0 = validate.vector("nominal", self.nominal, p)
+        elif known.theta_0 is not None:
+            theta_0 = known.theta_0
+        else:
+            theta_0 = np.zeros(p) if known.theta_set is None else known.theta_set.middle
+        return Equations(k_0=known.k_0, matched=known.matched, theta_0=theta_0)
