@@ -12,6 +12,7 @@ COSTLY = {
     "gamma_max_at_model",
     "step_max_at_model",
     "delay_margin_adapting",
+    "sample_time_max",
     "mu_parameters",
     "parameter_scale",
     "theta_destabilising",
