@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -85,13 +85,14 @@ def by_tolerance(loop: ClosedLoop, tolerance: float, *, dense: bool = False) -> 
     if not dense:
         made = made.sparse()
     made.code.for_steps(1e9)  # optimised code
-    begins = np.linspace(0.0, T_END, INSTANTS + 1)
-    made = replace(made, begins=begins, numbers=made.attempts.signals.rows(begins[:-1], begins[1:]))
+    instants = np.linspace(0.0, T_END, INSTANTS + 1)
+    quarters = [made.pieces.rows(instants[i : i + 2]) for i in range(INSTANTS)]
 
     def run() -> np.ndarray:
         motion, found = made.again(tolerance, T_END), []
-        for i in range(INSTANTS):
-            while motion.piece <= i:
+        for rows in quarters:
+            motion = motion.along(rows)
+            while not motion.over:
                 motion.further()
             found.append(motion.x.copy())
         return np.array(found)

@@ -190,7 +190,7 @@ class Kernel:
         expected = {
             "state": (state, s.states * w),
             "parameters": (parameters, s.parameters * w),
-            "signals": (signals, blocks * steps * s.signals),
+            "signals": (signals, s.signals if s.signal_row is not None else blocks * steps * s.signals),
             "out": (out, blocks * (s.states + s.accumulators) * w),
         }
         if noise is not None:

@@ -24,6 +24,7 @@ from barbalat.run.engine.judging import Terms, judged, watched_in_runs
 from barbalat.run.engine.motion import Motion, Nodes
 from barbalat.run.kernel.grid import Segment
 from barbalat.run.kernel.observer import observer_program
+from barbalat.run.kernel.pieces import require_within
 from barbalat.run.kernel.portable import run_times
 from barbalat.run.results.accuracy import Accuracy
 from barbalat.run.results.result import Envelope, Result, Results
@@ -91,10 +92,10 @@ class Observation:
     def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, watched: Watched | None) -> Observation:
         """InputError where no tolerance goes with the problem or the controller."""
         loop = ClosedLoop.of(problem, controller, bind=bound)
-        require_continuous(loop, problem)
+        require_known_instants(loop, problem, simulation)
         assert simulation.tolerance is not None
         try:
-            motion = Motion.of(loop, problem.signals, simulation, simulation.tolerance)
+            motion = Motion.of(loop, problem.signals, simulation, simulation.tolerance, problem.noise)
         except CountlessError as error:
             raise InputError.of(
                 "simulation.tolerance", f"takes no equations with {error}, whose jumps are countless: give simulation.dt"
@@ -154,7 +155,8 @@ class Observation:
             metrics = replace(metrics, diverged_at=np.array([self.motion.t]))
             known = min(known, int(np.searchsorted(grid.time(np.arange(grid.steps + 1)), self.motion.t)))
         t, states = grid.time(np.arange(known)), self.nodes.recorded[:known]
-        signals = np.array([signal(run_times(grid, t)) for signal in problem.signals])
+        timed = [signal(run_times(grid, t)) for signal in problem.signals]
+        signals = np.vstack([*timed, self.motion.pieces.noise_at(t).T])
         return Result(
             problem=problem,
             controller=self.controller,
@@ -170,14 +172,16 @@ class Observation:
         )
 
 
-def require_continuous(loop: ClosedLoop, problem: TrackingProblem) -> None:
-    """InputError for what no tolerance goes with yet."""
-    if loop.sampled:
-        raise InputError.of("simulation.tolerance", "takes continuous controllers, and this one is sampled: give simulation.dt")
+def require_known_instants(loop: ClosedLoop, problem: TrackingProblem, simulation: Simulation) -> None:
+    """InputError for what no tolerance goes with yet, and for samples of which there would be none."""
+    if loop.sample_time is not None:
+        require_within("sample_time", loop.sample_time, simulation.t_end)
+    if problem.noise is not None:
+        require_within("sensor.noise.sample_time", problem.noise.sample_time, simulation.t_end)
+    if problem.faults:
+        raise InputError.of("simulation.tolerance", "takes samples without faults: give simulation.dt")
     if loop.delayed:
         raise InputError.of("simulation.tolerance", "takes a plant without a delay at its input: give simulation.dt")
-    if problem.noise is not None:
-        raise InputError.of("simulation.tolerance", "takes a sensor without noise: give simulation.dt")
     if any(path is not None and path.rate_limit is not None for path in loop.paths):
         raise InputError.of("simulation.tolerance", "takes an input without a rate limit: give simulation.dt")
 

@@ -13,8 +13,11 @@ from barbalat.lowering.llvm.machine import Kernel
 from barbalat.lowering.operations import Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
+from barbalat.problem.measurement import Noise
 from barbalat.protocols import Signal
-from barbalat.run.kernel.attempt import ALL, DIVERGED, STALLED, Attempts, dense_output
+from barbalat.run.kernel.attempt import ALL, CHOICE, DIVERGED, SMOOTH, STALLED, Attempts, dense_output
+from barbalat.run.kernel.breaks import ON_GRID_ROUNDINGS
+from barbalat.run.kernel.pieces import Pieces
 from barbalat.run.kernel.portable import run_times
 from barbalat.run.kernel.step import CompiledLoop
 from barbalat.run.kernel.time_signals import TimeSignals
@@ -45,8 +48,7 @@ def _compiled(program: Program, begin: Program, shape: LoopShape) -> CompiledLoo
 class Motion:
     """The integration of one member.
 
-    begins, numbers  of its pieces between breaks of the signals: when they begin, and where the last ends, (K + 1,) [s], and
-                     what each is given, see ``TimeSignals.rows``
+    rows  of its pieces, the last of which is its end: see ``Pieces.rows``
     steps, rejected, choices  how many so far; choices are steps that ended where the equations jump or bend
     """
 
@@ -54,29 +56,36 @@ class Motion:
     code: CompiledLoop
     state: Array
     tolerance: float
-    begins: Array
-    numbers: Array
-    piece: int = 0
+    pieces: Pieces
+    rows: Array
     at_once: int = 16  # attempts of the last call; those of one that has arrived are in vain
     steps: int = 0
     rejected: int = 0
     choices: int = 0
 
     @classmethod
-    def of(cls, loop: ClosedLoop, signals: tuple[Signal, ...], simulation: Simulation, tolerance: float) -> Motion:
+    def of(
+        cls,
+        loop: ClosedLoop,
+        signals: tuple[Signal, ...],
+        simulation: Simulation,
+        tolerance: float,
+        noise: Noise | None = None,
+    ) -> Motion:
         """InputError for signals or equations that no tolerance goes with."""
         driven = TimeSignals.of(signals)
         attempts = Attempts(loop, driven, fused=simulation.fused)
         tail = float(simulation.time(simulation.tail_start))
-        begins = np.unique(np.concatenate([[0.0, tail, simulation.t_end], driven.breaks(simulation.t_end)]))
+        kept = np.unique(np.concatenate([[0.0, tail, simulation.t_end], driven.breaks(simulation.t_end)]))
         code = _compiled(attempts.program(), attempts.begin(), attempts.shape)
         state = attempts.carried.initial(loop.initial(), FIRST_STEP * simulation.t_end)
-        return cls(attempts, code, state, tolerance, begins, driven.rows(begins[:-1], begins[1:]))
+        pieces = Pieces(attempts, noise)
+        return cls(attempts, code, state, tolerance, pieces, pieces.rows(kept))
 
     def again(self, tolerance: float, t_end: float) -> Motion:
         """The same from t = 0 at another tolerance."""
         state = self.attempts.carried.initial(self.attempts.loop.initial(), FIRST_STEP * t_end)
-        return replace(self, state=state, tolerance=tolerance, piece=0, at_once=16, steps=0, rejected=0, choices=0)
+        return replace(self, state=state, tolerance=tolerance, at_once=16, steps=0, rejected=0, choices=0)
 
     def sparse(self) -> Motion:
         """The same without dense output, of which the end of each piece alone is known: three evaluations less an attempt."""
@@ -88,12 +97,16 @@ class Motion:
         return replace(self, state=self.state.copy())
 
     def held(self, values: Array, stop: float) -> Motion:
-        """From where it is, with the signals held at these values, as far as ``stop`` [s]."""
-        t = self.t
+        """From where it is, with the signals held at these values and without noise, as far as ``stop`` [s]."""
+        pieces = replace(self.pieces, noise=None)
+        rows = pieces.rows(np.array([self.t, stop]), values, sampled_already=True)
+        return replace(self.along(rows), pieces=pieces)
+
+    def along(self, rows: Array) -> Motion:
+        """From where it is along further pieces."""
         state = self.state.copy()
-        state[self._at("renew")] = ALL
-        numbers = self.attempts.signals.held(t, values)
-        return replace(self, state=state, begins=np.array([t, stop]), numbers=numbers[None], piece=0)
+        state[self._at("piece")], state[self._at("renew")] = 0.0, ALL
+        return replace(self, state=state, rows=rows)
 
     def _at(self, name: str) -> int:
         return int(self.attempts.carried.places[name].start)
@@ -114,29 +127,25 @@ class Motion:
 
     @property
     def over(self) -> bool:
-        """Whether it has reached its end, or diverged."""
-        return self.diverged or self.piece >= len(self.numbers)
+        """Whether it has reached its end, where a controller may sample once more, or diverged."""
+        return self.diverged or (self.state[self._at("piece")] == len(self.rows) - 1 and self.state[self._at("renew")] == 0)
 
     def further(self) -> Array:
-        """A number of steps more, as rows of what ``Written`` describes; a break comes only at the end of the last of them."""
-        carried, t_stop = self.attempts.carried, float(self.begins[self.piece + 1])
-        needed = 1.1 * (t_stop - self.t) / self.state[self._at("h")]
+        """A number of steps more, as rows of what ``Written`` describes."""
+        carried, t_stop = self.attempts.carried, float(self.rows[-1, 0])
+        needed = 1.1 * (t_stop - self.t) / self.state[self._at("h")] + len(self.rows) - self.state[self._at("piece")]
         blocks = self.at_once = int(min(max(needed, FEWEST_ATTEMPTS), 2 * self.at_once, MOST_ATTEMPTS))
         kernel = self.code.for_steps(blocks)
         out = np.empty((blocks, carried.size + kernel.shape.accumulators))
-        numbers = self.attempts.numbers(t_stop, self.tolerance, self.numbers[self.piece])
         before = out[:, self._at("t")]
-        kernel(blocks, 1, self.state, numbers, np.empty(0), out, sample_every=1)
+        kernel(blocks, 1, self.state, np.array([self.tolerance]), self.rows, out, sample_every=1)
         written = out[:, carried.size :]
         good, tried = written[:, 0] > 0, before < t_stop
         self.steps += int(good.sum())
-        self.choices += int((written[:, 0] == 2).sum())
+        self.choices += int((written[:, 0] == CHOICE).sum())
         self.rejected += int((tried & ~good).sum())
         if self.state[self._at("status")] == STALLED:
             self._stalled()
-        if self.t >= t_stop:
-            self.piece += 1
-            self.state[self._at("renew")] = ALL
         return written[good]
 
     def _stalled(self) -> None:
@@ -151,6 +160,8 @@ class Motion:
         )
 
 
+SAME_INSTANT = ON_GRID_ROUNDINGS * float(np.finfo(float).eps)
+"""Of a time: two that are no farther apart are the same instant."""
 ESCAPING = 1e4
 """A state so many times larger than at the start is on its way to infinity when no step is small enough for it."""
 
@@ -250,6 +261,7 @@ class Nodes:
             written = self.motion.further()
             if len(written):
                 self._record(written, self.motion.attempts.loop.size)
+        self._close()
 
     def final(self) -> Array:
         """The row at the motion's end, of no length."""
@@ -261,22 +273,22 @@ class Nodes:
         return self.first + np.searchsorted(self._instants, times, side="right") - 1
 
     def _driving(self, times: Array) -> Array:
-        """The signals there, (K, timed)."""
+        """What drives the loop there, (K, signal_count)."""
+        noise = self.motion.pieces.noise_at(times)
         if self.held is not None:
             values = np.tile(self.held, (len(times), 1))
-            return np.where(np.isnan(values), times[:, None], values)
+            return np.column_stack([np.where(np.isnan(values), times[:, None], values), noise])
         t = run_times(self.grid, times)
-        return np.column_stack([np.asarray(validate.signal_values(signal, t)) for signal in self.signals])
+        return np.column_stack([*(np.asarray(validate.signal_values(signal, t)) for signal in self.signals), noise])
 
     def _more(self) -> None:
         """Take up further steps of the motion."""
-        piece, written = self.motion.piece, self.motion.further()
-        states = self.motion.attempts.loop.size
+        written, states = self.motion.further(), self.motion.attempts.loop.size
         if len(written):
             self._record(written, states)
-            self._append(*self._observed(written, states, breaks=self.motion.piece > piece))
+            self._append(*self._observed(written, states))
         if self.motion.over and not self._closed:
-            self._closed = True
+            self._close()
             x = self.motion.x[None]
             self._append(np.array([self.motion.t]), x, np.array([self._end_weight]), np.zeros(1))
 
@@ -284,21 +296,24 @@ class Nodes:
         self._kept = [np.concatenate([old, new]) for old, new in zip(self._kept, parts, strict=True)]
 
     def _record(self, written: Array, states: int) -> None:
+        """Where a step begins at an instant, its beginning counts, which a sample has changed."""
         t, h = written[:, 1], written[:, 2]
-        ends = np.append(t[1:], self.motion.t)
-        wanted = np.arange(*np.searchsorted(self._instants, [t[0], ends[-1]], side="right"))
+        begins = t * (1 - SAME_INSTANT)
+        wanted = np.arange(*np.searchsorted(self._instants, [begins[0], self.motion.t * (1 - SAME_INSTANT)]))
         at = self._instants[wanted]
-        which = np.searchsorted(ends, at)
-        self.recorded[wanted] = dense_output(written[which], states, (at - t[which]) / h[which])
+        which = np.searchsorted(begins, at, side="right") - 1
+        self.recorded[wanted] = dense_output(written[which], states, ((at - t[which]) / h[which]).clip(0.0, 1.0))
 
-    def _observed(self, written: Array, states: int, *, breaks: bool) -> tuple[Array, Array, Array, Array]:
-        """Times, states, weights and smoothness of the nodes of these steps, each with its start and without its end.
+    def _close(self) -> None:
+        self._closed = True
+        if not self.motion.diverged:
+            self.recorded[-1] = self.motion.x
 
-        breaks  whether the last of them ends where a signal does not go on smoothly
-        """
+    def _observed(self, written: Array, states: int) -> tuple[Array, Array, Array, Array]:
+        """Times, states, weights and smoothness of the nodes of these steps, each with its start and without its end."""
         code, t, h, x = written[:, 0], written[:, 1], written[:, 2], written[:, 3 : 3 + states]
-        joins = np.append(self._joins, code[:-1] == 1)
-        self._joins = bool(code[-1] == 1 and not breaks)
+        joins = np.append(self._joins, code[:-1] == SMOOTH)
+        self._joins = bool(code[-1] == SMOOTH)
         unit = self.grid.steps + 1
         few = bool((h <= WITHIN * NODES_EACH_STEP * self.grid.dt).all())
         each = np.full(len(h), NODES_EACH_STEP)

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.packing import column, symbols
-from barbalat.lowering.operations import Program, read
+from barbalat.loop.packing import column, flatten, symbols
+from barbalat.lowering.operations import Program, following, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.switching import switched
 from barbalat.run.kernel.metrics import DIVERGENCE_LIMIT, divergence_measure
+from barbalat.run.kernel.sampled_controller import acting_on, initial_acting
 from barbalat.run.kernel.time_signals import TimeSignals
 from barbalat.solvers.order_eight import embedded, order_eight
 
@@ -56,6 +57,10 @@ NEAREST = 0.05
 """Part of an attempt, before which no choice is guessed: a secant from a place where one was just due says nothing."""
 LARGEST = 1e300
 """That a number is while it is one; margins of what is infinite are not compared."""
+SMOOTH, CHOICE, PIECE = 1.0, 2.0, 3.0
+"""How a step ends: where nothing is, at a choice, with its piece of the run."""
+ACTED = 6
+"""Argument of ``Attempts.begin``: what a sampled controller has made of its state."""
 MOST_TRIES = 200
 """At one place; more is no motion between choices, but one that slides along them."""
 
@@ -72,7 +77,7 @@ class Carried:
         """The rows of each part."""
         sizes = {
             "x": self.states, "t": 1, "h": 1, "error": 1, "ratio": 1, "rejected": 1,
-            "meets": 1, "until": 1, "tries": 1, "renew": 1, "status": 1,
+            "meets": 1, "until": 1, "tries": 1, "renew": 1, "status": 1, "piece": 1,
             "largest": self.states, "slope": self.states, "choices": self.choices, "margins": self.choices,
         }  # fmt: skip
         found, start = {}, 0
@@ -97,7 +102,7 @@ class Carried:
 
 @dataclass(frozen=True)
 class Written:
-    """What an attempt writes: whether it was a step, 2 where it ended at a choice, t [s], h [s], x there and seven more (S,).
+    """What an attempt writes: 0 where it was no step, else how that ended, t [s], h [s], x there and seven more (S,).
 
     These are the coefficients of ``dense_output``.
     """
@@ -119,12 +124,13 @@ class Attempts:
 
     @property
     def count(self) -> int:
-        """Numbers that a call is given: t_stop, tolerance, the signals'."""
-        return 2 + self.signals.numbers
+        """Entries of a piece's row: where it ends, whether a controller samples at its beginning, the signals', the noise."""
+        return 2 + self.signals.numbers + self.loop.signals.noise
 
-    def numbers(self, t_stop: float, tolerance: float, signals: np.ndarray) -> np.ndarray:
-        """Those of a call, (count,)."""
-        return np.concatenate([[t_stop, tolerance], signals])
+    @staticmethod
+    def rows(ends: np.ndarray, sampled: np.ndarray, signals: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """Of K pieces, (K, count); the last of them is over when it begins: there the run ends."""
+        return np.ascontiguousarray(np.column_stack([ends, sampled, signals, noise]), dtype=float)
 
     @cached_property
     def _rates(self) -> ca.Function:
@@ -162,18 +168,23 @@ class Attempts:
         """Sizes for the kernel."""
         carried = self.carried
         written = Written(self.loop.size).size
-        return LoopShape(carried.size, written, self.count, 0, sample_every=1, sample_row=carried.places["renew"].start)
+        renew, piece = (carried.places[name].start for name in ("renew", "piece"))
+        return LoopShape(carried.size, written, 1, self.count, sample_every=1, sample_row=renew, signal_row=piece)
 
     def begin(self) -> Program:
         """What is renewed: choices and slope where a piece of the run begins, or where a step ended at a choice."""
         import casadi as ca
 
-        parts, numbers, inputs = self._inputs()
-        x, t = parts["x"], parts["t"]
+        parts, numbers, _, inputs = self._inputs()
+        t, renew = parts["t"], parts["renew"]
+        everything = renew == ALL
+        acted = ca.SX.sym("acted", self._own)
+        due = ca.logic_and(everything, ca.logic_and(numbers[1], t <= numbers[2]))
+        x = parts["x"]
+        if self._own:
+            x = ca.if_else(due, ca.vertcat(x[: -self._own], acted), x)
         s = self._driven(t, numbers)
         _, conditions = self._switched(x, s, None)
-        renew = parts["renew"]
-        everything = renew == ALL
         given = self._switched(x, s, parts["choices"])[1]  # what was changed may leave another nothing to choose between
         old = ca.vertsplit(parts["choices"])
         chosen = [
@@ -186,28 +197,49 @@ class Attempts:
         slope, after = self._switched(x, s, choices)
         margins = ca.vertcat(ca.SX(0, 1), *(one.margin for one in after))
         new = {
+            "x": x,
+            "largest": ca.fmax(parts["largest"], ca.fabs(x)),
             "slope": ca.if_else(renew != 0, slope, parts["slope"]),
             "choices": choices,
             "margins": ca.if_else(renew != 0, margins, parts["margins"]),
             "renew": ca.SX(0.0),
         }
-        return self._lowered("begin", inputs, [self._packed(parts | new)])
+        return self._behind_a_sample(self._lowered("begin", [*inputs, acted], [self._packed(parts | new)]))
+
+    @property
+    def _own(self) -> int:
+        """Entries of a sampled controller's own state, which stand last in the loop's."""
+        return len(flatten(initial_acting(self.loop))) if self.loop.sampled else 0
+
+    def _behind_a_sample(self, begin: Program) -> Program:
+        """``begin`` behind the controller's list, which is the same with fixed steps."""
+        import casadi as ca
+
+        if not self.loop.sampled:
+            return begin
+        parts, numbers, _, inputs = self._inputs()
+        state, signals = (ca.array(value).reshape(-1) for value in (parts["x"], self._driven(parts["t"], numbers)))
+        y, r = self.loop.sampled_at(state, signals)
+        faults = [] if self.loop.around is None else [column(self.loop.signals.named(signals).faults)]
+        handed = optimize(read(ca.Function("handed", inputs, [parts["x"], column(y), column(r), *faults])), fused=False)
+        operations, acted = acting_on(handed, self.loop)
+        return following(operations, begin, {(ACTED, i): place for i, place in enumerate(acted)})
 
     def _packed(self, parts: dict[str, ca.SX]) -> ca.SX:
         import casadi as ca
 
         return ca.vertcat(*(parts[name] for name in self.carried.places))
 
-    def _inputs(self) -> tuple[dict[str, ca.SX], ca.SX, list[ca.SX]]:
-        """The carried state by its parts, the numbers of a call, and all inputs."""
+    def _inputs(self) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, list[ca.SX]]:
+        """The carried state by its parts, the row of its piece, the tolerance, and all inputs."""
         import casadi as ca
 
         carried = self.carried
-        given, numbers = ca.SX.sym("state", carried.size), ca.SX.sym("numbers", self.count)
+        given, numbers, tolerance = (ca.SX.sym(*one) for one in (("state", carried.size), ("row", self.count), ("tolerance", 1)))
         parts = {name: given[rows] for name, rows in carried.places.items()}
         nothing = ca.SX(0, 1)
         written = ca.SX.sym("written", Written(self.loop.size).size)
-        return parts, numbers, [given, written, numbers, nothing, nothing, nothing]
+        return parts, numbers, tolerance, [given, written, tolerance, numbers, nothing, nothing]
 
     def _lowered(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> Program:
         import casadi as ca
@@ -218,9 +250,9 @@ class Attempts:
         """One attempt; without ``dense`` it writes no coefficients, and takes three evaluations less."""
         import casadi as ca
 
-        parts, numbers, inputs = self._inputs()
+        parts, numbers, tolerance, inputs = self._inputs()
         x, t, status = parts["x"], parts["t"], parts["status"]
-        t_stop, tolerance = numbers[0], numbers[1]
+        t_stop = numbers[0]
         running = ca.logic_and(status == RUNNING, t < t_stop)
         h, t_new, cut = _length(parts, t_stop)
         stages, x_new, inside = self._stages(parts, numbers, h, t_new)
@@ -235,6 +267,7 @@ class Attempts:
         fits = ca.logic_and(running, ca.logic_and(good, ca.logic_and(found.ready, sound)))
         choosing = ca.logic_and(running, ca.logic_and(good, ca.logic_not(found.ready)))
         ends = ca.logic_and(fits, found.due)  # at a choice
+        arrives = ca.logic_and(fits, t_new >= t_stop)
         new = _next(parts, h, error, running, fits, choosing, ends, cut, found, t)
         stuck = ca.logic_or(ca.logic_and(ca.logic_not(good), h <= LEAST_ROUNDINGS * ca.fabs(t)), new["tries"] > MOST_TRIES)
         lost = ca.logic_and(good, ca.logic_not(sound))
@@ -242,13 +275,15 @@ class Attempts:
         new |= {
             "x": ca.if_else(fits, kept, x),
             "t": ca.if_else(fits, t_new, t),
+            "piece": parts["piece"] + arrives,
+            "renew": ca.if_else(arrives, ALL, new["renew"]),
             "largest": ca.if_else(fits, ca.fmax(parts["largest"], ca.fabs(kept)), parts["largest"]),
             "slope": ca.if_else(fits, stages[12], parts["slope"]),
             "margins": ca.if_else(fits, found.margins, parts["margins"]) if self.carried.choices else parts["margins"],
         }
         zeros = ca.SX(7 * self.loop.size, 1)
         coefficients = _dense(self._more(stages, parts, numbers, h), x, x_new, h) if dense else zeros
-        step = ca.if_else(fits, ca.if_else(ends, 2.0, 1.0), 0.0)
+        step = ca.if_else(fits, ca.if_else(arrives, PIECE, ca.if_else(ends, CHOICE, SMOOTH)), 0.0)
         written = ca.vertcat(step, t, h, x, coefficients)
         return self._lowered("attempt", inputs, [self._packed(parts | new), ca.SX(ca.densify(written)), ca.SX(0, 1)])
 
@@ -258,8 +293,11 @@ class Attempts:
         return self.loop.outputs(ca.array(x).reshape(-1), ca.array(self._driven(t, numbers)).reshape(-1))
 
     def _driven(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
-        """The signals at t; those numbers of a call that are not theirs stand first."""
-        return self.signals.at(t, numbers[2:])
+        """What drives the loop at t, by the row of its piece."""
+        import casadi as ca
+
+        first = 2 + self.signals.numbers
+        return ca.vertcat(self.signals.at(t, numbers[2:first]), numbers[first:])
 
     def _slope(self, x: ca.SX, numbers: ca.SX, t: ca.SX, choices: ca.SX) -> ca.SX:
         return self._switched(x, self._driven(t, numbers), choices)[0]

@@ -46,14 +46,14 @@ class NodeRow(NamedTuple):
     @classmethod
     def of(cls, loop: ClosedLoop, row: Value) -> NodeRow:
         """The parts of a row, whose length is ``row_length``."""
-        timed, size = loop.signals.timed, loop.size
-        weight, smooth, apart = row[timed + size : timed + size + 3]
-        return cls(row[:timed], row[timed : timed + size], weight, smooth, apart, row[-PIECE:])
+        driving, size = loop.signal_count, loop.size
+        weight, smooth, apart = row[driving + size : driving + size + 3]
+        return cls(row[:driving], row[driving : driving + size], weight, smooth, apart, row[-PIECE:])
 
 
 def row_length(loop: ClosedLoop) -> int:
     """Entries of a row."""
-    return loop.signals.timed + loop.size + 3 + PIECE
+    return loop.signal_count + loop.size + 3 + PIECE
 
 
 class Turn(NamedTuple):
@@ -94,7 +94,7 @@ def observer_program(loop: ClosedLoop, dt: float, watched: Watched | None, *, fu
     state_column, carried = symbols("state", size + rows + remembered)
     row_column, flat = symbols("signals", row_length(loop))
     row, turn = NodeRow.of(loop, flat), Turn.of(carried[size + rows :])
-    state, following = loop.limit(carried[:size]), loop.limit(row.following)
+    state, following = (flat if loop.sampled else loop.limit(flat) for flat in (carried[:size], row.following))
     accumulators = accumulators_of(loop)
     old_column, old = symbols("accumulators", len(accumulators.resets))
     outputs = loop.outputs(state, row.signals)
@@ -105,7 +105,8 @@ def observer_program(loop: ClosedLoop, dt: float, watched: Watched | None, *, fu
     known = estimate_set(loop)
     if known is not None:
         turning["theta_hat"] = known.limit(turning["theta_hat"])
-    moved = loop.estimates_moved(state, following) + 2 * kept * _parts(loop, farther)["theta_hat"]
+    now_hat, next_hat = (loop.theta_hat(loop.unpack(flat).controller) for flat in (state, following))
+    moved = np.abs(next_hat - now_hat) + 2 * kept * _parts(loop, farther)["theta_hat"]
     length, _, ends = row.piece
     new = accumulators.update(
         old, outputs, divergence_measure(loop, outputs, following), following, moved,

@@ -68,6 +68,17 @@ def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None
     inputs = [state_column, ca.SX(0, 1), parameters_column(parameters), signal_column, ca.SX(0, 1), noise_column]
     faults = [] if loop.around is None else [column(loop.signals.named(first).faults)]
     handed = optimize(read(ca.Function("handed", inputs, [state_column, column(y), column(r), *faults])), fused=False)
+    operations, acted = acting_on(handed, loop, parameters, dt)
+    return Program(operations, ((*handed.outputs[0][: -len(acted)], *acted),))
+
+
+def acting_on(
+    handed: Program, loop: ClosedLoop, parameters: ca.SX | None = None, dt: Value = None
+) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
+    """The controller's and its shell's operations behind those of ``handed``, and where the controller's new state stands.
+
+    handed  gives the loop's state, the measurement, the command and, where something is around the controller, the faults
+    """
     now, measured, command, *values = handed.outputs
     own = len(flatten(initial_acting(loop)))  # the controller's state stands last in the loop's
     operations = (*handed.operations, Operation("constant"))
@@ -85,7 +96,7 @@ def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None
     operations = joined.operations
     if loop.around is not None:
         operations, acted = shell.put_out(operations, (*before, *acted, *taken))
-    return Program(operations, ((*now[:-own], *acted),))
+    return operations, acted
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,19 +65,20 @@ class TimeSignals:
         return np.unique(np.concatenate([np.zeros(0), *found]))
 
     def rows(self, begins: Array, ends: Array) -> Array:
-        """(K, numbers) of pieces that begin and end at these times (K,) [s]."""
+        """(K, numbers) of pieces that begin and end at these times (K,) [s]; one of no length has the values at its beginning."""
         columns = [begins, np.zeros(len(begins))]
         for signal in self.signals:
             if is_formula(signal):
                 columns += [np.zeros(len(begins))] * 2
                 continue
             first, last = np.asarray(signal(begins), float), np.asarray(signal.before(ends), float)
-            columns += [first, (last - first) / (ends - begins)]
+            columns += [first, (last - first) / np.where(ends > begins, ends - begins, 1.0)]
         return np.column_stack(columns)
 
-    def held(self, begins: float, values: Array) -> Array:
-        """(numbers,) of a piece in which each signal keeps one of ``values``, but for a clock, whose value is NaN."""
-        return np.concatenate([[begins, 1.0], np.ravel([(float(value), 0.0) for value in values])])
+    def held(self, begins: Array, values: Array) -> Array:
+        """(K, numbers) of pieces in which each signal keeps one of ``values``, but for a clock, whose value is NaN."""
+        numbers = np.ravel([(float(value), 0.0) for value in values])
+        return np.column_stack([begins, np.ones(len(begins)), np.tile(numbers, (len(begins), 1))])
 
     def at(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
         """(signal_count,) at the time t of a piece with these ``numbers``."""
