@@ -341,7 +341,9 @@ class Draw:
             case["uncertainty"] = self.known_set()
         case["reference"] = self.signal() if self.m == 1 else [self.signal() for _ in range(self.m)]
         case["simulation"] = self.simulation()
-        apart = dict.fromkeys(("controller", "parameters", "truth"), 0)  # these go with a plant that is given by A and b
+        apart = dict.fromkeys(
+            ("controller", "parameters", "truth", "baseline"), 0
+        )  # these go with a plant that is given by A and b
         case |= self.table(self.definition("Problem"), without={**case, **apart})
         return case | {"controller": self.controllers(case)}
 
