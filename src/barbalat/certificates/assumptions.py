@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
+from barbalat.certificates import theorems
 from barbalat.certificates.entry import Assumption
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import EstimateSet
@@ -27,7 +30,7 @@ START_TOGETHER = Assumption("x_m(0) = x(0), and the predictor starts there too")
 """Holds by construction: the model and every predictor start at the plant's x0."""
 
 
-ACTS_CONTINUOUSLY = Assumption("the controller acts in continuous time")
+ACTS_CONTINUOUSLY = Assumption("the controller acts in continuous time", theorem=theorems.SAMPLED)
 """Of a sampled controller nothing that rests on this is claimed: see ``schemes/sampled.py``."""
 
 
@@ -45,12 +48,16 @@ def nominal(problem: TrackingProblem, *, gain_adapted: bool = False) -> tuple[As
 def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assumption:
     """No dynamics, limits or delay before the plant; with ``gain_adapted`` the scheme takes any gain of its input."""
     known = not gain_adapted and (not isinstance(problem, Problem) or problem.input_gain is None)
-    words = [word for path in problem.plant.paths for word in _on_the_way(path, known)]
+    found = [departure for path in problem.plant.paths for departure in _on_the_way(path, known)]
     if isinstance(problem, Problem) and problem.derived is not None and problem.derived.unmatched:
-        words.append(problem.derived.unmatched)
-    return Assumption(
-        "the plant is (1): matched uncertainty, no unmodelled dynamics, no delay or limits", ", ".join(dict.fromkeys(words))
-    )
+        found.append((problem.derived.unmatched, theorems.UNMATCHED_RESTS))
+    return _without_departures("the plant is (1): matched uncertainty, no unmodelled dynamics, no delay or limits", found)
+
+
+def _without_departures(sentence: str, found: Iterable[tuple[str, str]]) -> Assumption:
+    """An assumption that is broken by departures, each a few words and the theorem that would cover it."""
+    listed = dict.fromkeys(found)
+    return Assumption(sentence, ", ".join(dict.fromkeys(word for word, _ in listed)), theorems.joined(t for _, t in listed))
 
 
 def undisturbed(problem: TrackingProblem) -> Assumption:
@@ -60,18 +67,19 @@ def undisturbed(problem: TrackingProblem) -> Assumption:
         ("unmatched disturbance", bool(problem.unmatched)),
         ("disturbance at the output", problem.output_disturbance is not None),
     ]
-    return Assumption("no disturbance acts", ", ".join(word for word, there in acts if there))
+    theorem = theorems.DISTURBANCE if problem.output_disturbance is None else theorems.OUTPUT_DISTURBANCE
+    return Assumption("no disturbance acts", ", ".join(word for word, there in acts if there), theorem)
 
 
 def measured(problem: TrackingProblem) -> Assumption:
     """The measurement is the state itself."""
-    return Assumption("the state is measured exactly", ", ".join(_of_the_sensor(problem.sensor)))
+    return Assumption("the state is measured exactly", ", ".join(_of_the_sensor(problem.sensor)), theorems.MEASUREMENT)
 
 
 def bounded_command(problem: TrackingProblem) -> Assumption:
     """The command is bounded, as every statement of boundedness asks."""
     known = all(isinstance(command, BoundedSignal) for command in problem.commands)
-    return Assumption("r is bounded", "" if known else "r has no known bound")
+    return Assumption("r is bounded", "" if known else "r has no known bound", theorems.BOUNDED_COMMAND)
 
 
 def constant_in_the_end(problem: TrackingProblem) -> Assumption:
@@ -92,6 +100,7 @@ def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:
     return Assumption(
         "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it",
         "" if known_set.contains(problem.parameters) else OUTSIDE_THE_SET,
+        theorems.THETA_OUTSIDE,
     )
 
 
@@ -99,7 +108,7 @@ def theta_in_the_set(problem: Problem) -> Assumption:
     """The case's theta lies in the known set, so that what holds for every theta there holds for it."""
     known_set = problem.uncertainty
     outside = known_set is not None and not known_set.contains(problem.plant.theta)
-    return Assumption("theta lies in the known set", OUTSIDE_THE_SET if outside else "")
+    return Assumption("theta lies in the known set", OUTSIDE_THE_SET if outside else "", theorems.THETA_OUTSIDE)
 
 
 MEAN_SQUARE = (
@@ -120,22 +129,22 @@ def departures(problem: TrackingProblem) -> tuple[str, ...]:
     return tuple(found.broken for found in (exact_plant(problem), undisturbed(problem), measured(problem)) if found.broken)
 
 
-def _on_the_way(path: PlantInput, gain_known: bool) -> list[str]:
+def _on_the_way(path: PlantInput, gain_known: bool) -> list[tuple[str, str]]:
     found = []
     if path.delay > 0:
-        found.append(f"delay {path.delay:g} s")
+        found.append((f"delay {path.delay:g} s", theorems.DELAY))
     if path.saturation is not None:
-        found.append("saturation")
+        found.append(("saturation", theorems.LIMITS))
     if path.rate_limit is not None:
-        found.append("rate limit")
+        found.append(("rate limit", theorems.LIMITS))
     if path.quantization is not None:
-        found.append("quantization")
+        found.append(("quantization", theorems.QUANTIZATION))
     if path.actuator is not None:
-        found.append("actuator")
+        found.append(("actuator", theorems.ACTUATOR))
     if path.multiplicative is not None:
-        found.append("unmodelled dynamics Delta_m")
+        found.append(("unmodelled dynamics Delta_m", theorems.UNMODELLED))
     if path.gain != 1 and gain_known:
-        found.append(f"input gain {path.gain:g}, unknown to the controller")
+        found.append((f"input gain {path.gain:g}, unknown to the controller", theorems.INPUT_GAIN))
     return found
 
 

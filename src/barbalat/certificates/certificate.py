@@ -220,14 +220,17 @@ class Draft:
         """Add facts for orientation, which guarantee nothing."""
         self._add(values, "advice", assumptions)
 
-    def missing(self, key: str, why: str, *assumptions: Assumption) -> None:
-        """A value that the scheme would have, and that this case has not; it would rest on the ``assumptions``."""
-        self.entries[key] = missing(key, why, assumptions, self._quantity(key))
+    def missing(self, key: str, why: str, *assumptions: Assumption, theorem: str = "") -> None:
+        """A value that the scheme would have, and that this case has not; it would rest on the ``assumptions``.
 
-    def all_missing(self, keys: Iterable[str], why: str) -> None:
+        ``theorem`` is the one that would give it.
+        """
+        self.entries[key] = missing(key, why, assumptions, self._quantity(key), theorem)
+
+    def all_missing(self, keys: Iterable[str], why: str, *, theorem: str = "") -> None:
         """Several values that are missing for one reason."""
         for key in keys:
-            self.missing(key, why)
+            self.missing(key, why, theorem=theorem)
 
     @contextmanager
     def part(self, key: str) -> Iterator[None]:

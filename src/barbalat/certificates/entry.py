@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
 from barbalat.certificates.quantities import Quantity
+from barbalat.certificates.theorems import joined
 
 Kind = Literal["guaranteed", "guaranteed of the design", "exact", "estimate", "advice", "does not apply"]
 """What a reader may do with a value.
@@ -25,10 +26,14 @@ GUARANTEED: tuple[Kind, Kind] = ("guaranteed", OF_THE_DESIGN)
 
 @dataclass(frozen=True)
 class Assumption:
-    """What a value rests on; ``broken`` says in a few words what of this case contradicts it, and is empty where nothing does."""
+    """What a value rests on; ``broken`` says in a few words what of this case contradicts it, and is empty where nothing does.
+
+    theorem  where it is broken, the theorem that would do without it
+    """
 
     sentence: str
     broken: str = ""
+    theorem: str = ""
 
 
 NUMBERS_ALONE = Assumption("it follows from the case's numbers alone")
@@ -98,6 +103,7 @@ class Entry:
 
     assumptions  what it rests on, as sentences; ``rests_on`` are those of a guarantee, which were checked on the case
     rest         where the loop rests that it is of; None of what belongs to no such place
+    theorem      where there is no bound of e, the theorem that is missing
     """
 
     key: str
@@ -109,6 +115,7 @@ class Entry:
     of: str = ""
     rest: PlaceOfRest | None = None
     why: str = ""
+    theorem: str = ""
 
     @property
     def unit(self) -> str:
@@ -132,7 +139,8 @@ class Entry:
         """All that is said of it; ``of`` where a linear loop is named, ``rest`` where that is one at a place of rest."""
         document = {"key": self.key, "value": self.value, "kind": self.kind, "unit": self.unit, "meaning": self.meaning}
         document |= {"assumptions": list(self.assumptions)} | ({"of": self.of} if self.of else {})
-        return document | ({"rest": self.rest.as_json()} if self.rest is not None else {}) | {"why": self.why}
+        document |= {"rest": self.rest.as_json()} if self.rest is not None else {}
+        return document | {"why": self.why} | ({"theorem": self.theorem} if self.theorem else {})
 
 
 def of_the_design(entry: Entry) -> Entry:
@@ -155,11 +163,17 @@ def _finite(part: Any) -> bool:
     return not isinstance(part, float) or math.isfinite(part)
 
 
-def missing(key: str, why: str, assumptions: tuple[Assumption, ...], quantity: Quantity) -> Entry:
+def missing(key: str, why: str, assumptions: tuple[Assumption, ...], quantity: Quantity, theorem: str = "") -> Entry:
     """A value that there is none of, for a reason of its own; what of its assumptions the case breaks is known all the same."""
-    sentences = tuple(assumption.sentence for assumption in assumptions)
     return Entry(
-        key=key, value=None, kind="does not apply", quantity=quantity, assumptions=sentences, rests_on=assumptions, why=why
+        key=key,
+        value=None,
+        kind="does not apply",
+        quantity=quantity,
+        assumptions=tuple(assumption.sentence for assumption in assumptions),
+        rests_on=assumptions,
+        why=why,
+        theorem=joined([theorem, _without(assumptions)]),
     )
 
 
@@ -168,4 +182,18 @@ def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], quantity:
     sentences = tuple(assumption.sentence for assumption in assumptions)
     why = ", ".join(dict.fromkeys(assumption.broken for assumption in assumptions if assumption.broken))
     kind: Kind = "does not apply" if why else "guaranteed"
-    return Entry(key=key, value=value, kind=kind, quantity=quantity, assumptions=sentences, rests_on=assumptions, why=why)
+    return Entry(
+        key=key,
+        value=value,
+        kind=kind,
+        quantity=quantity,
+        assumptions=sentences,
+        rests_on=assumptions,
+        why=why,
+        theorem=_without(assumptions),
+    )
+
+
+def _without(assumptions: tuple[Assumption, ...]) -> str:
+    """The theorems that would do without those that are broken."""
+    return joined(assumption.theorem for assumption in assumptions if assumption.broken)

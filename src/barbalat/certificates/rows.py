@@ -47,7 +47,8 @@ def rows_of(entry: Entry) -> list[CertificateRow]:
     """Return the rows of one entry; a guaranteed value is rounded so that what is printed is a bound too."""
     kind = KINDS.get(entry.kind, entry.kind)
     if not entry.applies:
-        return [CertificateRow(entry.key, "", entry.why, kind)]
+        theorem = f". What is missing: {entry.theorem}" if entry.theorem else ""
+        return [CertificateRow(entry.key, "", f"{entry.why}{theorem}", kind)]
     if entry.value is None:
         return []
     return ROWS_BY_FORM[entry.quantity.form](entry, kind)

@@ -65,7 +65,9 @@ def _condition(stability: Entry | None, condition: Entry | None) -> Line:
 def _bound(certificate: Certificate) -> Line:
     bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
     if bound is None or not bound.applies or bound.value is None:
-        return Line("bound of e", f"none: {'not known for this scheme' if bound is None else bound.why}", "does not apply")
+        theorem = "" if bound is None or not bound.theorem else f". What is missing: {bound.theorem}"
+        why = "not known for this scheme" if bound is None else bound.why
+        return Line("bound of e", f"none: {why}{theorem}", "does not apply")
     text = f"{held(bound.kind)}: {up(bound.value)}"
     if worst is not None and worst.applies and worst.value is not None:
         kind = "" if worst.kind == bound.kind else f"{held(worst.kind)}: "

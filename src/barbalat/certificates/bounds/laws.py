@@ -11,6 +11,7 @@ from flint import arb_mat
 from barbalat.adaptation.guarantee import Guarantee, nothing
 from barbalat.adaptation.law import AdaptiveLaw, GuaranteedLaw, OutputErrorLaw
 from barbalat.adaptation.lyapunov import ModifiedSettings
+from barbalat.certificates import theorems
 from barbalat.certificates.bounds.theorem_1 import mrac_bound, nu_0
 from barbalat.certificates.entry import Assumption
 from barbalat.linear.conditions import smallest_eigenvalue
@@ -77,7 +78,8 @@ def is_modified(controller: ModifiedScheme) -> bool:
 def keeps_V_in_corners(gamma: float | Array, known_set: EstimateSet | None) -> Assumption:
     """The projection leaves V' <= 0: with a gain that couples the parameters it may not where it cuts corners."""
     cut = Gain(gamma).couples and known_set is not None and known_set.cuts_corners
-    return Assumption("the projection never makes V grow", "a gain matrix in corners of the known set" if cut else "")
+    why = "a gain matrix in corners of the known set" if cut else ""
+    return Assumption("the projection never makes V grow", why, theorems.CORNERS)
 
 
 def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
@@ -106,6 +108,15 @@ def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
     ):
         return None
     return f"the switching sigma's M_0 = {M_0:g} does not bound |theta| over the known set and the case's theta"
+
+
+def theorem_of_modified(controller: ModifiedScheme, problem: Problem) -> str:
+    """The theorem that is missing where ``why_no_bound`` gives a reason; empty where it gives none."""
+    if why_no_bound(controller, problem) is None:
+        return ""
+    if keeps_V_in_corners(controller.gamma, controller.bind(problem.known).estimate_set).broken:
+        return theorems.CORNERS
+    return theorems.LEAKAGE if controller.dead_zone is None else theorems.DEAD_ZONE
 
 
 def guarantee_of(law: AdaptiveLaw | OutputErrorLaw, known_set: EstimateSet | None) -> Guarantee:

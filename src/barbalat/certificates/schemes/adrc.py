@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT
+from barbalat.certificates import theorems
+from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, nominal
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import with_dynamics
@@ -64,6 +65,8 @@ def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> C
     loop, draft = loop_of(problem, controller), Draft()
     if loop is None:
         draft.note(BEYOND_ONE_LINEAR_INPUT)
+        why = "its bound is known for one input with phi(x) = x"
+        draft.missing("error_bound", why, *nominal(problem), theorem=theorems.LINEAR_BEYOND)
         add_linearised(draft, problem, controller, simulation)
         return draft.finish()
     add_loop(draft, problem, loop)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import bounded_command
 from barbalat.certificates.cells import statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -46,7 +47,7 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
     try:  # in the order in which the loop has its signals
         found = response(problem, controller, bounds_of(problem.commands), bounds_of(acting))
     except InputError as error:
-        draft.all_missing(KEYS, str(error))
+        draft.all_missing(KEYS, str(error), theorem=theorems.OUTPUT_LOOP)
         return
     rests_on = _rests_on(problem, found)
     draft.guarantee("error_bound_held", found.held, *rests_on)
@@ -54,7 +55,7 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
     draft.guarantee("control_bound", found.u, *rests_on)
     beside = _missed(problem, controller, t_end)
     if isinstance(beside, NotApplicable):
-        draft.missing("error_bound", beside.why, *rests_on)
+        draft.missing("error_bound", beside.why, *rests_on, theorem=theorems.BOUNDED_COMMAND)
     else:
         draft.guarantee("error_bound", (found.held + beside) * OUTWARD_FACTOR, *rests_on, UP_TO_THE_END)
 
@@ -84,12 +85,14 @@ def _rests_on(problem: Problem, found: Response) -> tuple[Assumption, ...]:
     noise = sensor is not None and sensor.noise is not None
     limits = [tuple(map(float, path.saturation)) for path in paths if path.saturation is not None]
     beyond = any(found.u > min(-low, high) for low, high in limits)
+    reached = f"u may reach {found.u:.4g}, beyond its limits" if beyond else ""
+    noisy = "Gaussian measurement noise has no bound" if noise else ""
     return (
-        Assumption("the plant is linear, with its delay and its dynamics before it", unknown),
-        Assumption("nothing but a delay, an actuator and limits stands before the plant", _listed(on_the_way)),
-        Assumption("u stays within its limits", f"u may reach {found.u:.4g}, beyond its limits" if beyond else ""),
-        Assumption("disturbances are bounded", "a disturbance without a bound" if unbounded else ""),
-        Assumption("what is measured has no noise", "Gaussian measurement noise has no bound" if noise else ""),
+        Assumption("the plant is linear, with its delay and its dynamics before it", unknown, theorems.UNMATCHED_RESTS),
+        Assumption("nothing but a delay, an actuator and limits stands before the plant", _listed(on_the_way), theorems.LIMITS),
+        Assumption("u stays within its limits", reached, theorems.LIMITS),
+        Assumption("disturbances are bounded", "a disturbance without a bound" if unbounded else "", theorems.OUTPUT_LOOP),
+        Assumption("what is measured has no noise", noisy, theorems.MEASUREMENT),
         bounded_command(problem),
         THE_CASE_S,
     )

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import FREQUENCIES_TRIED, constant_in_the_end, nominal, theta_in_the_set
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
@@ -95,7 +96,7 @@ def _add_bound(draft: Draft, problem: Problem, loop: FixedLoop, d: float) -> Non
     try:
         condition, x_m = theorem_1.small_gain(loop.error_norm(), d), model_bounds(problem).x_m
     except InputError as error:
-        draft.missing("error_bound", str(error), *loop.rests_on(problem))
+        draft.missing("error_bound", str(error), *loop.rests_on(problem), theorem=theorems.LINEAR_UNSTABLE)
         return
     error_bound = theorem_1.l1_bound(0.0, 1.0, condition, d, 0.0, ModelBounds(0.0, x_m, x_m))
     draft.guarantee("norms", {loop.norm: condition.norm.ends}, NUMBERS_ALONE)
@@ -104,7 +105,8 @@ def _add_bound(draft: Draft, problem: Problem, loop: FixedLoop, d: float) -> Non
     if condition.holds:
         draft.guarantee("error_bound", error_bound, *loop.rests_on(problem))
     else:
-        draft.missing("error_bound", f"||{loop.norm}||_1 times the set's radius is not below 1", *loop.rests_on(problem))
+        why = f"||{loop.norm}||_1 times the set's radius is not below 1"
+        draft.missing("error_bound", why, *loop.rests_on(problem), theorem=theorems.LINEAR_SMALL_GAIN)
 
 
 def cells(problem: Problem, loop: FixedLoop | None, certificate: Certificate) -> dict[str, Entry]:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW, beyond_the_paper, constant_in_the_end
 from barbalat.certificates.bounds import laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
@@ -126,7 +127,9 @@ def _without_projection(draft: Draft, problem: Problem, controller: L1Adaptive) 
     if controller.filter is None and void is None:
         draft.guarantee("error_bound", laws.error_level(problem, controller, draft["nu_0"]), *of_the_case(problem, None))
     else:
-        draft.missing("error_bound", void or f"{why}, so the bound (10) has no meaning")
+        missed = laws.theorem_of_modified(controller, problem) or theorems.FILTER_WITHOUT_SET
+        reason = void or f"{why}, so the bound (10) has no meaning"
+        draft.missing("error_bound", reason, *of_the_case(problem, None), theorem=missed)
 
 
 def add_condition(draft: Draft, problem: Problem, C: StateSpace) -> tuple[theorem_1.FilterCondition, Enclosure]:
@@ -147,7 +150,8 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
     found, slope = add_condition(draft, problem, C)
     void = laws.why_no_bound(controller, problem)
     if void is not None:
-        draft.missing("error_bound", void)
+        theorem = laws.theorem_of_modified(controller, problem)
+        draft.missing("error_bound", void, *of_the_case(problem, controller.bind(known).estimate_set), theorem=theorem)
         draft.missing("reference_error_bound", void)
         return None
     rests_on = (*of_the_case(problem, controller.bind(known).estimate_set), FILTER_AT_REST)
@@ -159,7 +163,8 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
                 draft.guarantee(key, value, *rests_on)
     if not found.holds:
         not_below = _too_large(found.value_upper)
-        draft.missing("error_bound", f"{not_below}: bound (10) says nothing here")
+        why = f"{not_below}: bound (10) says nothing here"
+        draft.missing("error_bound", why, *rests_on, theorem=theorems.FILTER_NOT_SMALL)
         draft.missing("reference_error_bound", f"{not_below}: the distance to the reference system is not bounded")
         return None
     level = laws.error_level(problem, controller, nu_0)

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import exact_plant, undisturbed
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing
@@ -42,7 +43,7 @@ def certificate(problem: Problem, controller: MitRule, simulation: Simulation) -
     """The findings of the rule's linearisations: nothing is guaranteed."""
     draft = Draft(own=OWN_QUANTITIES)
     draft.note(f"of the MIT rule no bound is known, {ITS_BASIS}")
-    draft.missing("error_bound", NONE_KNOWN)
+    draft.missing("error_bound", NONE_KNOWN, theorem=theorems.MIT_RULE)
     _add_gain_margin(draft, problem, controller)
     add_linearised(draft, problem, controller, simulation)
     return draft.finish()

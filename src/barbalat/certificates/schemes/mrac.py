@@ -43,7 +43,7 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
     add_parameter_errors(draft, problem, equations)
     rests_on, void = of_the_case(problem, equations.estimate_set), laws.why_no_bound(controller, problem)
     if void is not None:
-        draft.missing("error_bound", void)
+        draft.missing("error_bound", void, *rests_on, theorem=laws.theorem_of_modified(controller, problem))
     else:
         draft.guarantee("error_bound", laws.error_level(problem, controller, draft["nu_0"]), *rests_on)
         nu_0_worst = draft.get("nu_0_worst")

@@ -26,6 +26,7 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import ACTS_CONTINUOUSLY, START_TOGETHER, bounded_command, exact_plant, measured
 from barbalat.certificates.bounds.formulas import largest_square
 from barbalat.certificates.bounds.model import command_bounds, require_lyapunov, state_bounds
@@ -249,7 +250,7 @@ def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulatio
     draft.note("the network never makes L = e'P e + |W_hat|^2/gamma + |V_hat|^2/gamma_v grow; that it helps is not proven")
     found, nominal, always = bounds(problem, equations), _nominal(problem), _of_the_weights(problem, controller)
     if found.error is None:
-        draft.missing("error_bound", found.why)
+        draft.missing("error_bound", found.why, *nominal, theorem=theorems.NETWORK)
     else:
         draft.guarantee("error_bound", found.error, *nominal)
     if found.W_hat is None:

@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import constant_in_the_end
 from barbalat.certificates.bounds.formulas import largest_at_zero, largest_slope
 from barbalat.certificates.cells import nothing, statement
@@ -167,7 +168,8 @@ def add_linear_loop(draft: Draft, problem: OutputProblem, controller: Controller
     """Norm and steady error of the loop around a linear controller, and its bounds; None, with the reason, without them."""
     found = output_bounds(problem, controller, simulation.t_end)
     if isinstance(found, NotApplicable):
-        draft.all_missing(("output_bound", "error_bound"), found.why)
+        theorem = theorems.OUTPUT_LOOP if problem.plant.f is None else theorems.SLOPE
+        draft.all_missing(("output_bound", "error_bound"), found.why, theorem=theorem)
         return None
     draft.guarantee("norms", {"y/(d+f)": found.gain.ends}, NUMBERS_ALONE)
     draft.exact({"steady_error": dict(zip("rd", found.steady, strict=True))}, "without f")

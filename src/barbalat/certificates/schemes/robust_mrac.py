@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import (
     BEYOND_ONE_LINEAR_INPUT,
     FROZEN_LAW,
@@ -45,12 +46,17 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
     equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
     error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.plant.theta)
     draft.guarantee("initial_parameter_error", error, *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
+    draft.missing(
+        "error_bound",
+        "no number bounds e: Lemma 1's constants can't be computed from the case",
+        *of_the_case(problem, equations.estimate_set),
+        theorem=theorems.LEMMA_1,
+    )
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         draft.estimate(frozen_laws.of_parametric_model(problem, equations, simulation), FROZEN_LAW)
         add_at_rest(draft, problem, controller)
         return draft.finish()
-    draft.missing("error_bound", "no number bounds e: Lemma 1's constants can't be computed from the case")
     limits = frozen_laws.of_parametric_model(problem, equations, simulation)
     draft.estimate(limits, FROZEN_LAW)
     draft.estimate(any_regressor.of_parametric_model_at_model(problem, equations, simulation, limits), FROZEN_LAW)

@@ -22,6 +22,7 @@ from barbalat.certificates.schemes import HeldFile, LinearFile, bounded_response
 from barbalat.certificates.schemes.bounded_response import OF_RESPONSES
 from barbalat.certificates.schemes.midpoint import MidpointFile
 from barbalat.certificates.schemes.sampled_loop import OF_SAMPLED_LOOPS, add_loop
+from barbalat.certificates.theorems import joined
 from barbalat.controllers import Sampled
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.state_feedback import Problem
@@ -137,7 +138,13 @@ def _sampled(entry: Entry, controller: Sampled) -> Entry:
 
 
 def _at_samples(entry: Entry, why: str) -> Entry:
-    return replace(entry, kind="does not apply", why=why, rests_on=(*entry.rests_on, replace(ACTS_CONTINUOUSLY, broken=why)))
+    return replace(
+        entry,
+        kind="does not apply",
+        why=why,
+        theorem=joined([entry.theorem, ACTS_CONTINUOUSLY.theorem]),
+        rests_on=(*entry.rests_on, replace(ACTS_CONTINUOUSLY, broken=why)),
+    )
 
 
 def column(problem: TrackingProblem, controller: Sampled, certificate: Certificate) -> tuple[str, dict[str, Entry]]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import (
     BEYOND_ONE_LINEAR_INPUT,
     ERROR_ASSUMED,
@@ -66,7 +67,8 @@ def bounded_regressor(problem: Problem, error: float | None) -> Assumption:
     """A formula may divide by zero: then bounded states don't bound phi(x), and no solution need go on."""
     reach = np.full(problem.plant.n, LARGEST_STATE) if error is None else np.array(state_bounds(problem)) + error
     finite = np.isfinite(largest_square(problem.plant.regressor, -reach, reach))
-    return Assumption("phi(x) is bounded where x is", "" if finite else "phi(x) is not known to be finite wherever x may go")
+    why = "" if finite else "phi(x) is not known to be finite wherever x may go"
+    return Assumption("phi(x) is bounded where x is", why, theorems.REGRESSOR)
 
 
 def commands_and_gains(problem: Problem) -> tuple[str, str]:
@@ -150,7 +152,8 @@ def of_lyapunov_law_beyond(
     _add_nu_0(draft, problem, equations, problem.known)
     void = laws.why_no_bound(controller, problem) or no_bound
     if void:
-        draft.missing("error_bound", void)
+        of_the_law = laws.theorem_of_modified(controller, problem) or theorems.FILTER_BEYOND
+        draft.missing("error_bound", void, *of_the_case(problem, equations.estimate_set), theorem=of_the_law)
     else:
         bound = laws.error_level(problem, controller, draft["nu_0"])
         draft.guarantee("error_bound", bound, *of_the_case(problem, equations.estimate_set, bound))

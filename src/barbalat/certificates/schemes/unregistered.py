@@ -6,6 +6,7 @@ estimates frozen and with the law inside, and the step that these modes bear. Ev
 
 from __future__ import annotations
 
+from barbalat.certificates import theorems
 from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell, nothing
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry, NotApplicable
@@ -33,7 +34,7 @@ def certificate(problem: TrackingProblem, controller: Controller, simulation: Si
     """Margins and the step's limit by exact linearisation."""
     draft = Draft()
     draft.note(f"of {type(controller).__name__} no proof is known: what follows is computed from its equations alone")
-    draft.missing("error_bound", NONE_KNOWN)
+    draft.missing("error_bound", NONE_KNOWN, theorem=theorems.UNKNOWN_LAW)
     add_linearised(draft, problem, controller, simulation)
     return draft.finish()
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from barbalat.certificates import theorems
 from barbalat.certificates.bounds.formulas import steepest_seen
 from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell
 from barbalat.certificates.certificate import Certificate, Draft
@@ -113,7 +114,7 @@ def _add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output, simu
             f"inside its bounds sigma may need {found.sigma:.6g}, more than sigma_bound = {limit:g}, and what holds when the "
             "projection acts is not known"
         )
-        draft.all_missing(("sigma_needed", "output_bound", "error_bound"), why)
+        draft.all_missing(("sigma_needed", "output_bound", "error_bound"), why, theorem=theorems.SLOPE)
         return
     draft.guarantee("sigma_needed", found.sigma, *SMALL_GAIN)
     add_bounds(draft, problem, found)

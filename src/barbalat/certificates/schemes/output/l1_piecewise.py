@@ -23,6 +23,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import bounded_command, exact_plant, measured
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -182,11 +183,11 @@ def _add_error_bound(draft: Draft, problem: OutputProblem, equations: Equations,
     except InputError as error:
         found = NotApplicable(str(error))
     if isinstance(found, NotApplicable):
-        draft.all_missing(("error_bound", "error_bound_held"), found.why)
+        draft.all_missing(("error_bound", "error_bound_held"), found.why, theorem=theorems.OUTPUT_LOOP)
         return
     rests_on = _of_the_bound(problem)
     if isinstance(found.error, NotApplicable):
-        draft.missing("error_bound", found.error.why)
+        draft.missing("error_bound", found.error.why, theorem=theorems.OUTPUT_LOOP)
     else:
         draft.guarantee("error_bound", found.error, *rests_on, UP_TO_THE_END)
     draft.guarantee("error_bound_held", found.held, *rests_on)

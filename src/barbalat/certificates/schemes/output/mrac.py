@@ -10,6 +10,7 @@ import numpy as np
 
 from barbalat.adaptation.guarantee import Estimates, Guarantee
 from barbalat.adaptation.law import AdaptiveLaw, FreezableLaw, OutputErrorLaw
+from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import MEAN_SQUARE, bounded_command, exact_plant, measured, small_enough, undisturbed
 from barbalat.certificates.bounds import laws
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
@@ -67,7 +68,7 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
     controller.bind(problem.known)  # refuses what contradicts the assumptions
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
     draft, n = Draft(own=OWN_QUANTITIES), controller.order
-    draft.missing("error_bound", "no number bounds e of these schemes")
+    draft.missing("error_bound", "no number bounds e of these schemes", theorem=theorems.LEMMA_1_OUTPUT)
     if len(plant.poles) <= n:
         Lambda = filter_polynomial(n, W_m, controller.filter_poles)
         theta = matching_parameters(plant, W_m, Lambda)

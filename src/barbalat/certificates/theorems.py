@@ -1,0 +1,43 @@
+"""The theorems that a bound of e would need where there is none: the sentences that certificates and docs/theorem-1.md hold."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+DELAY = "a Lyapunov-Krasovskii functional of the adaptive loop with a delay at its input"
+LIMITS = "a Lyapunov function of the modified error beside a limited input, with a set of states that the loop never leaves"
+QUANTIZATION = "Theorem 1 with the converter's error as a bounded matched disturbance"
+ACTUATOR = "Theorem 1 with the actuator's states in the Lyapunov function, and a bound of the lag that it tolerates"
+UNMODELLED = (
+    "Theorem 2 with computed constants: how large Delta_m may be, and a bound of e in place of its mean square"
+)
+INPUT_GAIN = "Theorem 1 with the input's gain among the parameters of V, and a law that adapts it"
+UNMATCHED_RESTS = "Theorem 1 with a part of the uncertainty that no input reaches, by a small gain from x to e"
+DISTURBANCE = "Theorem 1 beside disturbances for estimates that no projection bounds"
+OUTPUT_DISTURBANCE = "Theorem 1 with a disturbance at the output, which enters the adaptive law too"
+MEASUREMENT = "Theorem 1 with an error in what is measured, which enters the adaptive law; Gaussian noise has no bound at all"
+BOUNDED_COMMAND = "no theorem: a bound of e needs a bound of r"
+SAMPLED = "Theorem 1 from sample to sample, with the plant's motion between the samples in V"
+THETA_OUTSIDE = "Theorem 1 for a theta outside of the set that is projected onto: there projection may make V grow"
+REGRESSOR = "existence of the solution: a set where phi(x) is finite, and which x does not leave"
+CORNERS = "V' <= 0 for a projection that cuts the corners of a set and a gain matrix that couples the parameters"
+DEAD_ZONE = "the largest e on the way into the set that a dead zone leaves e in"
+LEAKAGE = "the ultimate bound of V under leakage, with the largest e on the way to it"
+FILTER_NOT_SMALL = "a condition on C(s) that is weaker than its small gain, as one over cells of the known set"
+FILTER_WITHOUT_SET = "a bound of the estimates without projection, from which the condition on C(s) would follow"
+FILTER_BEYOND = "the bound (10) for several inputs, phi(x) in place of x, or an unknown gain: a small gain on a set of x"
+LEMMA_1 = "Lemma 1 with constants computed from the case: it bounds a mean square of e, with constants that exist"
+LEMMA_1_OUTPUT = "Lemma 1 for output feedback with constants computed from the case, or a Lyapunov function of the whole loop"
+MIT_RULE = "a Lyapunov function of the MIT rule; averaging shows stability for gains that are small enough, without a number"
+NETWORK = "a bound of what the network leaves of theta'phi(x), on a set that x does not leave"
+LINEAR_SMALL_GAIN = "a robust bound of the linear loop that is weaker than its small gain over the known set"
+LINEAR_UNSTABLE = "no theorem: the linear loop with the nominal parameters is unstable"
+LINEAR_BEYOND = "a small gain of the linear controller's loop with several inputs or with phi(x) in place of x"
+SLOPE = "a bound beside f(t, y) that is weaker than the small gain with its slope"
+OUTPUT_LOOP = "a bound of the linear loop beside limits, a delay, noise or signals without a bound"
+UNKNOWN_LAW = "a Lyapunov function of this law: the package knows none"
+
+
+def joined(theorems: Iterable[str]) -> str:
+    """The different ones, in order, as one sentence."""
+    return "; ".join(dict.fromkeys(filter(None, theorems)))
