@@ -8,9 +8,7 @@ DELAY = "a Lyapunov-Krasovskii functional of the adaptive loop with a delay at i
 LIMITS = "a Lyapunov function of the modified error beside a limited input, with a set of states that the loop never leaves"
 QUANTIZATION = "Theorem 1 with the converter's error as a bounded matched disturbance"
 ACTUATOR = "Theorem 1 with the actuator's states in the Lyapunov function, and a bound of the lag that it tolerates"
-UNMODELLED = (
-    "Theorem 2 with computed constants: how large Delta_m may be, and a bound of e in place of its mean square"
-)
+UNMODELLED = "Theorem 2 with computed constants: how large Delta_m may be, and a bound of e in place of its mean square"
 INPUT_GAIN = "Theorem 1 with the input's gain among the parameters of V, and a law that adapts it"
 UNMATCHED_RESTS = "Theorem 1 with a part of the uncertainty that no input reaches, by a small gain from x to e"
 DISTURBANCE = "Theorem 1 beside disturbances for estimates that no projection bounds"
@@ -31,6 +29,7 @@ LEMMA_1_OUTPUT = "Lemma 1 for output feedback with constants computed from the c
 MIT_RULE = "a Lyapunov function of the MIT rule; averaging shows stability for gains that are small enough, without a number"
 NETWORK = "a bound of what the network leaves of theta'phi(x), on a set that x does not leave"
 LINEAR_SMALL_GAIN = "a robust bound of the linear loop that is weaker than its small gain over the known set"
+SAMPLED_BASELINE = "the sampled loop's impulse sums with the baseline's own states in it"
 LINEAR_UNSTABLE = "no theorem: the linear loop with the nominal parameters is unstable"
 LINEAR_BEYOND = "a small gain of the linear controller's loop with several inputs or with phi(x) in place of x"
 SLOPE = "a bound beside f(t, y) that is weaker than the small gain with its slope"

@@ -41,7 +41,8 @@ def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: f
     if not isinstance(problem, Problem) or not problem.plant.is_linear or not is_needed(*KEYS):
         return
     if problem.plant.states < problem.plant.n:
-        draft.all_missing(KEYS, "no bound is known beside a baseline with states of its own, which are sampled too")
+        why = "no bound is known beside a baseline with states of its own, which are sampled too"
+        draft.all_missing(KEYS, why, theorem=theorems.SAMPLED_BASELINE)
         return
     acting = (*(() if problem.disturbance is None else (problem.disturbance,)), *(one.signal for one in problem.unmatched))
     try:  # in the order in which the loop has its signals
