@@ -13,6 +13,7 @@ from barbalat.export.campaign import LOST_SHARES, TOLERATED, Campaign, Degradati
 from barbalat.export.in_the_loop import simulate_export
 from barbalat.plants import Dropout, Jitter, Shell, Spike
 from barbalat.run.engine.engine import Batch, run
+from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
 from export.examples import T
 from export.targets import needs_gcc
@@ -90,3 +91,17 @@ def test_a_component_without_any_error_does_not_count() -> None:
 def test_every_controller_whose_cost_is_counted_has_a_row() -> None:
     rows = [line.split("|")[1].strip() for line in PAGE.read_text(encoding="utf-8").splitlines()[2:]]
     assert rows == [name for name, _, _ in CASES]
+
+
+@needs_gcc
+def test_each_row_has_the_judges_classes_of_its_runs() -> None:
+    """Those of the simulation by itself; a lost measurement that were held in the judge's continuation would open the loop."""
+    problem, controller = one("Mrac-state-midpoint")
+    short = replace(RUN, t_end=4.0)
+    found = export_campaign(problem, controller, short, draws=2)
+    row = found.rows[1]
+    drawn = [replace(problem, faults=(Dropout(share=LOST_SHARES[1], seed=k),)) for k in range(2)]
+    verdicts = [simulate(each, controller, short)[controller.name].verdict for each in drawn]
+    kinds = [str(each.kind) for each in verdicts if each is not None]
+    assert row.classes == {kind: kinds.count(kind) for kind in kinds}
+    assert found.verdict and found.sentence

@@ -59,7 +59,7 @@ def _flown(case: Case, controller: Controller, *, float32: bool) -> Campaign:
     from barbalat.export.campaign import EXPECTED_SECONDS, export_campaign
 
     with work({"campaign": EXPECTED_SECONDS}) as running, running.part("campaign") as progress:
-        return export_campaign(case.problem, controller, case.simulation, float32=float32, progress=progress)
+        return export_campaign(case.problem, controller, case.simulation, float32=float32, judge=case.judge, progress=progress)
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -118,15 +118,16 @@ def _show(screen: Screen, found: Campaign) -> None:
     from barbalat.export.campaign import TOLERATED
 
     screen.title(f"{found.controller}: the compiled C through faults")
+    screen.line(f"Without faults: {found.sentence}.")
     headings = [
         "faults",
+        "verdict",
         "samples\nnot taken",
         "time\nbeyond",
         *(f"max |e|\n{one}" for one in _components(found)),
         "factor",
-        "diverged",
     ]
-    nominal = ["none", "0 %", "0 %", *(f"{value:.4g}" for value in found.nominal), "1", ""]
+    nominal = ["none", found.verdict, "0 %", "0 %", *(f"{value:.4g}" for value in found.nominal), "1"]
     screen.table(headings, [nominal, *(_row(found, row) for row in found.rows)])
     outage = f"{found.longest} samples, {found.longest * found.sample_time:.4g} s"
     many = ", the longest that was tried" if found.longest == found.most else ", an estimate by bisection"
@@ -137,7 +138,8 @@ def _show(screen: Screen, found: Campaign) -> None:
     draws = max(row.draws for row in found.rows)
     screen.line(
         f"Each row is the worst of {draws} draws; samples not taken are their mean. Time beyond: the share of the time in which "
-        "some |e| exceeds its largest value without faults. Factor: of the worst component."
+        "some |e| exceeds its largest value without faults. Factor: of the worst component. The verdict is the judge's on each "
+        "draw; a class alone holds for all of them."
     )
 
 
@@ -150,4 +152,4 @@ def _row(found: Campaign, row: Degradation) -> list[str]:
     worst = ["-"] * len(found.nominal) if row.worst is None else [f"{value:.4g}" for value in row.worst]
     factor = "-" if row.worst is None else f"{found.factor(row):.3g}"
     shares = [f"{100 * share:.2g} %" for share in (row.missed, row.beyond)]
-    return [row.faults, *shares, *worst, factor, f"{row.lost} of {row.draws}" if row.lost else ""]
+    return [row.faults, row.verdict, *shares, *worst, factor]

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from barbalat.budget import Progress
 from barbalat.export.in_the_loop import Exported
+from barbalat.judge.settings import Judge
+from barbalat.judge.verdict import Class, Verdict
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.faults import LARGEST_SEED, Dropout, Fault, uniform
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.engine.engine import Batch
+from barbalat.run.engine.judging import Terms, judged, watched_in_sweeps
 from barbalat.solvers.simulation import Simulation
 from barbalat.targets import require_sampled
 from barbalat.validate import Array, InputError
@@ -39,6 +42,7 @@ class Degradation:
     beyond   the largest share of the time in which some |e| exceeded its largest value without faults
     worst    the largest |e| of each component over all runs; None where one diverged
     lost     runs that diverged
+    classes  how many runs the judge finds lost, a limit cycle, off, or following; those that none is are left out
     """
 
     faults: str
@@ -47,6 +51,14 @@ class Degradation:
     beyond: float
     worst: tuple[float, ...] | None
     lost: int
+    classes: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> str:
+        """What the runs did: "follows", where all did the same, else "limit cycle 2, follows 6"."""
+        if len(self.classes) == 1:
+            return next(iter(self.classes))
+        return ", ".join(f"{kind} {count}" for kind, count in self.classes.items())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +66,7 @@ class Campaign:
     """A controller's C through faults; errors are of x - x_m, or y - y_m, by components.
 
     nominal  the largest |e| of each component without faults
+    verdict  the judge's class of that run, and its ``sentence``
     longest  the longest outage, in samples, that was tolerated from all ``starts``; found by bisection, so that a longer one may
              be tolerated as well, and an estimate
     most     samples beyond which no outage was tried
@@ -68,6 +81,8 @@ class Campaign:
     starts: tuple[float, ...]
     longest: int
     most: int
+    verdict: str = ""
+    sentence: str = ""
 
     def as_json(self) -> dict[str, Any]:
         """For the command's document."""
@@ -88,19 +103,21 @@ def export_campaign(
     *,
     draws: int = DRAWS,
     float32: bool = False,
+    judge: Judge | None = None,
     progress: Progress | None = None,
 ) -> Campaign:
     """Fly the export of a sampled controller through faults: the case's own, drawn anew each time, and lost measurements.
 
-    Every flight has the compiled C in the loop, with the case's shell; with ``float32`` its numbers have 32 bits. InputError as
-    of ``simulate_export``, and where the run without faults diverges.
+    Every flight has the compiled C in the loop, with the case's shell; with ``float32`` its numbers have 32 bits. Each is judged
+    as ``simulate`` judges a run, by ``judge``. InputError as of ``simulate_export``, and where the run without faults diverges.
     """
+    judge = (Judge() if judge is None else judge).named(problem)
     quiet = replace(problem, faults=())  # type: ignore[type-var]
     loop = ClosedLoop.of(quiet, controller)
     require_sampled(controller.name, sampled=loop.sampled)
     T = loop.sample_time
     assert T is not None
-    flights = _Flights(quiet, Exported.of(quiet, controller, simulation, float32=float32, windows=0), T)
+    flights = _Flights(quiet, Exported.of(quiet, controller, simulation, float32=float32, windows=0), T, judge)
     kinds = _kinds(problem.faults, T)
     done = 0
 
@@ -128,6 +145,8 @@ def export_campaign(
         starts=starts,
         longest=longest,
         most=most,
+        verdict=str(flights.verdict.kind),
+        sentence=str(flights.verdict),
     )
 
 
@@ -148,20 +167,25 @@ def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
 class _Flights:
     """Flights of one export; those with faults of the same kinds share a kernel and a library."""
 
-    def __init__(self, problem: TrackingProblem, exported: Exported, T: float) -> None:
-        self.problem, self.exported, self.simulation, self.T = problem, exported, exported.simulation, T
+    def __init__(self, problem: TrackingProblem, exported: Exported, T: float, judge: Judge) -> None:
+        self.problem, self.exported, self.simulation, self.T, self.judge = problem, exported, exported.simulation, T, judge
         self.compiled: dict[tuple[tuple[str, str], ...], Exported] = {}
         batch, _ = self._fly(())
         found = self._errors(batch)
         if found is None:
             raise InputError(f"{exported.controller.name} diverges on this case without any fault: a campaign would say nothing")
         self.nominal: Array = found
+        self.verdict = self._judged(batch, problem)
 
     def _fly(self, faults: tuple[Fault, ...]) -> tuple[Batch, int]:
         kind = tuple((fault.kind, fault.channels) for fault in faults)
         if kind not in self.compiled:
             self.compiled[kind] = replace(self.exported, library=None)
-        return self.compiled[kind].fly(replace(self.problem, faults=faults))  # type: ignore[type-var]
+        watched = watched_in_sweeps(self.judge)
+        return self.compiled[kind].fly(replace(self.problem, faults=faults), watched=watched)  # type: ignore[type-var]
+
+    def _judged(self, batch: Batch, problem: TrackingProblem) -> Verdict:
+        return judged(batch, self.simulation, Terms.of(problem, self.simulation, self.judge)).verdict(0)
 
     def _errors(self, batch: Batch) -> Array | None:
         """(n,) the largest |e|; None of a run that diverged."""
@@ -172,15 +196,19 @@ class _Flights:
         """What faults did, drawn so many times."""
         worst, lost, missed, beyond = np.zeros(len(self.nominal)), 0, 0.0, 0.0
         samples = np.ceil(self.simulation.t_end / self.T * (1 - 1e-9))
+        kinds = []
         for k in range(draws):
-            batch, refused = self._fly(tuple(replace(fault, seed=(fault.seed + k) % (LARGEST_SEED + 1)) for fault in faults))
+            drawn = tuple(replace(fault, seed=(fault.seed + k) % (LARGEST_SEED + 1)) for fault in faults)
+            batch, refused = self._fly(drawn)
+            kinds.append(self._judged(batch, replace(self.problem, faults=drawn)).kind)  # type: ignore[type-var]
             missed += float(refused / samples / draws)
             beyond = max(beyond, self._beyond(batch))
             errors = self._errors(batch)
             lost += errors is None
             worst = worst if errors is None else np.maximum(worst, errors)
         ends = None if lost else tuple(worst.tolist())
-        return Degradation(faults=words, draws=draws, missed=missed, beyond=beyond, worst=ends, lost=lost)
+        classes = {str(kind): kinds.count(kind) for kind in Class if kind in kinds}
+        return Degradation(faults=words, draws=draws, missed=missed, beyond=beyond, worst=ends, lost=lost, classes=classes)
 
     def _beyond(self, batch: Batch) -> float:
         """The share of the time in whose recorded pieces some |e| was larger than without faults, or missing."""

@@ -12,6 +12,7 @@ from barbalat.export.compiler import loaded, require_compiler, shared_library
 from barbalat.export.contents import Contents
 from barbalat.export.source import header, source
 from barbalat.export.texts import Printed, filled, indented
+from barbalat.judge.beside import Watched
 from barbalat.loop.around import Kept
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import flatten
@@ -95,9 +96,11 @@ class Exported:
         contents = Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE)
         return cls(Printed(contents, prefix="exported"), controller, simulation, windows)  # nobody reads its names
 
-    def fly(self, problem: TrackingProblem, *, progress: Progress | None = None) -> tuple[Batch, int]:
-        """The batch of a recorded run, and of how many samples the export did not take everything."""
-        members = Members.read([(problem, self.controller)], self.simulation, windows=self.windows)
+    def fly(
+        self, problem: TrackingProblem, *, watched: Watched | None = None, progress: Progress | None = None
+    ) -> tuple[Batch, int]:
+        """The batch of a recorded run, ``watched`` by the judge or not, and how many samples the export did not take whole."""
+        members = Members.read([(problem, self.controller)], self.simulation, windows=self.windows, watched=watched)
         if self.library is None:
             self.library = _compiled(self.printed, members.loop)
         outside = _outside(self.printed, members, self.library)

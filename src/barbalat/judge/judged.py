@@ -14,6 +14,8 @@ from barbalat.validate import Array
 
 CLASSES = tuple(Class)
 """By their numbers in ``Judged.kinds``; the first that holds is a run's."""
+TIE = 1e-9
+"""Of components' errors against their bands: what differs by less differs by roundings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +96,7 @@ class Judged:
     error          (M, n) the tail's largest |e|, against ``bands``
     at_limit       (M, m) shares of the time, and ``at_rate_limit``
     lost_at        (M,) [s], NaN where it is not known or the run was not lost
+    lost_within    (M,) how much earlier that may have been [s]
     dt, steps      of the runs
     """
 
@@ -107,6 +110,7 @@ class Judged:
     kept: Kept
     dt: float
     steps: int
+    lost_within: Array
     input_units: tuple[str, ...] = ()
 
     @classmethod
@@ -117,6 +121,7 @@ class Judged:
         cycles: Cycles,
         *,
         lost_at: Array,
+        lost_within: Array | None = None,
         diverged: Array,
         dt: float,
         steps: int,
@@ -136,6 +141,7 @@ class Judged:
             at_limit=kept.of_inputs("at limit", memory.limited) / instants,
             at_rate_limit=kept.of_inputs("at rate limit", memory.rate_limited) / instants,
             lost_at=np.where(lost, lost_at, np.nan),
+            lost_within=np.zeros(len(lost)) if lost_within is None else lost_within,
             kept=kept,
             dt=dt,
             steps=steps,
@@ -160,6 +166,7 @@ class Judged:
             at_limit=_joined([part.at_limit for part in parts]),
             at_rate_limit=_joined([part.at_rate_limit for part in parts]),
             lost_at=_joined([part.lost_at for part in parts]),
+            lost_within=_joined([part.lost_within for part in parts]),
             kept=replace(first.kept, before_tail=before, whole=whole),
         )
 
@@ -172,10 +179,11 @@ class Judged:
 
     @property
     def worst(self) -> Array:
-        """(M,) the component that is worst against its own band."""
+        """(M,) the component that is worst against its own band: the first of those that are equally bad but for roundings."""
         with np.errstate(divide="ignore", invalid="ignore"):
             against = np.where(self.error > 0, self.error / self.bands.follows, 0.0)
-        return np.asarray(np.nan_to_num(against, nan=np.inf).argmax(axis=1))
+        against = np.nan_to_num(against, nan=np.inf)
+        return np.asarray((against >= (1 - TIE) * against.max(axis=1, keepdims=True)).argmax(axis=1))
 
     def verdict(self, i: int, settled: bool | None = None) -> Verdict:
         """On one run."""
@@ -195,6 +203,7 @@ class Judged:
             at_limit=tuple(np.nan_to_num(self.at_limit[i]).tolist()),
             at_rate_limit=tuple(np.nan_to_num(self.at_rate_limit[i]).tolist()),
             lost_at=lost_at if np.isfinite(lost_at) else None,
+            lost_within=float(self.lost_within[i]) if np.isfinite(lost_at) else 0.0,
             bands=self.bands.said(i),
             figures=self._figures(i) if self.kept.memory.detailed and kind is not Class.LOST and finite else None,
         )

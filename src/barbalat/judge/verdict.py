@@ -99,7 +99,8 @@ class Verdict:
     settled        whether it is the plant's and not the solver's; None where that was not examined
     cycle          the limit cycle; None where there is none
     at_limit       share of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
-    lost_at        when the run was lost [s]; None where it was not
+    lost_at        by when the run was lost [s]; None where it was not
+    lost_within    how much earlier that may have been [s]; 0 where it is known to the step
     figures        IAE and the like; None where they were not asked for
     bands          of all components, as they are said
     of_the_solver  whether a finer step comes to the same class without the oscillation that the run shows
@@ -122,6 +123,7 @@ class Verdict:
     bands: str = ""
     suspect: str = ""
     of_the_solver: bool = False
+    lost_within: float = 0.0
 
     def __str__(self) -> str:
         """Such as "follows within 3 %, at its limits 12 % of the time"."""
@@ -148,7 +150,10 @@ class Verdict:
     def _error(self) -> str:
         """As a part of the scale; in the plant's unit where the band was given in it, or where nothing sets a scale."""
         assert self.error is not None
-        unit, where = f" {self.unit}" if self.unit else "", "" if self.kind is Class.FOLLOWS else f" in {self.component}"
+        unit, where = (
+            f" {self.unit}" if self.unit else "",
+            "" if self.kind is Class.FOLLOWS else f" in {self.component}",
+        )
         if self.band != FOLLOWS_SHARE * self.scale:
             return f"{self.error:.3g}{unit}{where} (band {self.band:.3g}{unit})"
         if not self.scale > 0:
@@ -177,6 +182,7 @@ class Verdict:
             "at_limit": list(self.at_limit),
             "at_rate_limit": list(self.at_rate_limit),
             "lost_at": self.lost_at,
+            "lost_within": None if self.lost_at is None else self.lost_within,
             "bands": self.bands,
             "sentence": str(self),
             **({"suspect": self.suspect} if self.suspect else {}),

@@ -33,10 +33,12 @@ from barbalat.judge.scale import Uncommanded, scale_of
 from barbalat.judge.settings import Judge, component_names
 from barbalat.judge.verdict import FOLLOWS_SHARE
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.faults import Bias, FaultSignal, Latency
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import SlopedSignal
+from barbalat.protocols import Signal, SlopedSignal
 from barbalat.run.engine.engine import Batch, Group
 from barbalat.run.kernel.grid import CHUNK_STEPS
+from barbalat.signals import Constant
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
@@ -87,10 +89,21 @@ class Terms:
             names,
             tuple("" if labels is None else labels.unit(i) for i in range(len(names))),
             () if labels is None else tuple(labels.input_units),
-            Held.of(problem.signals, float(simulation.time(simulation.tail_start)), simulation.t_end),
+            Held.of(_without_passing(problem.signals), float(simulation.time(simulation.tail_start)), simulation.t_end),
             slowest_period(problem.model.matrices[0]),
             Uncommanded.of(problem, simulation.t_end),
         )
+
+
+LASTING = (Bias, Latency)
+"""Faults that a continuation keeps at their largest, as it does disturbances; the others come and go, and end with the noise."""
+
+
+def _without_passing(signals: Sequence[Signal]) -> list[Signal]:
+    """The signals with 0 for faults that come and go: a lost measurement that is held would open the loop for ever."""
+    return [
+        Constant(amplitude=0.0) if isinstance(one, FaultSignal) and not isinstance(one.fault, LASTING) else one for one in signals
+    ]
 
 
 def judged(
@@ -123,11 +136,13 @@ def judged(
     if among is not None:
         suspect &= among
     cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, frequencies=frequencies)
+    lost_at, lost_within = _lost_at(batch, simulation, bands.lost)
     return Judged.of(
         kept,
         bands,
         cycles,
-        lost_at=_lost_at(batch, simulation, bands.lost),
+        lost_at=lost_at,
+        lost_within=lost_within,
         diverged=diverged,
         dt=simulation.dt,
         steps=simulation.steps,
@@ -174,17 +189,24 @@ def _noise(loop: ClosedLoop) -> Array | None:
     return None if loop.noise_std is None or len(loop.noise_std) != loop.errors else np.abs(loop.noise_std)
 
 
-def _lost_at(batch: Batch, simulation: Simulation, lost: Array) -> Array:
-    """(M,) when a component passed its band, as far as was recorded, or when the run diverged [s]; NaN where neither is known."""
-    found = np.asarray(simulation.time(batch.diverged_step))
+def _lost_at(batch: Batch, simulation: Simulation, lost: Array) -> tuple[Array, Array]:
+    """(M,) when a run diverged, to the step, or by when a component had passed its band, as far as was recorded [s]; NaN where
+    neither is known. And (M,) how much earlier that may have been [s]: the record's piece, 0 where it diverged."""
+    found, within = np.asarray(simulation.time(batch.diverged_step)), np.zeros(len(batch.diverged_step))
     if not batch.record:
-        return found
+        return found, within
     blocks, memory = batch.blocks(simulation), batch.program.memory
     assert memory is not None
+    ends = np.append(blocks.starts, blocks.starts[-1] + blocks.lengths[-1])
+    own = kept_of(batch).of("largest y").T
+    largest = np.concatenate([blocks.memory[:, memory.places["largest y"]], own[None]])
     with np.errstate(invalid="ignore"):
-        beyond = (blocks.memory[:, memory.places["largest y"]] > lost.T).any(axis=1)  # (B, M)
-    first = np.where(beyond.any(axis=0), blocks.starts[beyond.argmax(axis=0)], np.nan)
-    return np.fmin(found, simulation.time(first))
+        beyond = (largest > lost.T).any(axis=1)  # (B + 1, M)
+    first = beyond.argmax(axis=0)
+    passed = np.where(beyond.any(axis=0), simulation.time(ends[first]), np.nan)
+    earlier = np.fmin(found, passed) < np.nan_to_num(found, nan=np.inf)
+    pieces = np.diff(np.append(0.0, simulation.time(ends)))[first]
+    return np.where(earlier, passed, found), np.where(earlier, pieces, within)
 
 
 SAMPLES_EACH_REVERSAL = 20
