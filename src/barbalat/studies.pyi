@@ -7,6 +7,10 @@ from .comparison.contest.rule import Rule as Rule
 from .comparison.design.design import Design as Design
 from .comparison.design.design import design as design
 from .comparison.grids import default_knobs as default_knobs
+from .comparison.suite.suite import Standings as Standings
+from .comparison.suite.suite import Submission as Submission
+from .comparison.suite.suite import Suite as Suite
+from .comparison.suite.suite import standings as standings
 from .comparison.tradeoff.tradeoff import TradeOff as TradeOff
 from .comparison.tradeoff.tradeoff import trade_off as trade_off
 from .comparison.tune.result import Tuning as Tuning

@@ -18,6 +18,9 @@ def add(commands: Commands) -> None:
         "claims", help="the ledger's claims, the paper's and others: their names, or all that is measured of one"
     )
     parser.add_argument("name", nargs="?", metavar="NAME", help="measure this row and show all of it; without: the list")
+    parser.add_argument(
+        "--notebook", metavar="FILE", help="instead of measuring: an .ipynb with the row's code, to change numbers in"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
 
@@ -30,6 +33,8 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.report.terminal import ledger as terminal
     from barbalat.report.terminal.layout import Screen
 
+    if options.notebook is not None:
+        return _write_notebook(options)
     if options.name is None:
         if options.json:
             print_json(
@@ -45,4 +50,27 @@ def execute(options: argparse.Namespace) -> int:
         print_json(as_json(claim.as_json()))
     else:
         terminal.in_full(Screen(), claim)
+    return 0
+
+
+def _write_notebook(options: argparse.Namespace) -> int:
+    from barbalat.folders import output_folder
+    from barbalat.papers.notebook import notebook
+    from barbalat.report.documents import as_json
+    from barbalat.report.terminal.layout import Screen
+    from barbalat.validate import InputError, local_path
+
+    if options.name is None:
+        raise InputError("--notebook needs the NAME of a row (barbalat claims lists them)")
+    file = local_path("--notebook", options.notebook)
+    if file.suffix != ".ipynb":
+        raise InputError(f"--notebook must name a file that ends in .ipynb, got {str(file)!r}")
+    text = notebook(options.name)
+    with output_folder(file.parent) as folder:
+        folder.write(file.name, text)
+        folder.commit()
+    if options.json:
+        print_json(as_json({"notebook": str(file)}))
+    else:
+        Screen().whole(f"notebook: {file}")
     return 0

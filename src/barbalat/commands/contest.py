@@ -16,18 +16,28 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("contest", help="all schemes tuned under one rule, then measured on what no tuning saw")
-    parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name; its plant must have a known set")
+    parser.add_argument(
+        "case", nargs="?", metavar="CASE", help="a case file, or a bundled case's name; its plant must have a known set"
+    )
+    parser.add_argument(
+        "--suite", nargs="?", const="", metavar="FILE",
+        help="instead of a case the frozen public suite, or another one: its file has cases, rule and seeds",
+    )  # fmt: skip
+    add_list(
+        parser, "--submission", metavar="WHAT",
+        help="to the suite: a case file (.toml) with controllers as set, laws with knobs (.py), or an installed package's scheme",
+    )  # fmt: skip
     add_controllers(parser)
     parser.add_argument(
         "--delay-margin", type=float, metavar="S",
         help="added delay that every tuning bears [s]; default: a tenth of the known set's fastest time constant",
     )  # fmt: skip
     parser.add_argument(
-        "--gain-margin", type=float, default=1.5, metavar="K",
+        "--gain-margin", type=float, metavar="K",
         help="the input's gain times K and over K, which every tuning bears; default 1.5",
     )  # fmt: skip
     parser.add_argument(
-        "--until", choices=("onset", "loss"), default="onset",
+        "--until", choices=("onset", "loss"),
         help="a margin ends where a loop begins to oscillate (default), or where it loses its motion",
     )  # fmt: skip
     add_list(
@@ -35,7 +45,7 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--sample-time", type=float, metavar="S", help="all run sampled [s]; default: only what is by nature")
     parser.add_argument(
-        "--noise", type=float, default=1e-3, metavar="SHARE",
+        "--noise", type=float, metavar="SHARE",
         help="of the model's motion, where the case has no noise; default 0.001, 0 for none",
     )  # fmt: skip
     parser.add_argument(
@@ -43,8 +53,12 @@ def add(commands: Commands) -> None:
     )
     parser.add_argument("--trials", type=whole, metavar="N", help="tunings of each scheme at most; default 384, --quick 288")
     parser.add_argument("--members", type=whole, metavar="N", help="held-out runs of each scheme; default 200, --quick 64")
-    parser.add_argument("--quick", action="store_true", help="fewer plants, trials and members: in a third of the time")
-    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of plants, searches, commands and noise; default 0")
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help="fewer plants, trials and members: in a third of the time; of a suite the quick cases",
+    )
+    parser.add_argument("--seed", type=whole, metavar="S", help="of plants, searches, commands and noise; default 0")
     parser.add_argument("--out", metavar="DIR", help="for page and JSON; default: barbalat-contest, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
@@ -59,8 +73,61 @@ QUICK_SIZES = {"plants": 2, "trials": 288, "members": 64}
 FULL_SIZES = {"plants": 4, "trials": 384, "members": 200}
 
 
+OF_A_CASE = {"delay_margin": None, "gain_margin": 1.5, "until": "onset", "sample_time": None, "noise": 1e-3, "seed": 0}
+"""Options of the rule on a case, with their defaults; a suite has its own rule."""
+
+
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
+    if options.suite is not None:
+        return _suite(options)
+    from barbalat.validate import InputError
+
+    if options.case is None:
+        raise InputError("contest needs a CASE, or --suite")
+    if options.submission:
+        raise InputError("--submission is to a suite: give --suite")
+    for name, default in OF_A_CASE.items():
+        if vars(options)[name] is None:
+            setattr(options, name, default)
+    return _case(options)
+
+
+SUITE_SECONDS = 400.0
+"""Of all registered schemes on the public suite, on one core."""
+
+
+def _suite(options: argparse.Namespace) -> int:
+    from barbalat.comparison.suite.suite import Submission, Suite, standings
+    from barbalat.validate import InputError
+
+    given = [name for name in ("case", "controllers", *OF_A_CASE, *FULL_SIZES) if vars(options)[name] is not None]
+    if given:
+        which = "CASE" if given[0] == "case" else f"--{given[0].replace('_', '-')}"
+        raise InputError(f"{which} does not go with --suite, whose file has the cases, the rule and the seeds")
+    suite = Suite.read(options.suite or None)
+    submissions = [Submission.read(one, suite) for one in options.submission]
+    with (
+        folder_of(options.out, None if options.json else "barbalat-contest") as folder,
+        work({"contest": SUITE_SECONDS}) as running,
+    ):
+        with running.part("contest") as progress:
+            found = standings(suite, submissions=submissions, schemes=options.schemes, quick=options.quick, progress=progress)
+        from barbalat.report import documents, page
+
+        document = documents.as_json(found.as_json())
+        if folder is not None:
+            folder.write("suite.json", document)
+            folder.write("report.html", page.suite(found))
+            folder.commit()
+    from barbalat.report import suite as screens
+    from barbalat.report.file_names import PAGE
+
+    tell(document, lambda screen: screens.show(screen, found), folder, as_json=options.json, page=PAGE)
+    return 0
+
+
+def _case(options: argparse.Namespace) -> int:
     from barbalat.cases.load import load_case
     from barbalat.comparison.contest.contest import RUNS_EACH_TRIAL, contest
 

@@ -114,8 +114,10 @@ def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
 
     ``certify``'s gamma_max for phi(x) = x, one input and a known gain. Otherwise the same frozen oscillator with the largest
     regressor of the loop that knows theta, u beside phi(x) where its gain is estimated: certify's bound covers whatever the known
-    set allows and would leave out gains that cases use. Raises InputError where the step resolves none.
+    set allows and would leave out gains that cases use. Faults and a shell are left aside. Raises InputError where the step
+    resolves none.
     """
+    problem = problem.nominal
     if problem.plant.inputs == 1 and problem.plant.is_linear and problem.input_gain is None:
         plain = Mrac(gamma=1.0, theta_hat0=start_of(problem))
         found = certify(problem, (plain,), simulation)[plain.name].values.get("gamma_max")

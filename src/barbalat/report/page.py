@@ -22,6 +22,7 @@ from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.certify import Certified
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.design.design import Design
+from barbalat.comparison.suite.suite import Standings
 from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.result import Tuning
@@ -32,6 +33,7 @@ from barbalat.pictures.symbols import number_text
 from barbalat.report import contest as contest_rows
 from barbalat.report import design as design_rows
 from barbalat.report import dispersed, flights, tradeoff
+from barbalat.report import suite as suite_rows
 from barbalat.report import tuning as tuning_rows
 from barbalat.report.documents import by_side, coverage
 from barbalat.report.drawings import ReportFigure
@@ -229,6 +231,12 @@ def contest(found: Contest, picture: ReportFigure | None) -> str:
         "OWN": rows_of.OWN,
     }
     return _render("contest.html", found=found, picture=picture, **headings, **{one.__name__: one for one in made})
+
+
+def suite(found: Standings) -> str:
+    """The page of ``barbalat contest --suite``."""
+    made = (suite_rows.identity, suite_rows.rebuilt, suite_rows.rows)
+    return _render("suite.html", found=found, COLUMNS=suite_rows.COLUMNS, **{one.__name__: one for one in made})
 
 
 def design(found: Design, picture: ReportFigure | None, *, explorer: str | None, files: Sequence[str], text: str | None) -> str:

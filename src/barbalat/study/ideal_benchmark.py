@@ -40,9 +40,9 @@ errors are no measure of it: of a run that any change tells apart, as at a comma
 
 
 def ideal(problem: Problem) -> Member:
-    """The problem with the controller that knows its parameters."""
+    """The problem, with every sample as it is, and the controller that knows its parameters."""
     true = problem.true_parameters  # of a truth with other states there are none: then what the plant is designed with
-    return problem, KnownParameters(theta=problem.parameters if true is None else true)
+    return problem.nominal, KnownParameters(theta=problem.parameters if true is None else true)
 
 
 @dataclass(eq=False)

@@ -13,13 +13,14 @@ from barbalat.cases.build import Case
 from barbalat.comparison.grids import reach_of
 from barbalat.comparison.ranges import Range, Space
 from barbalat.controllers import SCHEMES, BaselineAlone, Sampled
+from barbalat.controllers.sampled import DISCRETIZATIONS
 from barbalat.controllers.tuning_grid import Tunable, TuningGrid
 from barbalat.judge.settings import Judge
 from barbalat.loop.binding import bound
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import Varied
 from barbalat.problem.state_feedback import Problem
-from barbalat.protocols import Controller, SampledEquations
+from barbalat.protocols import Controller, Discretizable, SampledEquations
 from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
@@ -69,12 +70,17 @@ class Entrant(Settings):
 
         return replace(self, knobs=replace(self.knobs, make=made))
 
-    def sampled(self, sample_time: float) -> Entrant:
+    @classmethod
+    def as_set(cls, controller: Controller) -> Entrant:
+        """A controller that takes part as it is."""
+        return cls(knobs=TuningGrid(scheme=controller.name, values={}, make=lambda: controller))
+
+    def sampled(self, sample_time: float, discretization: str = DISCRETIZATIONS[0]) -> Entrant:
         """The entrant as a flight computer runs it."""
         make = self.knobs.make
 
         def made(**tuning: float) -> Controller:
-            return Sampled(make(**tuning), sample_time)
+            return Sampled(make(**tuning), sample_time, discretization=discretization)
 
         return replace(self, knobs=replace(self.knobs, make=made))
 
@@ -106,12 +112,15 @@ def entrants_of(
     schemes: Sequence[str] = (),
     own: Sequence[Controller] = (),
     sample_time: float | None = None,
+    ours: bool = True,
 ) -> tuple[list[Entrant], list[str]]:
     """The registered schemes that say what is tuned of them and take the problem; and, as sentences, who is left out.
 
     schemes      their names in case files; by default all
     own          controllers from outside: those that say what is tuned of them take part too
-    sample_time  all run sampled [s]; by default what is continuous stays so
+    sample_time  all run sampled [s], by midpoint forms, or by Euler steps where a scheme has none; by default what is
+                 continuous stays so
+    ours         whether the registered schemes take part
 
     All start from the same knowledge: estimates in the middle of the known set, or at a baseline's, which linear designs assume
     as well; a baseline takes part alone. Where
@@ -131,8 +140,9 @@ def entrants_of(
     unresolved = f"gains above {reach.highest_gain:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate)"
     left_out = [f"{unresolved}, are not tried"]
     asked = schemes or [name for name, kind in SCHEMES.items() if kind is not BaselineAlone or theta_0 is not None]
+    candidates = [(name, SCHEMES[name]) for name in (asked if ours else ())]
     found, outside = [], {id(one) for one in own}
-    for name, one in [*((name, SCHEMES[name]) for name in asked), *((one.name, one) for one in own)]:
+    for name, one in [*candidates, *((one.name, one) for one in own)]:
         if not isinstance(one, Tunable):
             left_out.append(f"{name} is left out: nothing says which of its settings are tuned")
             continue
@@ -142,12 +152,19 @@ def entrants_of(
         try:
             by_nature = isinstance(bound(problem, _first(entrant)), SampledEquations)
             if not by_nature and sample_time is not None:
-                entrant = entrant.sampled(sample_time)
-                bound(problem, _first(entrant))
+                entrant = _sampled(entrant, problem, sample_time)
             found.append(entrant)
         except InputError as error:
             left_out.append(f"{entrant.name} is left out: {error}")
     return found, left_out
+
+
+def _sampled(entrant: Entrant, problem: Problem, sample_time: float) -> Entrant:
+    """By its midpoint form, or by Euler steps where it has none."""
+    of_its_own = isinstance(bound(problem, _first(entrant)), Discretizable)
+    found = entrant.sampled(sample_time, DISCRETIZATIONS[0 if of_its_own else 1])
+    bound(problem, _first(found))
+    return found
 
 
 def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entrant:

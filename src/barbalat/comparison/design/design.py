@@ -15,7 +15,7 @@ from barbalat.cases.build import Case
 from barbalat.cases.load import load_case
 from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.comparison.contest.contest import compete, posed
-from barbalat.comparison.contest.entrant import entrants_of
+from barbalat.comparison.contest.entrant import Entrant, entrants_of
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.contest.rule import DEFAULT_NOISE_SHARE, Rule, default_delay_margin, with_noise
 from barbalat.comparison.contest.tuned import Qualified
@@ -168,6 +168,10 @@ def design(
     trials: int = DEFAULT_TRIALS,
     members: int = DEFAULT_MEMBERS,
     seed: int = 0,
+    noise: float = DEFAULT_NOISE_SHARE,
+    own: Sequence[Controller] = (),
+    as_set: Sequence[Controller] = (),
+    ours: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Design:
@@ -180,6 +184,9 @@ def design(
     specification  by default the case's ``[specification]``
     sample_time    with which all run [s]; by default that of the case's first sampled controller, or else a tenth of the fastest
                    time constant of model and known set
+    own            controllers from outside that are tuned too, by what they say of it
+    as_set         controllers that take part as they are
+    ours           whether the registered schemes take part
     The rest as of ``contest``. Raises InputError.
     """
     whole = case if isinstance(case, Case) else load_case(case)
@@ -196,9 +203,10 @@ def design(
         also=() if asked.u_max is None else (f"max_abs_u <= {asked.u_max!r}",),
     )  # fmt: skip
     rule.require_steps(simulation)
-    noisy = with_noise(problem, DEFAULT_NOISE_SHARE, simulation, held, seed)
+    noisy = with_noise(problem, noise, simulation, held, seed)
     step = Step.of(noisy, simulation, whole.judge, asked)
-    entrants, left_out = entrants_of(noisy, simulation, schemes=schemes, sample_time=held)
+    entrants, left_out = entrants_of(noisy, simulation, schemes=schemes, own=own, sample_time=held, ours=ours)
+    entrants += [Entrant.as_set(one) for one in as_set]
     if not entrants:
         raise InputError(f"no scheme takes part: {'; '.join(left_out)}")
     found = compete(

@@ -66,6 +66,7 @@ def in_full(screen: Screen, claim: Claim) -> None:
         ("changes if", claim.would_change),
         ("sharpened", claim.sharpened),
         ("code", claim.code),
+        ("notebook", f"barbalat claims {claim.id} --notebook {claim.id}.ipynb"),
     ]
     for label, text in facts:
         if text:

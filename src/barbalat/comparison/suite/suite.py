@@ -1,0 +1,273 @@
+"""The suite: a file of cases with its hash, submissions to it, and the rows of its table, which are compared bit for bit."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import resources
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from barbalat import validate
+from barbalat.budget import Progress, part_of
+from barbalat.cases import user_controllers
+from barbalat.cases.build import Case
+from barbalat.cases.load import TEXT_BYTE, CaseText
+from barbalat.certificates.linear_loops.margin_values import finite
+from barbalat.comparison.design.design import Candidate, Design, design
+from barbalat.controllers.tuning_grid import Tunable
+from barbalat.loop.binding import bound
+from barbalat.protocols import Controller, SampledEquations
+from barbalat.reading import contents
+from barbalat.validate import InputError, hint, local_path
+
+PUBLIC = {"public-1": "106a3c17fe2693911060849baabccc3ab01533853753ce75001a427de3cd5a2a"}
+"""The hashes of the public suites by their names."""
+RULE_KEYS = ("plants", "trials", "members", "noise", "seed")
+TABLE_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
+"""On whose versions the last bits of a row may depend."""
+Row = dict[str, Any]
+
+
+def sha256(text: str) -> str:
+    """The SHA-256 of a text in UTF-8, in hexadecimal digits."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Suite:
+    """Cases without controllers, each with a specification, and the rule by which all entries are tuned and measured.
+
+    tables  the case tables as the file has them, by name; sha256: of the file's text
+    rule    plants, trials, members, noise, seed, as of ``design``
+    quick   names of the cases that ``--quick`` takes
+    """
+
+    name: str
+    sha256: str
+    rule: Mapping[str, Any]
+    quick: tuple[str, ...]
+    tables: Mapping[str, Mapping[str, Any]]
+    folder: Path
+
+    @classmethod
+    def read(cls, path: str | Path | None = None) -> Suite:
+        """The public suite, or a file; InputError for one that has a public suite's name and not its hash."""
+        source = "the public suite" if path is None else str(path)
+        if path is None:
+            file = resources.files("barbalat.comparison.suite") / "public.toml"
+            text, folder = file.read_text("utf-8"), Path()
+        else:
+            place = local_path("--suite", path)
+            try:
+                text, folder = contents(place, "the suite", TEXT_BYTE).decode("utf-8"), place.parent
+            except (OSError, UnicodeDecodeError):
+                raise InputError(f"--suite: {source!r} is no file of UTF-8 text that can be read") from None
+        text = text.replace("\r\n", "\n")
+        try:
+            data = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise InputError(f"--suite: {source} is not valid TOML: {error}") from None
+        return cls._of(data, sha256(text), source, folder)
+
+    @classmethod
+    def _of(cls, data: Mapping[str, Any], found: str, source: str, folder: Path) -> Suite:
+        name, rule, cases = data.get("name"), data.get("rule"), data.get("case")
+        if not isinstance(name, str) or not isinstance(rule, dict) or set(rule) != set(RULE_KEYS) or not isinstance(cases, list):
+            raise InputError(f"--suite: {source} needs a name, [rule] with {', '.join(RULE_KEYS)}, and [[case]] tables")
+        if name in PUBLIC and PUBLIC[name] != found:
+            raise InputError(
+                f"--suite: {source} calls itself {name!r}, whose SHA-256 is {PUBLIC[name]}, and has {found}: "
+                "a changed suite needs another name"
+            )
+        tables = {str(one.get("name")): one for one in cases}
+        if bare := [key for key, one in tables.items() if not {"name", "sample_time", "specification"} <= set(one)]:
+            raise InputError(f"--suite: the case {bare[0]!r} of {source} needs a name, a sample_time and a specification")
+        return cls(name=name, sha256=found, rule=rule, quick=tuple(data.get("quick", ())), tables=tables, folder=folder)
+
+    @property
+    def is_public(self) -> bool:
+        return PUBLIC.get(self.name) == self.sha256
+
+    def sample_time(self, name: str) -> float:
+        return float(self.tables[name]["sample_time"])
+
+    def case(self, name: str, controllers: Sequence[Mapping[str, Any]] = ()) -> Case:
+        """The case of this name with these controllers' tables; by default with a placeholder that runs at its sample time."""
+        if name not in self.tables:
+            raise InputError(
+                f"the suite {self.name} has the cases {', '.join(self.tables)}, got {name!r}{hint(name, self.tables)}"
+            )
+        held = self.sample_time(name)
+        given = list(controllers) or [{"scheme": "mrac", "gamma": 1.0, "sample_time": held}]
+        table = {key: value for key, value in self.tables[name].items() if key != "sample_time"}
+        text = tomlkit.dumps({**table, "controller": given})
+        return CaseText(text, self.folder, f"the case {name!r} of the suite {self.name}").case()
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Submission:
+    """What somebody brings: controllers as set on one case, or laws that are tuned by the rule on every case.
+
+    case   the name of the suite's case on which ``as_set`` take part
+    tuned  laws that say what is tuned of them
+    """
+
+    case: str = ""
+    as_set: tuple[Controller, ...] = ()
+    tuned: tuple[Controller, ...] = ()
+
+    @classmethod
+    def read(cls, given: str, suite: Suite) -> Submission:
+        """A case file (.toml), a file of laws (.py), or a scheme that an installed package has registered."""
+        if given.endswith(".toml"):
+            return cls._of_case(given, suite)
+        if given.endswith(".py"):
+            found = user_controllers.run(given).controllers({})
+        else:
+            classes = user_controllers.schemes({given}, None)
+            if not classes:
+                raise InputError(
+                    f"--submission must be a case file (.toml), a file of laws (.py) or a scheme of the entry points "
+                    f"{user_controllers.ENTRY_POINT_GROUP}, got {given!r}"
+                )
+            found = tuple(kind() for kind in classes.values())
+        if dumb := [one.name for one in found if not isinstance(one, Tunable)]:
+            raise InputError(
+                f"--submission: {dumb[0]} has no knobs, which say what is tuned of it; give it as set, in a case file"
+            )
+        return cls(tuned=tuple(found))
+
+    @classmethod
+    def _of_case(cls, given: str, suite: Suite) -> Submission:
+        data = CaseText.read(given).data()
+        name, controllers = data.pop("name", None), data.pop("controller", None)
+        if not isinstance(name, str) or not isinstance(controllers, list) or not controllers:
+            raise InputError(f"--submission: {given!r} needs the name of a case of the suite and [[controller]] tables")
+        case = suite.case(name, controllers)
+        if changed := [key for key, value in data.items() if suite.tables[name].get(key) != value]:
+            raise InputError(f"--submission: [{changed[0]}] of {given!r} is not that of the suite's case {name!r}; leave it out")
+        for one in case.controllers:
+            equations, held = bound(case.problem, one), suite.sample_time(name)
+            own = equations.sample_time if isinstance(equations, SampledEquations) else None
+            if own != held:
+                runs = "is continuous" if own is None else f"runs every {own:g} s"
+                raise InputError(f"--submission: {one.name} {runs}; on the suite's case {name!r} all have sample_time = {held:g}")
+        return cls(case=name, as_set=case.controllers)
+
+
+def row_of(found: Design, one: Candidate, name: str, *, as_set: bool) -> Row:
+    """What the table has of an entry on a case: no number of it depends on who else takes part."""
+    held = found.contest.held_out.get(one.name)
+    measured = None if held is None else held.as_json()
+    return {
+        "case": name,
+        "entry": one.name,
+        "settings": "as submitted" if as_set else "by the rule",
+        "tuning": dict(one.tuned.tuning),
+        "meets_rule": one.tuned.meets,
+        "meets_specification": one.meets,
+        "fails_first": one.tightest,
+        "delay_margin_measured": one.tuned.delay_margin_measured,
+        "gain_margin_measured": one.tuned.gain_margin_measured,
+        "runs": None if held is None else len(held.lost),
+        "failed": None if held is None else int(held.lost.sum()),
+        "median_error": None if held is None else finite(held.quantiles["median"]),
+        "sha256": sha256(json.dumps([one.as_json(), measured], sort_keys=True, default=float)),
+    }
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Standings:
+    """The table: rows that were measured now, in the order of each case's contest, and the stored ones of the public suite.
+
+    left_out  sentences by cases on who does not take part
+    stored    the stored table; without rows where the suite is another one
+    """
+
+    suite: Suite
+    rows: tuple[Row, ...]
+    left_out: Mapping[str, tuple[str, ...]]
+    stored: Mapping[str, Any] = field(default_factory=dict)
+
+    @cached_property
+    def compared(self) -> dict[str, list[str]]:
+        """Measured rows that are stored too, by whether they agree in every bit."""
+        known = {_place(row): row for row in self.stored.get("rows", ())}
+        found: dict[str, list[str]] = {"agree": [], "differ": []}
+        for row in self.rows:
+            if (other := known.get(_place(row))) is not None:
+                same = json.loads(json.dumps(row, default=float)) == other
+                found["agree" if same else "differ"].append(f"{row['entry']} on {row['case']}")
+        return found
+
+    @property
+    def beside(self) -> list[Row]:
+        """Stored rows of the measured cases that were not measured now."""
+        cases, measured = {row["case"] for row in self.rows}, {_place(row) for row in self.rows}
+        return [row for row in self.stored.get("rows", ()) if row["case"] in cases and _place(row) not in measured]
+
+    def as_json(self) -> dict[str, Any]:
+        """The document of ``contest --suite --json``."""
+        known = {key: self.stored[key] for key in ("date", "commit") if key in self.stored}
+        return {
+            "suite": {"name": self.suite.name, "sha256": self.suite.sha256, "public": self.suite.is_public},
+            "rule": dict(self.suite.rule), "rows": list(self.rows), "left_out": {k: list(v) for k, v in self.left_out.items()},
+            "versions": {name: version(name) for name in TABLE_PACKAGES},
+            "stored": {**known, **self.compared, "beside": self.beside},
+        }  # fmt: skip
+
+
+def _place(row: Mapping[str, Any]) -> tuple[str, str, str]:
+    return str(row["case"]), str(row["entry"]), str(row["settings"])
+
+
+def stored_table() -> dict[str, Any]:
+    """The table of the public suite that comes with the package."""
+    found: dict[str, Any] = json.loads((resources.files("barbalat.comparison.suite") / "table.json").read_text("utf-8"))
+    return found
+
+
+def standings(
+    suite: Suite | None = None,
+    *,
+    submissions: Iterable[Submission] = (),
+    schemes: Sequence[str] = (),
+    quick: bool = False,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Standings:
+    """Measure the registered schemes, or submissions, on the cases of a suite by its rule.
+
+    schemes  of the registered ones; by default all, and none beside submissions: their stored rows stand beside these
+    quick    the suite's quick cases alone
+    Raises InputError.
+    """
+    suite, given = suite or Suite.read(), list(submissions)
+    validate.instance("suite", suite, Suite)
+    ours = bool(schemes) or not given
+    names = [name for name in suite.tables if not quick or name in suite.quick]
+    if not ours and not any(one.tuned for one in given):
+        names = [name for name in names if name in {one.case for one in given}]
+    if not names:
+        raise InputError("no submission is for one of the cases that --quick takes: " + ", ".join(suite.quick))
+    rows: list[Row] = []
+    left_out: dict[str, tuple[str, ...]] = {}
+    for i, name in enumerate(names):
+        as_set = [one for each in given if each.case == name for one in each.as_set]
+        found = design(
+            suite.case(name), own=[one for each in given for one in each.tuned], as_set=as_set, ours=ours,
+            schemes=schemes, threads=threads, progress=part_of(progress, i / len(names), 1 / len(names)), **suite.rule,
+        )  # fmt: skip
+        chosen = {one.name for one in as_set}
+        rows += [row_of(found, one, name, as_set=one.name in chosen) for one in found.candidates]
+        left_out[name] = found.contest.left_out
+    stored = stored_table() if suite.is_public else {}
+    return Standings(suite=suite, rows=tuple(rows), left_out=left_out, stored=stored)
