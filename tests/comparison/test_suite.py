@@ -56,7 +56,7 @@ def test_a_part_of_the_table_is_rebuilt_bit_for_bit():
     assert [row["entry"] for row in found.rows] == ["ADRC"]
     assert found.compared == {"agree": ["ADRC on servo"], "differ": []}, found.rows
     page = suite_page(found)
-    assert found.suite.sha256 in page and "L1-AC" in page
+    assert found.suite.sha256 in page and "MRAC" in page
 
 
 def test_what_differs_is_named(tmp_path):
@@ -72,7 +72,7 @@ def test_what_differs_is_named(tmp_path):
     changed = json.loads(json.dumps(stored_table()))
     changed["rows"].append({**json.loads(json.dumps(mine, default=float)), "failed": 31})
     object.__setattr__(found, "stored", changed)
-    assert found.compared["differ"] == ["Mine on lossy"]
+    assert found.compared["differ"] == ["Mine on servo"]
 
 
 def test_the_stored_table_is_of_this_suite():
