@@ -268,14 +268,30 @@ class Case:
         bounds = self.command_bounds()
         return [sum((arb(abs(self.k_0[j, q])) * r for q, r in enumerate(bounds)), arb(0)) for j in range(self.m)]
 
-    def require_nominal(self, *, any_gain: bool = False) -> None:
-        """The plant is (1): nothing acts on it or stands before it, its state is measured, the command is bounded."""
+    def push(self, P: fmpq_mat) -> arb:
+        """At least |P w|, w = b d + sum of E_j d_j being what the disturbances add to x'."""
+        acting = [(list(map(number, one["direction"])), one["signal"]) for one in self.facts["unmatched"]]
+        if self.facts["disturbance"] is not None:
+            require(self.m == 1, "a matched disturbance needs one input")
+            acting.append(([self.b[i, 0] for i in range(self.n)], self.facts["disturbance"]))
+        total = arb(0)
+        for direction, signal in acting:
+            require(len(direction) == self.n, "a disturbance needs a direction with an entry for each state")
+            pushed = P * column(direction)
+            total += root((pushed.transpose() * pushed)[0, 0]) * arb(self._bound(signal))
+        return total
+
+    def require_nominal(self, *, any_gain: bool = False, disturbed: bool = False) -> None:
+        """The plant is (1): nothing acts on it or stands before it, its state is measured, the command is bounded.
+
+        Where it may be ``disturbed``, disturbances are looked at elsewhere.
+        """
         self.require_no("quantization", "saturation", "rate_limit", "actuator", "multiplicative")
         require(len(self.facts["inputs"]) == self.m, "each input has its path")
         known = self.interval is None and not any_gain
         require(not known or all(one == 1 for one in self.gain), "the plant is (1), but its input has a gain of its own")
         require(all(one > 0 for one in self.gain), "the input's gain must be positive")
-        for name in ("disturbance", "unmatched", "sensor", "unmatched_ranges"):
+        for name in ("sensor", "unmatched_ranges", *(() if disturbed else ("disturbance", "unmatched"))):
             require(self.facts[name] in (None, [], ""), f"the plant is (1), but there is: {name}")
         self.command_bounds()
 
@@ -461,9 +477,9 @@ class Controller:
             reach = theta.farthest(origin) + arb(sum(gains, fmpq(0)))
             require(bool(reach <= arb(M_0)), "M_0 must bound theta over the known set")
 
-    def require_theorem_1(self) -> None:
+    def require_theorem_1(self, *, disturbed: bool = False) -> None:
         """What V = e'Pe + theta_tilde'Gamma^-1 theta_tilde rests on."""
-        self.case.require_nominal()
+        self.case.require_nominal(disturbed=disturbed)
         self.case.require_regular()
         require("sample_time" not in self.facts, "the controller must act continuously")
         self.earlier("lyapunov")
@@ -476,8 +492,23 @@ class Controller:
         return weighted(self.error(), self.fact("gamma"))
 
     def level(self) -> arb:
-        """nu_0/sqrt(Gamma)."""
-        return root(self.weighted_square() / self.earlier("lambda_min"))
+        """nu_0/sqrt(Gamma); beside disturbances docs/proofs.md, "Beside bounded disturbances"."""
+        if self.case.facts["disturbance"] is None and not self.case.facts["unmatched"]:
+            return root(self.weighted_square() / self.earlier("lambda_min"))
+        theta, gains, facts = self.require_theta_known(), self.case.interval, self.fact("carried")
+        require(self.fact("projection") is True, "beside disturbances the estimates must be projected")
+        require(self.fact("learning") is None, "a memory learns from disturbances")
+        q, largest = number(facts["decay"]), number(facts["largest"])
+        product, one = self.P * self.A, identity(self.case.n)
+        require(q > 0 and positive_definite(-(product + product.transpose()) - one * q), "-(PA + A'P) - q I must be definite")
+        require(positive_definite(one * largest - self.P), "lambda I - P must be positive definite")
+        p = len(self.case.theta)
+        square = theta.farthest(self.case.theta) ** 2
+        square += arb(0) if gains is None else gains.farthest(self.case.parameters[p:]) ** 2
+        gain = least_gain(self, {"witness": facts})
+        require(gain > 0, "Gamma must be positive")
+        square /= gain
+        return ((square + arb(largest) * (2 * self.case.push(self.P) / q) ** 2) / arb(self.earlier("lambda_min"))).sqrt()
 
 
 def couples(gamma: Any) -> bool:
@@ -725,13 +756,13 @@ def _error_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 def of_mrac(c: Controller) -> arb:
     """Theorem 1 (i)."""
-    c.require_theorem_1()
+    c.require_theorem_1(disturbed=True)
     return c.level()
 
 
 def of_l1(c: Controller) -> arb:
     """Theorem 1 (ii)."""
-    c.require_theorem_1()
+    c.require_theorem_1(disturbed=True)
     require(c.fact("projection") is True and c.case.linear and c.case.m == 1, "theta_hat must be projected onto the known set")
     norm, theta_max = gain_and_size(c)
     bias: arb = norm * (theta_max * c.earlier("x_m") + c.case.pushed()[0])
@@ -810,7 +841,7 @@ def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
     theta, least = c.require_theta_known(), c.earlier("lambda_min")
     if c.scheme != "mrac-direct":
         require(c.scheme in ("mrac", "mrac-closed-loop") and c.case.interval is None, "there is no rule for this scheme")
-        ERROR_BOUNDS[c.scheme](c)  # its premises
+        c.require_theorem_1()
         carried = c.norm("1-L").norm[1] if "L" in c.facts else arb(1)
         needed = carried * theta.farthest(c.theta_hat0) / root(least * least_gain(c, line))
         at_least(value, needed, "the bound of |e|")

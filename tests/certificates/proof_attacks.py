@@ -101,8 +101,11 @@ def _broken_premises(plant: Document, facts: Document) -> Iterator[tuple[str, Do
         yield "a command without a bound", plant | {"reference": {"kind": "unbounded"}}
         return
     yield "an actuator", on_the_way(actuator="1/(s + 1)")
-    yield "a disturbance", plant | {"disturbance": "Step"}
-    yield "an unmatched disturbance", plant | {"unmatched": ["Step"]}
+    yield "a disturbance", plant | {"disturbance": {"kind": "unbounded", "name": "Step"}}
+    yield (
+        "an unmatched disturbance",
+        plant | {"unmatched": [{"direction": [1.0] * len(plant["A_m"]), "signal": {"kind": "unbounded", "name": "Step"}}]},
+    )
     yield "a sensor", plant | {"sensor": "Sensor"}
     yield "a command without a bound", plant | {"reference": [{"kind": "unbounded"} for _ in plant["reference"]]}
     yield "another model", plant | {"A_m": [[-value for value in row] for row in plant["A_m"]]}

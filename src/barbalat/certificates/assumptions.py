@@ -39,9 +39,12 @@ def beyond_the_paper(problem: Problem) -> bool:
     return problem.plant.inputs > 1 or not problem.plant.is_linear or problem.input_gain is not None
 
 
-def nominal(problem: TrackingProblem, *, gain_adapted: bool = False) -> tuple[Assumption, ...]:
-    """The plant (1) as it stands, nothing that acts on it, and a command of the class that is followed."""
-    plant = exact_plant(problem, gain_adapted=gain_adapted), undisturbed(problem), measured(problem)
+def nominal(problem: TrackingProblem, *, gain_adapted: bool = False, acting: Assumption | None = None) -> tuple[Assumption, ...]:
+    """The plant (1) as it stands, nothing that acts on it, and a command of the class that is followed.
+
+    ``acting`` says what may act on it all the same.
+    """
+    plant = exact_plant(problem, gain_adapted=gain_adapted), acting or undisturbed(problem), measured(problem)
     return *plant, bounded_command(problem), START_TOGETHER, ACTS_CONTINUOUSLY
 
 

@@ -11,16 +11,26 @@ import numpy as np
 
 from barbalat.adaptation.lyapunov import ModifiedSettings
 from barbalat.adaptation.modifications import SwitchingSigma
-from barbalat.certificates.bounds.laws import Bound
+from barbalat.certificates.bounds.disturbed import decay, largest_eigenvalue
+from barbalat.certificates.bounds.laws import Bound, least_gain
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array
 
 
 def of_lyapunov_law(
-    scheme: str, equations: Bound, gamma: float | Array, closed: Known, law: ModifiedSettings | None = None
+    scheme: str,
+    equations: Bound,
+    gamma: float | Array,
+    closed: Known,
+    law: ModifiedSettings | None = None,
+    *,
+    carries: bool = False,
 ) -> dict[str, Any]:
-    """Of a scheme with V = e'P e + theta_tilde'Gamma^-1 theta_tilde, P that of ``closed``, and its law's modifications."""
+    """Of a scheme with V = e'P e + theta_tilde'Gamma^-1 theta_tilde, P that of ``closed``, and its law's modifications.
+
+    Where V ``carries`` bounded disturbances along, with the eigenvalues that this takes.
+    """
 
     def name_of(part: Any) -> str | None:
         return None if part is None else type(part).__name__
@@ -38,7 +48,11 @@ def of_lyapunov_law(
         "leakage": pulls,
         "dead_zone": None if law is None else name_of(law.dead_zone),
         "learning": None if law is None else name_of(law.learning),
-    }
+    } | ({"carried": _carried(gamma, closed)} if carries else {})
+
+
+def _carried(gamma: float | Array, closed: Known) -> dict[str, float]:
+    return {"decay": decay(closed), "largest": largest_eigenvalue(closed.P), "least_gain": least_gain(gamma)}
 
 
 def plain(value: float | Array) -> Any:

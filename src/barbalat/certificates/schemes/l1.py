@@ -10,7 +10,7 @@ import numpy as np
 
 from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW, beyond_the_paper, constant_in_the_end
-from barbalat.certificates.bounds import laws, theorem_1
+from barbalat.certificates.bounds import disturbed, laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import denied, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -28,6 +28,7 @@ from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
     add_margins_at_rest,
     add_parameter_errors,
+    carried,
     lyapunov_estimates,
     of_lyapunov_law_beyond,
     of_the_case,
@@ -111,7 +112,9 @@ def grounds(problem: Problem, controller: L1Adaptive, _: Simulation) -> dict[str
     """The numbers of Theorem 1 (ii); with C = 1 those of (i)."""
     equations = controller.bind(problem.known)
     scheme = "mrac" if controller.filter is None else "l1"
-    return of_lyapunov_law(scheme, equations, controller.gamma, problem.known, controller) | {"filter": of_system(equations.C)}
+    carries = disturbed.is_disturbed(problem)
+    found = of_lyapunov_law(scheme, equations, controller.gamma, problem.known, controller, carries=carries)
+    return found | {"filter": of_system(equations.C)}
 
 
 def midpoint_form(problem: Problem, controller: L1Adaptive, sample_time: float) -> midpoint.MidpointForm:
@@ -125,7 +128,8 @@ def _without_projection(draft: Draft, problem: Problem, controller: L1Adaptive) 
     why, void = "without projection there is no theta_max", laws.why_no_bound(controller, problem)
     draft.missing("condition", why)
     if controller.filter is None and void is None:
-        draft.guarantee("error_bound", laws.error_level(problem, controller, draft["nu_0"]), *of_the_case(problem, None))
+        level = disturbed.level(problem, controller, draft["nu_0"])
+        draft.guarantee("error_bound", level.value, *of_the_case(problem, None, acting=carried(problem, controller)))
     else:
         missed = laws.theorem_of_modified(controller, problem) or theorems.FILTER_WITHOUT_SET
         reason = void or f"{why}, so the bound (10) has no meaning"
@@ -167,12 +171,15 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
         draft.missing("error_bound", why, *rests_on, theorem=theorems.FILTER_NOT_SMALL)
         draft.missing("reference_error_bound", f"{not_below}: the distance to the reference system is not bounded")
         return None
-    level = laws.error_level(problem, controller, nu_0)
-    draft.guarantee("reference_error_bound", theorem_1.reference_error_bound(level, found, C), *rests_on)
-    bound = theorem_1.l1_bound(level, 1.0, found, theta_max, float(known.adapted_command), model)
-    draft.guarantee("error_bound", bound, *rests_on)
+    undisturbed = laws.error_level(problem, controller, nu_0)
+    draft.guarantee("reference_error_bound", theorem_1.reference_error_bound(undisturbed, found, C), *rests_on)
+    level = disturbed.level(problem, controller, nu_0)
+    bound = theorem_1.l1_bound(level.value, 1.0, found, theta_max, float(known.adapted_command), model)
+    estimate_set, acting = controller.bind(known).estimate_set, carried(problem, controller)
+    draft.guarantee("error_bound", bound, *of_the_case(problem, estimate_set, acting=acting), FILTER_AT_REST)
     remaining, root_n = 1 - found.value_upper, math.sqrt(known.n)
-    return StateReach(model.x_m_euclidean + root_n * (bound - level / remaining), root_n * nu_0 / remaining)
+    offset = bound - (level.value - level.pushed) / remaining
+    return StateReach(model.x_m_euclidean + root_n * offset, root_n * level.nu / remaining)
 
 
 def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Equations) -> None:
@@ -198,7 +205,7 @@ def column(problem: Problem, controller: L1Adaptive, certificate: Certificate) -
     return "filtered MRAC, L1-AC (5)-(8)", {
         "stability": stability,
         "tracking": _tracking(problem, controller, stability),
-        "transient": _transient(problem, controller, certificate),
+        "transient": _transient(certificate),
         "estimates": lyapunov_estimates(problem, controller, certificate, bounded=stability.applies),
         "modelling_error": unproven_robustness(problem, controller),
         "tuning": estimate("tuning", "; ".join(tuning)),
@@ -208,7 +215,9 @@ def column(problem: Problem, controller: L1Adaptive, certificate: Certificate) -
 
 def _stability(problem: Problem, controller: L1Adaptive, certificate: Certificate) -> Entry:
     condition = certificate.values.get("condition")
-    rests_on = of_the_lyapunov_law(problem, controller, certificate)
+    rests_on, bound = of_the_lyapunov_law(problem, controller, certificate), certificate.entry("error_bound")
+    if bound is not None and bound.kind == "guaranteed":
+        rests_on = bound.rests_on
     if condition is None and projected(controller.bind(problem.known).estimate_set):
         return nothing("stability", "the condition on C(s) is not known for this plant", *rests_on)
     if condition is None:
@@ -236,9 +245,9 @@ def _tracking(problem: Problem, controller: L1Adaptive, stability: Entry) -> Ent
     return statement("tracking", "converges to zero for the case's r (Theorem 1 (iii))", *rests_on, FILTER_AT_REST, constant)
 
 
-def _transient(problem: Problem, controller: L1Adaptive, certificate: Certificate) -> Entry:
+def _transient(certificate: Certificate) -> Entry:
     bound = certificate.entry("error_bound")
     if bound is None or bound.value is None:
         return nothing("transient", "no bound is known" if bound is None else bound.why)
     text = f"|e| <= {up(bound.value)} at all times, (10); the filter's part stays however large Gamma is"
-    return statement("transient", text, *of_the_case(problem, controller.bind(problem.known).estimate_set), FILTER_AT_REST)
+    return statement("transient", text, *bound.rests_on)

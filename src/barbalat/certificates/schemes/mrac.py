@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from barbalat.certificates.assumptions import FROZEN_LAW, beyond_the_paper, theta_in_the_set
-from barbalat.certificates.bounds import laws, theorem_1
+from barbalat.certificates.bounds import disturbed, laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -18,6 +18,7 @@ from barbalat.certificates.schemes.state_feedback import (
     add_ingredients,
     add_margins_at_rest,
     add_parameter_errors,
+    carried,
     commands_and_gains,
     lyapunov_estimates,
     of_lyapunov_law_beyond,
@@ -41,17 +42,18 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
     equations, draft = controller.bind(problem.known), Draft()
     model = model_bounds(problem)
     add_parameter_errors(draft, problem, equations)
-    rests_on, void = of_the_case(problem, equations.estimate_set), laws.why_no_bound(controller, problem)
+    rests_on = of_the_case(problem, equations.estimate_set, acting=carried(problem, controller))
+    level, void = disturbed.level(problem, controller, draft["nu_0"]), laws.why_no_bound(controller, problem)
     if void is not None:
         draft.missing("error_bound", void, *rests_on, theorem=laws.theorem_of_modified(controller, problem))
     else:
-        draft.guarantee("error_bound", laws.error_level(problem, controller, draft["nu_0"]), *rests_on)
+        draft.guarantee("error_bound", level.value, *rests_on)
         nu_0_worst = draft.get("nu_0_worst")
-        if nu_0_worst is not None:
+        if nu_0_worst is not None and not level.pushed:
             worst = theorem_1.mrac_bound(nu_0_worst, laws.least_gain(controller.gamma))
             draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
     add_ingredients(draft, problem, equations.estimate_set, model)
-    limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean, draft["nu_0"])
+    limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean + level.pushed, level.nu)
     draft.estimate(frozen_laws.with_modifications(limits, controller, simulation), FROZEN_LAW)
     if not laws.is_modified(controller):
         draft.estimate(frozen_laws.of_the_motion(problem, controller.gamma, simulation), FROZEN_LAW)
@@ -66,7 +68,8 @@ def _excited(problem: Problem, controller: Mrac) -> any_regressor.Excited:
 
 def grounds(problem: Problem, controller: Mrac, _: Simulation) -> dict[str, Any]:
     """The numbers of Theorem 1 (i)."""
-    return of_lyapunov_law("mrac", controller.bind(problem.known), controller.gamma, problem.known, controller)
+    equations, carries = controller.bind(problem.known), disturbed.is_disturbed(problem)
+    return of_lyapunov_law("mrac", equations, controller.gamma, problem.known, controller, carries=carries)
 
 
 def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0: float) -> dict[str, Any]:
@@ -118,14 +121,15 @@ def lyapunov_cells(
     bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
     transient = nothing("transient", "no bound is known" if bound is None else bound.why)
     if bound is not None and bound.applies and bound.value is not None:
-        text = f"|e| <= {formula}{up(bound.value)} at all times{source}"
+        said = (", for every d of the case's size", "") if disturbed.is_disturbed(problem) else (source, formula)
+        text = f"|e| <= {said[1]}{up(bound.value)} at all times{said[0]}"
         if worst is not None and worst.applies:
             text += f"; {up(worst.value)} for the worst theta of the known set"
-        transient = statement("transient", text, *rests_on)
-    falls = "the bound falls with 1/sqrt(Gamma); " if transient.applies else ""
+        transient = statement("transient", text, *bound.rests_on)
+    falls = "the bound falls with 1/sqrt(Gamma); " if transient.applies and not disturbed.is_disturbed(problem) else ""
     commands, both = commands_and_gains(problem)
     return {
-        "stability": statement("stability", f"for {both}", *rests_on),
+        "stability": statement("stability", f"for {both}", *(rests_on if bound is None else bound.rests_on)),
         "tracking": statement("tracking", f"converges to zero for {commands}", *rests_on),
         "transient": transient,
         "estimates": statement("estimates", ESTIMATES_STATEMENT, *rests_on),

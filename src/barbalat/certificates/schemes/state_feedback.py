@@ -15,8 +15,9 @@ from barbalat.certificates.assumptions import (
     nominal,
     projected_onto,
     theta_in_the_set,
+    undisturbed,
 )
-from barbalat.certificates.bounds import laws, theorem_1
+from barbalat.certificates.bounds import disturbed, laws, theorem_1
 from barbalat.certificates.bounds.formulas import largest_square
 from barbalat.certificates.bounds.model import ModelBounds, state_bounds
 from barbalat.certificates.cells import nothing, statement
@@ -42,13 +43,16 @@ LARGEST_STATE = 1e12
 """Where a run counts as diverged: without a bound of e, phi is looked at up to there."""
 
 
-def of_the_case(problem: Problem, estimate_set: EstimateSet | None, error: float | None = None) -> tuple[Assumption, ...]:
+def of_the_case(
+    problem: Problem, estimate_set: EstimateSet | None, error: float | None = None, acting: Assumption | None = None
+) -> tuple[Assumption, ...]:
     """What the bounds of Theorem 1 rest on: the plant (1) as it stands and, with projection, theta in the known set.
 
-    ``error`` is the bound of |e_i| that would follow, where there is one.
+    ``error`` is the bound of |e_i| that would follow, where there is one; ``acting`` what may act on the plant, by default
+    nothing.
     """
     regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, error))
-    return (*nominal(problem), *inside(problem, estimate_set), *regressor)
+    return (*nominal(problem, acting=acting), *inside(problem, estimate_set), *regressor)
 
 
 def of_the_lyapunov_law(problem: Problem, controller: laws.LyapunovScheme, certificate: Certificate) -> tuple[Assumption, ...]:
@@ -56,6 +60,23 @@ def of_the_lyapunov_law(problem: Problem, controller: laws.LyapunovScheme, certi
     estimate_set, bound = controller.bind(problem.known).estimate_set, certificate.entry("error_bound")
     case = of_the_case(problem, estimate_set, None if bound is None else bound.value)
     return (*case, laws.keeps_V_in_corners(controller.gamma, estimate_set))
+
+
+def carried(problem: Problem, controller: laws.ModifiedScheme) -> Assumption:
+    """Disturbances that the bound of V carries along: bounded ones, beside estimates that are projected."""
+    if not disturbed.is_disturbed(problem):
+        return undisturbed(problem)
+    words = []
+    if problem.plant.baseline is not None:
+        words.append("disturbance, beside a baseline")
+    elif disturbed.push(problem) is None:
+        words.append("a disturbance without a bound")
+    if not projected(controller.bind(problem.known).estimate_set):
+        words.append("disturbance, with estimates that no projection bounds")
+    if controller.learning is not None:
+        words.append("disturbance, which the memory learns from")
+    sentence = "disturbances are bounded, and the estimates are projected onto the known set"
+    return Assumption(sentence, ", ".join(words), theorems.UNPROJECTED)
 
 
 def inside(problem: Problem, estimate_set: EstimateSet | None) -> tuple[Assumption, ...]:
@@ -155,10 +176,11 @@ def of_lyapunov_law_beyond(
         of_the_law = laws.theorem_of_modified(controller, problem) or theorems.FILTER_BEYOND
         draft.missing("error_bound", void, *of_the_case(problem, equations.estimate_set), theorem=of_the_law)
     else:
-        bound = laws.error_level(problem, controller, draft["nu_0"])
-        draft.guarantee("error_bound", bound, *of_the_case(problem, equations.estimate_set, bound))
+        bound = disturbed.level(problem, controller, draft["nu_0"]).value
+        acting = carried(problem, controller)
+        draft.guarantee("error_bound", bound, *of_the_case(problem, equations.estimate_set, bound, acting))
     limits = any_regressor.of_lyapunov_law(excited, simulation, draft["nu_0"], filter_poles)
-    draft.estimate(limits, FROZEN_LAW, ON_THE_BOX, *((ERROR_ASSUMED,) if void else ()))
+    draft.estimate(limits, FROZEN_LAW, ON_THE_BOX, *((ERROR_ASSUMED,) if void or disturbed.is_disturbed(problem) else ()))
     draft.estimate(any_regressor.of_lyapunov_law_at_model(excited, simulation, filter_poles), FROZEN_LAW)
     add_at_rest(draft, problem, cast("Controller", controller), none=PLAIN_LAW_ONLY if laws.is_modified(controller) else "")
     return draft.finish()
