@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import subprocess
 
 import pytest
@@ -14,8 +15,7 @@ from export.targets import ISO, STRICT, needs_gcc
 
 CONTROLLER = Sampled(controller=Mrac(gamma=20.0, name="L1"), sample_time=T, discretization="euler")
 BOTH = """\
-#include "pitch_controller.h"
-#include "roll_controller.h"
+#include "controllers.h"
 #include <stdio.h>
 
 int main(void)
@@ -48,3 +48,25 @@ def test_a_name_that_c_has_not_is_refused(name, tmp_path) -> None:
     with pytest.raises(InputError, match=r"^name must"):
         export_controller(STATE, CONTROLLER, SIMULATION, out=tmp_path, name=name)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_exports_in_one_folder_are_one_component(tmp_path) -> None:
+    (tmp_path / "flight_controller.h").write_text("/* the user's own */\n")
+    for name in ("roll", "pitch", "roll"):
+        export_controller(STATE, CONTROLLER, SIMULATION, out=tmp_path, name=name)
+    assert "set(CONTROLLERS pitch roll)" in (tmp_path / "CMakeLists.txt").read_text()
+    included = [line for line in (tmp_path / "controllers.h").read_text().splitlines() if line.startswith("#include")]
+    assert included == ['#include "pitch_controller.h"', '#include "roll_controller.h"']
+    assert "[pitch_README.md](pitch_README.md)" in (tmp_path / "README.md").read_text()
+    with pytest.raises(InputError, match="by more than their case"):  # their macros would be the same
+        export_controller(STATE, CONTROLLER, SIMULATION, out=tmp_path, name="Pitch")
+
+
+@needs_gcc
+@pytest.mark.skipif(shutil.which("cmake") is None, reason="cmake is not installed")
+def test_cmake_builds_the_component_and_runs_each_self_test(tmp_path) -> None:
+    for name in ("pitch", "roll"):
+        export_controller(STATE, CONTROLLER, SIMULATION, out=tmp_path, name=name)
+    for command in (["cmake", "-B", "build"], ["cmake", "--build", "build"], ["ctest", "--test-dir", "build"]):
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=120)
+    assert "2/2 Test #2: roll" in done.stdout

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from barbalat import validate
 from barbalat.discovery import slices
@@ -43,6 +44,7 @@ class Target:
     float32   whether its numbers have 32 bits, whatever is asked for
     compiles  whether the files hold binaries for this machine, which ``sources_only`` leaves out
     replaced  names of an earlier export's files that go with it, made this time or not
+    joined    of the folder and of the files made, further files that join them with exports that stand in the folder already
     """
 
     name: str
@@ -52,6 +54,7 @@ class Target:
     float32: bool = False
     compiles: bool = False
     replaced: tuple[str, ...] = ()
+    joined: Callable[[Path, Mapping[str, str | bytes]], Mapping[str, str | bytes]] = lambda _folder, _made: {}
 
 
 def targets() -> dict[str, Target]:

@@ -40,7 +40,8 @@ def export_controller(
     closed_loop          the plant and the whole loop as well: ``plant.h``, ``plant.c`` and ``loop.c``, or a unit of each
     place                of the controller in its case: the parameters of units go by the case's paths, ``controller[0].gamma``
     name                 what functions, types, macros and files begin with, so that several exports can be linked; by default
-                         the identifiers are made of the controller's name, and the files have none
+                         the identifiers are made of the controller's name, and the files have none. C99 exports with names of
+                         their own in one folder are joined by ``controllers.h``, ``CMakeLists.txt`` and ``README.md``
     sources_only         units without a binary for this machine, for which a C compiler is needed
 
     Raises InputError, and leaves nothing behind, where that can't be.
@@ -67,6 +68,8 @@ def export_controller(
     )
     with output_folder(into) as folder:
         for file, content in made.items():
+            folder.write(file, content)
+        for file, content in chosen.joined(folder.path, made).items():
             folder.write(file, content)
         folder.commit(gone=chosen.replaced)
         return folder.path
