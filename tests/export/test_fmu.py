@@ -216,6 +216,8 @@ def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:
         lambda: slave.set({"u": 1.0}),  # an output
         lambda: slave.set({"controller[0].theta_hat0[0]": 1.0}),  # fixed since the start
         lambda: slave.set({"controller[0].gamma": float("nan")}),
+        lambda: slave.set({"controller[0].gamma": -5.0}),
+        lambda: slave.set({"controller[0].gamma": 0.0}),
         lambda: slave.step(0.0, 0.4 * T),
         lambda: slave.step(0.0, 0.0),
         lambda: slave.step(0.0, -T),
@@ -259,6 +261,9 @@ def test_parameters_are_what_enters_as_it_is() -> None:
         "plant.x0[1]",
     } <= set(names)
     assert not any("filter" in name or "sample_time" in name or "delay" in name or "A_m" in name for name in names)
+    positive = {one.name for one in opened.parameters if one.positive}
+    assert "controller[0].gamma" in positive
+    assert not positive & {"plant.theta[0]", "plant.x0[1]", "controller[0].theta_hat0[0]", *bounds}
     assert not Opened.of(problem, controller, SHORT, tunable=False).parameters
     others = {
         "Mrac-gain": "controller[0].theta_hat0[2]",

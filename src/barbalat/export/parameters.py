@@ -44,12 +44,14 @@ OFFERED = ("controller", "uncertainty", "plant")
 class Parameter:
     """One open number.
 
-    path   in the case; the controller is there at the place of which it is told
-    value  in this case
+    path      in the case; the controller is there at the place of which it is told
+    value     in this case
+    positive  whether the case refuses 0 and the negative of the value, as it does for gains
     """
 
     path: FieldPath
     value: float
+    positive: bool = False
 
     @property
     def name(self) -> str:
@@ -106,7 +108,7 @@ class Opened:
         family = Family.of(members, simulation)
         read = family.members
         return cls(
-            tuple(Parameter(_placed(path, place), value) for (path, value), _, _ in found),
+            tuple(Parameter(_placed(path, place), value, _positive(case, path, value)) for (path, value), _, _ in found),
             tuple(tried for _, tried, _ in found),
             tuple(members),
             read,
@@ -168,6 +170,23 @@ def _other(case: Case, path: FieldPath, value: float) -> tuple[float, Case] | No
         copied = effect is not None and effect.copied and not effect.nothing
         return (tried, other) if copied and _bears_symbols(family) else None
     return None
+
+
+def _positive(case: Case, path: FieldPath, value: float) -> bool:
+    """Whether it must be above 0 by itself; a bound, or what has to lie between bounds, depends on other parameters."""
+    if value <= 0.0 or path.keys[0] == "uncertainty" or path.vector[-1] == START or "saturation" in path.keys:
+        return False
+    varied = VariedObjects(case, (path,))
+    return all(_is_refused(varied, tried) for tried in (0.0, -value))
+
+
+def _is_refused(varied: VariedObjects, value: float) -> bool:
+    try:
+        other = varied.at([value])
+        ClosedLoop.of(other.problem, other.controllers[0])
+    except InputError:
+        return True
+    return False
 
 
 def _bears_symbols(family: Family) -> bool:

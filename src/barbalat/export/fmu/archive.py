@@ -357,6 +357,8 @@ def _described(one: Variable) -> dict[str, str]:
 
 def _value(one: Variable) -> dict[str, str]:
     found = {"unit": one.unit} if one.unit else {}
+    if one.positive:
+        found["min"] = "0.0"
     if one.start is not None:
         found["start"] = ("true" if one.start else "false") if one.kind == "truth" else repr(float(one.start))
     return found

@@ -19,6 +19,7 @@ class Variable:
     start        None for what is calculated
     kind         "real", "truth" or "whole"
     path         its place in the case's symbols, "x[1]", where the name is another one; else empty
+    positive     whether only numbers above 0 may be set
     """
 
     name: str
@@ -29,13 +30,18 @@ class Variable:
     unit: str = ""
     kind: str = "real"
     path: str = ""
+    positive: bool = False
 
     @property
     def settable(self) -> str:
-        """When a real variable may be set, for ``fmu_instance.h``: i always, any value; t always; s before the start; n never."""
+        """When a real variable may be set, for ``fmu_instance.h``: i always, any value; t always; s before the start; n never.
+
+        T and S are t and s for numbers above 0 alone.
+        """
         if self.causality == "input":
             return "i"
-        return {"tunable": "t", "fixed": "s"}.get(self.variability, "n") if self.causality == "parameter" else "n"
+        found = {"tunable": "t", "fixed": "s"}.get(self.variability, "n") if self.causality == "parameter" else "n"
+        return found.upper() if self.positive and found != "n" else found
 
 
 @dataclass(frozen=True)
@@ -96,7 +102,10 @@ def _same(count: int, *values: str) -> list[list[str]]:
 def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter]) -> list[Variable]:
     """Parameters; of those that a state begins with, none changes after the start."""
     begun = set(fixed)
-    return [Variable(one.name, "parameter", "fixed" if one in begun else "tunable", one.meaning, one.value) for one in found]
+    return [
+        Variable(one.name, "parameter", "fixed" if one in begun else "tunable", one.meaning, one.value, positive=one.positive)
+        for one in found
+    ]
 
 
 def require_distinct(variables: Variables) -> Variables:

@@ -70,11 +70,15 @@ static const char *set_real(fmu_state *s, unsigned reference, double value)
     if (reference >= MODEL_REALS) {
         return "there is no real variable with this value reference that can be set";
     }
-    if (model_settable[reference] == 'n' || (model_settable[reference] == 's' && s->stage > INITIALIZING)) {
+    const char when = model_settable[reference];
+    if (when == 'n' || ((when == 's' || when == 'S') && s->stage > INITIALIZING)) {
         return "this variable can't be set now: it is an output, or a parameter that is fixed from the start on";
     }
-    if (model_settable[reference] != 'i' && !isfinite(value)) {
+    if (when != 'i' && !isfinite(value)) {
         return "a parameter must be a finite number"; /* an input that is none is refused by the controller, with a status */
+    }
+    if ((when == 'T' || when == 'S') && !(value > 0.0)) {
+        return "this parameter must be above 0, see modelDescription.xml";
     }
     s->m.real[reference] = value;
     return NULL;

@@ -20,7 +20,7 @@ typedef struct {
     int whole[2]; /* freeze and status, of a unit with a controller */
 ${parts}} model;
 
-/* For each real variable: i an input, t tunable, s fixed from the start on, n calculated. */
+/* For each real variable: i an input, t tunable, s fixed from the start on, n calculated; T and S as t and s, above 0 alone. */
 static const char model_settable[] = "${settable}";
 /* For each other variable: b a truth value, w a whole number. */
 static const char model_kinds[] = "${kinds}";
