@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from importlib import resources
 
@@ -52,10 +54,15 @@ def test_a_submission_changes_nothing_but_the_controllers(tmp_path):
 
 
 def test_a_part_of_the_table_is_rebuilt_bit_for_bit():
-    """One entry of the quick case, alone: its row depends on nobody else."""
+    """One entry of the quick case, alone and in a process of its own, as the command measures it."""
+    command = [sys.executable, "-m", "barbalat", "contest", "--suite", "--quick", "--schemes", "adrc", "--json"]
+    found = json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    assert [row["entry"] for row in found["rows"]] == ["ADRC"]
+    assert (found["stored"]["agree"], found["stored"]["differ"]) == (["ADRC on servo"], []), found["rows"]
+
+
+def test_a_page_has_the_hash_and_what_is_stored_beside():
     found = standings(schemes=["adrc"], quick=True)
-    assert [row["entry"] for row in found.rows] == ["ADRC"]
-    assert found.compared == {"agree": ["ADRC on servo"], "differ": []}, found.rows
     page = suite_page(found)
     assert found.suite.sha256 in page and "MRAC" in page
 

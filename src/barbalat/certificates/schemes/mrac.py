@@ -128,8 +128,9 @@ def lyapunov_cells(
         transient = statement("transient", text, *bound.rests_on)
     falls = "the bound falls with 1/sqrt(Gamma); " if transient.applies and not disturbed.is_disturbed(problem) else ""
     commands, both = commands_and_gains(problem)
+    stands_on = bound.rests_on if bound is not None and bound.kind == "guaranteed" else rests_on
     return {
-        "stability": statement("stability", f"for {both}", *(rests_on if bound is None else bound.rests_on)),
+        "stability": statement("stability", f"for {both}", *stands_on),
         "tracking": statement("tracking", f"converges to zero for {commands}", *rests_on),
         "transient": transient,
         "estimates": statement("estimates", ESTIMATES_STATEMENT, *rests_on),
