@@ -22,7 +22,8 @@ def rebuilt(found: Standings) -> str:
     agree, differ = found.compared["agree"], found.compared["differ"]
     if not agree and not differ:
         return "none of the measured rows is stored"
-    said = f"{len(agree)} of {len(agree) + len(differ)} measured rows that are stored agree with them in every bit"
+    said = f"{len(agree)} of {len(agree) + len(differ)} measured rows agree with the stored ones to nine digits"
+    said += f", {len(found.compared['in_every_bit'])} in every bit"
     return f"{said}; others: {', '.join(differ)}" if differ else said
 
 

@@ -1,9 +1,10 @@
-"""The suite: a file of cases with its hash, submissions to it, and the rows of its table, which are compared bit for bit."""
+"""The suite: a file of cases with its hash, submissions to it, and the rows of its table, which are compared with stored ones."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -33,6 +34,9 @@ PUBLIC = {"public-1": "106a3c17fe2693911060849baabccc3ab01533853753ce75001a427de
 RULE_KEYS = ("plants", "trials", "members", "noise", "seed")
 TABLE_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
 """On whose versions the last bits of a row may depend."""
+SAME_DIGITS = 1e-9
+"""Relative difference up to which numbers of two rows are one: roundings of a processor's linear algebra lie far below it, and
+what another tuning or another decision of a search changes lies far above."""
 Row = dict[str, Any]
 
 
@@ -199,13 +203,18 @@ class Standings:
 
     @cached_property
     def compared(self) -> dict[str, list[str]]:
-        """Measured rows that are stored too, by whether they agree in every bit."""
+        """Measured rows that are stored too, by whether they agree; those that agree in every bit stand in a list of their own.
+
+        Rows agree where their choices and counts are equal and their numbers are, to ``SAME_DIGITS``.
+        """
         known = {_place(row): row for row in self.stored.get("rows", ())}
-        found: dict[str, list[str]] = {"agree": [], "differ": []}
+        found: dict[str, list[str]] = {"agree": [], "differ": [], "in_every_bit": []}
         for row in self.rows:
             if (other := known.get(_place(row))) is not None:
-                same = json.loads(json.dumps(row, default=float)) == other
-                found["agree" if same else "differ"].append(f"{row['entry']} on {row['case']}")
+                measured, name = json.loads(json.dumps(row, default=float)), f"{row['entry']} on {row['case']}"
+                found["agree" if _agree(measured, {**other, "sha256": measured["sha256"]}) else "differ"].append(name)
+                if measured == other:
+                    found["in_every_bit"].append(name)
         return found
 
     @property
@@ -227,6 +236,15 @@ class Standings:
 
 def _place(row: Mapping[str, Any]) -> tuple[str, str, str]:
     return str(row["case"]), str(row["entry"]), str(row["settings"])
+
+
+def _agree(a: Any, b: Any) -> bool:
+    """Whether two parts of rows are equal, numbers with a fraction to SAME_DIGITS."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(_agree(value, b[key]) for key, value in a.items())
+    if isinstance(a, float) and isinstance(b, float):
+        return math.isclose(a, b, rel_tol=SAME_DIGITS, abs_tol=0.0)
+    return bool(a == b)
 
 
 def stored_table() -> dict[str, Any]:
