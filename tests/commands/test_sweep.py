@@ -66,7 +66,7 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
     page = (tmp_path / "map" / "report.html").read_text()
     assert all(f'<a href="{name}">explorer</a>' in page for name in explorers)
     again = "run again at half the step"
-    assert again in page and "100 times its scale" in page
+    assert again in page and "100 times its scale unless [judge] says otherwise" in page
     assert page.index("verdicts") < page.index("Who failed")
     assert again in " ".join(capsys.readouterr().out.split())
     assert "Who failed" in page and "Over the grid" in page and "above the guaranteed bound" in page

@@ -131,13 +131,15 @@ def test_tracking_at_a_moderate_gain(example):
     problem, controller = example
     left_alone = long_run(problem, Mrac(gamma=1e-30))
     adapted = long_run(problem, controller)
-    assert adapted.diverged_at is None or (isinstance(controller, BaselineAlone) and left_alone.diverged_at)
-    limit = np.inf if left_alone.diverged_at else max(left_alone.figures["tail_max_abs_e"])
-    if isinstance(controller, BaselineAlone):  # it is that plant, or one with other gains
-        if adapted.diverged_at:
-            return
-        assert controller.nominal is not None or max(adapted.figures["tail_max_abs_e"]) == limit
+    if isinstance(controller, BaselineAlone) and controller.nominal is None:  # it is that plant, but for roundings of its list
+        assert adapted.diverged_at == left_alone.diverged_at
+        if adapted.diverged_at is None:
+            assert adapted.figures["tail_max_abs_e"] == pytest.approx(left_alone.figures["tail_max_abs_e"], rel=1e-12)
         return
+    assert adapted.diverged_at is None
+    if isinstance(controller, BaselineAlone):  # gains of its own keep it bounded, and need not come nearer
+        return
+    limit = np.inf if left_alone.diverged_at else max(left_alone.figures["tail_max_abs_e"])
     assert max(adapted.figures["tail_max_abs_e"]) < 0.75 * limit
 
 
@@ -147,7 +149,11 @@ def test_shapes_and_numbers_of_a_result(example):
     n, result = problem.plant.n, long_run(problem, controller)
     count = len(result.t)
     assert result.t[0] == 0
-    assert result.t[-1] == 64 or (isinstance(controller, BaselineAlone) and result.diverged_at)  # nothing stabilises it
+    if isinstance(controller, BaselineAlone) and result.diverged_at:  # nothing stabilises it: the record ends there
+        assert 0 < result.t[-1] <= result.diverged_at
+        assert long_run(problem, Mrac(gamma=1e-30)).diverged_at
+    else:
+        assert result.t[-1] == 64
     assert (np.diff(result.t) > 0).all()
     estimates = ClosedLoop.of(problem, controller).parameters
     for name in ("x", "x_m", "e"):

@@ -195,6 +195,15 @@ def test_of_100_flexible_joints_40_are_limit_cycles_under_mrac():
     assert reversals[cycling].min() > 3 * reversals[~cycling].max()
 
 
+def test_lost_samples_hide_no_limit_cycle():
+    """A lost sample that the continuation held would open the loop, and the control would rest: u goes from rail to rail."""
+    lost = '\n[[faults]]\nkind = "dropout"\nchannel = "theta"\nshare = 0.02\nseed = 1\n'
+    case = CaseText(JOINT.read_text("utf-8").replace("delay = 0.012", "delay = 0.032") + lost, JOINT.parent).case()
+    (result,) = simulate(case.problem, [one for one in case.controllers if one.name == "MRAC"], case.simulation).values()
+    assert result.verdict.kind is Class.CYCLE
+    assert result.verdict.cycle.amplitude == pytest.approx(10.0)
+
+
 @pytest.mark.parametrize(
     ("swing", "cycle"),
     [

@@ -86,6 +86,11 @@ def _around_baseline(baseline: Baseline, given: Given, disturbances: Given, know
     parameters, labels = given.pop("parameters", None), given.get("labels")
     of_states = len(plant["A"])
     rows = _rows_of(follow, (labels or Labels()).of_states(of_states))
+    if len(rows) != (inputs := len(plant["b"][0]) if isinstance(plant.get("b", [0])[0], (list, tuple)) else 1):
+        raise InputError.of(
+            "reference_model.follow",
+            f"must name {counted(inputs, 'state')}, one for each input, got {counted(len(rows), 'state')}",
+        )
     baseline = replace(baseline, output=rows)  # type: ignore[type-var]  # every kind is a dataclass
     reference_model = ReferenceModel(follow=follow)
     if parameters and context.raw is not None:
