@@ -18,7 +18,7 @@ class LoopShape:
 
     sample_row         a row of the state: the sampled part is called before each step at which that is not 0, whatever its
                        number; ``sample_every`` is then 1. The part itself leaves members alone whose row is 0
-    signal_row         a row of the state: the number of the row of signals that a step of this member reads, a whole one
+    signal_row         a row of the state, of one member alone: the number of the row of signals that its step reads, a whole one
 
     ``None`` for ``noise_hold`` or ``sample_every``: an argument of every call, a count of at least 1. Compiled in is faster.
     """

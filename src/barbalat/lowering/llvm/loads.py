@@ -35,7 +35,8 @@ def noise_loads(shape: LoopShape, vector: str) -> list[str]:
 def signal_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
     """%s{i}: the signals of this step, for every lane; of a step in pieces also what the piece's row says of it."""
     if shape.signal_row is not None:
-        return _own_signals(shape, lanes, vector)
+        assert lanes == 1, "rows of signals by the state are for one member"
+        return _signals_of_row(shape)
     signals = shape.signals
     lines = [f"  %s.row = mul i64 {'%r' if shape.in_pieces else '%k'}, {signals}"]
     for i in range(signals):
@@ -61,27 +62,16 @@ def signal_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
     return lines
 
 
-def _own_signals(shape: LoopShape, lanes: int, vector: str) -> list[str]:
-    """%s{i}: each lane's signals from the row that its state names."""
+def _signals_of_row(shape: LoopShape) -> list[str]:
+    """%s{i}: the signals of the row that the state of the only member names."""
     held = f"%x{shape.signal_row}" + (".held" if shape.sample_row is not None else "")
-    lines, filled = [], ["poison"] * shape.signals
-    for j in range(lanes):
-        own = held
-        if lanes > 1:
-            own = f"%s.number{j}"
-            lines.append(f"  {own} = extractelement {vector} {held}, i64 {j}")
-        lines += [f"  %s.row{j} = fptosi double {own} to i64", f"  %s.first{j} = mul i64 %s.row{j}, {shape.signals}"]
-        for i in range(shape.signals):
-            value = f"%s{i}" if lanes == 1 else f"%s{i}.{j}.value"
-            lines += [
-                f"  %s{i}.{j}.index = add i64 %s.first{j}, {i}",
-                f"  %s{i}.{j}.at = getelementptr double, ptr %signals, i64 %s{i}.{j}.index",
-                f"  {value} = load double, ptr %s{i}.{j}.at, align 8",
-            ]
-            if lanes > 1:
-                new = f"%s{i}" if j == lanes - 1 else f"%s{i}.in{j}"
-                lines.append(f"  {new} = insertelement {vector} {filled[i]}, double {value}, i64 {j}")
-                filled[i] = new
+    lines = [f"  %s.row = fptosi double {held} to i64", f"  %s.first = mul i64 %s.row, {shape.signals}"]
+    for i in range(shape.signals):
+        lines += [
+            f"  %s{i}.index = add i64 %s.first, {i}",
+            f"  %s{i}.at = getelementptr double, ptr %signals, i64 %s{i}.index",
+            f"  %s{i} = load double, ptr %s{i}.at, align 8",
+        ]
     return lines
 
 
