@@ -195,6 +195,28 @@ def test_of_100_flexible_joints_40_are_limit_cycles_under_mrac():
     assert reversals[cycling].min() > 3 * reversals[~cycling].max()
 
 
+ARM = """
+name = "Arm"
+plant = { A = [[0.0, 1.0], [5.0, -1.0]], b = [0.0, 10.0], x0 = [0.1, 0.0], input = { saturation = [-3.0, 3.0], delay = %s, gain = %s } }
+reference_model = { poles = [[-4.0, 3.0]], follow = "angle" }
+uncertainty = { lower = [-1.0, -1.0], upper = [4.0, 2.0] }
+labels = { names = ["angle", "rate"], units = ["rad", "rad/s"] }
+reference = { kind = "square", amplitude = 0.5, frequency = 1.0 }
+simulation = { t_end = 10.0, dt = 1e-3 }
+controller = [{ scheme = "adrc", bandwidth = 25.0, sample_time = 0.01 }]
+"""  # noqa: E501
+"""Unstable by itself: with the long delay it swings from rail to rail, and its limits lose it sooner or later."""
+
+
+@pytest.mark.parametrize(("delay", "lost"), [(0.0707, True), (0.001, False)])
+def test_what_is_lost_in_its_continuation_is_told(delay, lost):
+    case = parse_case(ARM % (delay, 1.4613725744136374))
+    (result,) = simulate(case.problem, case.controllers, case.simulation).values()
+    assert result.verdict.kind is Class.OFF
+    assert result.verdict.lost_when_held is result.verdict.as_json()["lost_when_held"] is lost
+    assert [one.kind for one in result.findings if one.kind == "held"] == ["held"] * lost
+
+
 def test_lost_samples_hide_no_limit_cycle():
     """A lost sample that the continuation held would open the loop, and the control would rest: u goes from rail to rail."""
     lost = '\n[[faults]]\nkind = "dropout"\nchannel = "theta"\nshare = 0.02\nseed = 1\n'

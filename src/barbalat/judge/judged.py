@@ -74,18 +74,20 @@ class Kept:
 @dataclass(frozen=True, eq=False)
 class Cycles:
     """What became of suspects: (M, m) which controls cycle, their amplitudes and frequencies [rad/s]; (M,) who is a suspect, and
-    whose oscillation still grows where the windows end, which may be on its way to a limit cycle, or without one."""
+    whose oscillation still grows where the windows end, which may be on its way to a limit cycle, or without one, and who is lost
+    in them."""
 
     which: Array
     amplitude: Array
     frequency: Array
     suspect: Array
     growing: Array
+    lost: Array
 
     @classmethod
     def none(cls, members: int, inputs: int, suspect: Array) -> Cycles:
-        shape = (members, inputs)
-        return cls(np.zeros(shape, dtype=bool), np.zeros(shape), np.zeros(shape), suspect, np.zeros(members, dtype=bool))
+        shape, nobody = (members, inputs), np.zeros(members, dtype=bool)
+        return cls(np.zeros(shape, dtype=bool), np.zeros(shape), np.zeros(shape), suspect, nobody, nobody)
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +206,7 @@ class Judged:
             at_rate_limit=tuple(np.nan_to_num(self.at_rate_limit[i]).tolist()),
             lost_at=lost_at if np.isfinite(lost_at) else None,
             lost_within=float(self.lost_within[i]) if np.isfinite(lost_at) else 0.0,
+            lost_when_held=bool(self.cycles.lost[i]) and kind in (Class.OFF, Class.FOLLOWS),
             bands=self.bands.said(i),
             figures=self._figures(i) if self.kept.memory.detailed and kind is not Class.LOST and finite else None,
         )

@@ -101,6 +101,7 @@ class Verdict:
     at_limit       share of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
     lost_at        by when the run was lost [s]; None where it was not
     lost_within    how much earlier that may have been [s]; 0 where it is known to the step
+    lost_when_held whether a suspect that is not lost in its run is lost when it is continued with everything held
     figures        IAE and the like; None where they were not asked for
     bands          of all components, as they are said
     of_the_solver  whether a finer step comes to the same class without the oscillation that the run shows
@@ -124,6 +125,7 @@ class Verdict:
     suspect: str = ""
     of_the_solver: bool = False
     lost_within: float = 0.0
+    lost_when_held: bool = False
 
     def __str__(self) -> str:
         """Such as "follows within 3 %, at its limits 12 % of the time"."""
@@ -183,6 +185,7 @@ class Verdict:
             "at_rate_limit": list(self.at_rate_limit),
             "lost_at": self.lost_at,
             "lost_within": None if self.lost_at is None else self.lost_within,
+            "lost_when_held": self.lost_when_held,
             "bands": self.bands,
             "sentence": str(self),
             **({"suspect": self.suspect} if self.suspect else {}),

@@ -170,9 +170,15 @@ class _Measured:
         larger = [f"{key}, {_of_linear(values[key])}" for key in keys if less_than_half(delay, values[key], longest)]
         said = [half_sentence(f"delay margin, {delay:.3g} s,", larger)] if larger else []
         up, down = values.get("gain_margin"), values.get("gain_reduction_margin")
+        known = "gain_margin" in values and "gain_reduction_margin" in values  # None there: no gain exhausts it
         linear = min(up or np.inf, 1 / down if down else np.inf)
-        if linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR)), np.inf):
-            said.append(half_sentence(f"gain margin, {self.gain:.3g}, in decibels", [f"gain_margin, {linear:.3g}"]))
+        if known and linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR)), np.inf):
+            said.append(
+                half_sentence(
+                    f"gain margin, {self.gain:.3g}, in decibels",
+                    [f"gain_margin, {'any gain' if np.isinf(linear) else f'{linear:.3g}'}"],
+                )
+            )
         lost = float(self.delay.loss.loses[0])
         if lost <= delay:
             said.append(
@@ -211,8 +217,10 @@ def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
         parts.append(f"its delay of {problem.delay:g} s")
     if around.disturbance is not None or around.unmatched:
         parts.append("its disturbances")
+    if problem.faults:
+        parts.append("its faults")
     if problem.noise is not None:
-        parts.append("judged without its noise and again with it")
+        parts.append("judged without its noise and again with it; the verdict here is without it")
     return f"{', '.join(parts)}; {simulation.solver.name}, h = {simulation.dt:g} s"
 
 

@@ -195,10 +195,16 @@ def _of_the_judge(settling: Settling, rows: Rows) -> Iterator[str]:
         return
     if (cost := settling.cost(rows.column)) is not None:
         yield cost
+    if case.problem.faults and not any(path.keys[0] == "faults" for path in settling.study.varied.paths):
+        yield SAME_FAULTS
     if not case.judge.closely and tail_is_short(case.problem, case.simulation):
         yield SHORT_TAIL
 
 
+SAME_FAULTS = (
+    "all members have the same faults at the same instants: shares and intervals are for this one pattern, and say nothing of "
+    "other ones; --vary faults[0].seed=0:99:100 runs other patterns"
+)
 SHORT_TAIL = (
     "the tail, the last quarter of the run, has less than three periods of the model's slowest mode: of limit cycles as slow as "
     "that not all are counted; a longer run has them, or judge.closely = true, which takes up to three and a half times as long"

@@ -135,7 +135,9 @@ def judged(
         suspect = (suspect | judge.closely) & ~lost
     if among is not None:
         suspect &= among
-    cycles = _cycles(batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, frequencies=frequencies)
+    cycles = _cycles(
+        batch, simulation, kept, held, suspect, judge.cycle, terms.slowest, threads, limits=bands.lost, frequencies=frequencies
+    )
     lost_at, lost_within = _lost_at(batch, simulation, bands.lost)
     return Judged.of(
         kept,
@@ -214,18 +216,20 @@ SAMPLES_EACH_REVERSAL = 20
 
 
 class _Seen(NamedTuple):
-    """What a window showed of some members: (M, m) each, and (M,) whether they diverged."""
+    """What a window showed of some members: (M, m) each, (M,) whether they diverged, and (M, n) the largest of what follows."""
 
     low: Array
     high: Array
     reversals: Array
     lost: Array
+    largest: Array
 
     @classmethod
     def together(cls, pieces: Sequence[_Seen]) -> _Seen:
         """What one window of them all would have shown, but for the reversals where two of them meet."""
-        low, high, reversals, lost = zip(*pieces, strict=True)
-        return cls(np.min(low, axis=0), np.max(high, axis=0), np.sum(reversals, axis=0), np.any(lost, axis=0))
+        low, high, reversals, lost, largest = zip(*pieces, strict=True)
+        ends = np.min(low, axis=0), np.max(high, axis=0)
+        return cls(*ends, np.sum(reversals, axis=0), np.any(lost, axis=0), np.max(largest, axis=0))
 
 
 def _cycles(
@@ -238,8 +242,10 @@ def _cycles(
     slowest: float,
     threads: int | None,
     *,
+    limits: Array,
     frequencies: bool,
 ) -> Cycles:
+    """``limits`` (M, n) are those beyond which a run is lost."""
     members, inputs = len(suspect), kept.memory.inputs
     if not suspect.any():
         return Cycles.none(members, inputs, suspect)
@@ -247,7 +253,7 @@ def _cycles(
     tail = simulation.t_end - float(simulation.time(simulation.tail_start))
     reversals = kept.reversals
     amplitude, frequency = np.zeros((members, inputs)), np.zeros((members, inputs))
-    which, growing = np.zeros((members, inputs), dtype=bool), np.zeros(members, dtype=bool)
+    which, growing, lost = np.zeros((members, inputs), dtype=bool), np.zeros(members, dtype=bool), np.zeros(members, dtype=bool)
 
     def look(group: Group) -> None:
         at = group.columns.start + np.flatnonzero(suspect[group.columns])
@@ -255,9 +261,10 @@ def _cycles(
         for length in np.unique(lengths):
             steps, going = max(round(length / simulation.dt), 1), Continued.of(group, simulation, held.values)
             mine = at[lengths == length] - group.columns.start
-            for found, now in _decisions(going, steps, band[group.columns], mine):
+            for found, largest, now in _decisions(going, steps, band[group.columns], mine):
                 rows, cycling = group.columns.start + now, found.cycling(band[group.columns])[now]
                 which[rows], growing[rows] = cycling, found.growing(band[group.columns])[now]
+                lost[rows] = found.lost[now] | ~(largest[now] <= limits[rows]).all(axis=1)
                 amplitude[rows] = np.where(cycling, 0.5 * found.swing[-1][now], 0.0)
                 if frequencies:
                     frequency[rows] = _frequencies(going, steps, found.reversals[-1][now], cycling, now)
@@ -265,11 +272,11 @@ def _cycles(
     pending = [group for group in batch.groups if suspect[group.columns].any()]
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         list(pool.map(look, pending))
-    return Cycles(which, amplitude, frequency, suspect, growing)
+    return Cycles(which, amplitude, frequency, suspect, growing, lost)
 
 
-def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Iterator[tuple[Windows, Array]]:
-    """What decides about these ``members`` of a group, and about which of them.
+def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Iterator[tuple[Windows, Array, Array]]:
+    """What decides about these ``members`` of a group, (M, n) the largest of what follows, and about which of them.
 
     Each is judged by the first windows that decide about it, whatever its neighbours need: no verdict depends on who runs beside.
     """
@@ -289,7 +296,7 @@ def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Ite
         found = Windows(swing, np.array([one.reversals for one in seen]), seen[-1].lost)
         over = found.decided(band)[members] | (len(seen) == MOST_WINDOWS)
         if over.any():
-            yield found, members[over]
+            yield found, np.max([one.largest for one in seen], axis=0), members[over]
         members = members[~over]
 
 
@@ -340,7 +347,8 @@ class Continued:
         after = group.state[own:, columns].copy()
         rows = memory.places
         turned = after[rows["reversals"]] - before[rows["reversals"], columns]
-        return _Seen(after[rows["low"]].T, after[rows["high"]].T, turned.T, np.asarray(good < steps))
+        ends = after[rows["low"]].T, after[rows["high"]].T
+        return _Seen(*ends, turned.T, np.asarray(good < steps), after[rows["largest y"]].T)
 
     def traced(self, steps: int, samples: int) -> tuple[Array, Array]:
         """Instants (K,) [s] of so many steps more, about ``samples``, and there each control's farthest point, (K, M, m)."""

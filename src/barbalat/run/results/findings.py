@@ -18,11 +18,11 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import InterpolatedSignal
 
 KINDS = (
-    "solver", "half step", "record of a signal", "truth", "known set", "ranges", "command", "damping", "shakes", "still",
+    "solver", "half step", "record of a signal", "truth", "known set", "ranges", "command", "damping", "shakes", "held", "still",
     "on bounds", "between bounds", "excitation", "true values", "order", "coarse record",
 )  # fmt: skip
 """In the order in which they matter."""
-OF_EACH_RUN = ("half step", "shakes")
+OF_EACH_RUN = ("half step", "shakes", "held")
 """Kinds whose sentences have numbers of one run, and are told of each."""
 
 
@@ -62,6 +62,16 @@ def shaking(problem: TrackingProblem, verdict: Verdict | None, t_end: float, sha
     return (
         f"its control shakes: it turns back {count} times, {count / t_end:.3g} times a second, by {percent(share)} of its range "
         f"at least, where commands and disturbances turn {validate.counted(turns, 'time')}"
+    )
+
+
+def lost_when_held(verdict: Verdict | None) -> str | None:
+    """A sentence where the continuation in which a limit cycle is looked for diverges."""
+    if verdict is None or not verdict.lost_when_held:
+        return None
+    return (
+        "its control swings, and it is lost when the run is continued without noise, with command and disturbances held where "
+        "they are largest in the tail: a longer run may be lost too"
     )
 
 

@@ -22,7 +22,7 @@ from barbalat.run.kernel.breaks import LostOrder
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.results.accuracy import Accuracy
 from barbalat.run.results.adapting import Adapting, adapting, regressor_along
-from barbalat.run.results.findings import Finding, of_problem, shaking
+from barbalat.run.results.findings import Finding, lost_when_held, of_problem, shaking
 from barbalat.run.results.half_step import HalfStep
 from barbalat.run.results.outcome import html_of, outcome, outcome_in_brief
 from barbalat.run.results.spectrum import SolverDamping, Stiffness
@@ -239,7 +239,8 @@ class Result:
     def _others(self) -> tuple[Finding, ...]:
         of_run = () if self.adapting is None else self.adapting.findings
         shakes = None if self.judge is None else shaking(self.problem, self.verdict, self.simulation.t_end, self.judge.cycle)
-        of_control = () if shakes is None else (Finding("shakes", shakes),)
+        said = {"shakes": shakes, "held": None if self.judge is None else lost_when_held(self.verdict)}
+        of_control = [Finding(kind, sentence) for kind, sentence in said.items() if sentence is not None]
         return (*of_problem(self.problem, self.simulation.t_end), *of_control, *of_run)
 
     @property
