@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from barbalat.cases.load import load_case
+from barbalat.cases.load import load_case, parse_case
 from barbalat.certificates.certify import certify
 from barbalat.certificates.linear_loops.ideal import fast_adaptation, known_parameters
 from barbalat.controllers import KnownParameters, L1Adaptive, Mrac, Sampled
@@ -430,3 +430,26 @@ def test_a_slow_plant_bears_in_its_own_time():
     (slow,) = delay_margins(*loop(100)).values()
     assert 0 < fast.onset.bears[0] < fast.onset.loses[0] < 1
     assert slow.onset.bears[0] == pytest.approx(100 * fast.onset.bears[0], rel=0.05)
+
+
+LIMITED = """
+name = "limited"
+plant = { A_m = [[-2.0]], b = [1.0], theta = [3.0], input = { saturation = [-4.0, 4.0] } }
+reference_model = { k_0 = 2.0 }
+reference = { kind = "square", amplitude = 1.0, frequency = 1.0 }
+uncertainty = { lower = [0.0], upper = [4.0] }
+simulation = { t_end = 10.0, dt = 0.01 }
+controller = [{ scheme = "mrac", gamma = 5.0, sample_time = 0.05 }]
+"""
+
+
+@pytest.mark.parametrize("faults", ["", 'faults = [{ kind = "spike", size = 0.5, share = 0.02 }]\n'])
+def test_no_gain_margin_is_compared_with_one_that_is_not_known(faults):
+    """Beside faults no linear margin is known; what is simulated is told with its faults."""
+    case = parse_case(faults + LIMITED)
+    found = certify(case.problem, case.controllers, case.simulation)
+    measured = with_simulated_margins(found, case.problem, case.controllers, case.simulation)["MRAC"]
+    known = "gain_margin" in measured.values
+    assert known is (not faults)
+    assert known or not any("gain_margin" in text for text in measured.findings)
+    assert ("its faults" in measured.simulated.run) is bool(faults)
