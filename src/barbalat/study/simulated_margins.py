@@ -182,7 +182,7 @@ class _Measured:
         lost = float(self.delay.loss.loses[0])
         if lost <= delay:
             said.append(
-                f"the motion is lost before the loop oscillates: from a delay of {lost:.3g} s on the error in the tail has grown "
+                f"the motion is lost no later than the loop oscillates: from a delay of {lost:.3g} s on the error in the tail has grown "
                 f"by {self.by.lost.share:g} times the largest |x_m|, delay_margin_simulated"
             )
         return said

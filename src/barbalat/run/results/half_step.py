@@ -19,7 +19,7 @@ class HalfStep:
 
     order  of the method in the step, less what jumps and corners inside of steps cost it
     band   of the judge
-    kinds  the judge's classes at both steps, where neither is looked at for limit cycles
+    kinds  the judge's classes at the case's step and at half of it, where neither is looked at for limit cycles
     """
 
     component: str
@@ -67,4 +67,5 @@ class HalfStep:
             "tail_max_abs_e": self.fine if known else None,
             "of_the_solver": self.of_the_solver if known else None,
             "class": str(self.kinds[1]),
+            "class_at_step": str(self.kinds[0]),
         }
