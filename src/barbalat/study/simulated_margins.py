@@ -182,8 +182,8 @@ class _Measured:
         lost = float(self.delay.loss.loses[0])
         if lost <= delay:
             said.append(
-                f"the motion is lost no later than the loop oscillates: from a delay of {lost:.3g} s on the error in the tail has "
-                f"grown by {self.by.lost.share:g} times the largest |x_m|, delay_margin_simulated"
+                f"the motion is lost no later than the loop oscillates: from a delay of {lost:.3g} s on the error in the tail "
+                f"has grown by {self.by.lost.share:g} times the largest |x_m|, delay_margin_simulated"
             )
         return said
 
