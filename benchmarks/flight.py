@@ -21,7 +21,7 @@ from barbalat.export.texts import Printed
 from barbalat.lowering import c99
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from benchmarks.flight_cases import CASES, SIMULATION
+from benchmarks.flight_cases import CASES, SHELLED, SIMULATION
 
 MACHINE = ["-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard"]
 OPTIONS = ["-std=c99", "-ffp-contract=off", "-O2"]
@@ -201,7 +201,7 @@ def page() -> str:
         "| controller | operations | instructions | cycles (estimate) | rate at 168 MHz (estimate) | code | state | stack |",
         "|---|---:|---:|---:|---:|---:|---:|---:|",
     ]
-    for name, problem, controller in CASES:
+    for name, problem, controller in (*CASES, *SHELLED):
         c = cost(problem, controller)
         sizes = " | ".join(f"{value} B" for value in (c.code, c.data, c.stack))
         lines.append(f"| {name} | {c.operations} | {c.instructions} | {c.cycles} | {c.rate / 1e3:.0f} kHz | {sizes} |")

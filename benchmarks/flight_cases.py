@@ -35,7 +35,7 @@ from barbalat import (
     input_filter,
 )
 from barbalat.laws import FixedSigma, Gradient, LeastSquares, LyapunovLaw
-from barbalat.plants import PlantInput
+from barbalat.plants import PlantInput, Shell
 from barbalat.protocols import Controller
 from barbalat.regressors import Terms
 from barbalat.signals import Sine
@@ -140,3 +140,13 @@ CASES = [
     ),
 ]
 """By midpoint steps where nothing else is said."""
+
+SHELL = Shell(
+    range={"x_1": [-50.0, 50.0], "x_2": [-50.0, 50.0]},
+    rate={"x_1": 500.0, "x_2": 500.0},
+    jitter=0.1,
+    longest_outage=0.2,
+    fallback="fade",
+)
+SHELLED = [("MRAC, with a shell", replace(STATE, shell=SHELL), _sampled(Mrac(gamma=20.0)))]
+"""What a shell adds to a sample that has every part but *stuck*, which is off unless asked for."""

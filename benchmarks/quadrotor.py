@@ -1,4 +1,4 @@
-"""All schemes through all failures of the quadrotor: ``python -m benchmarks.quadrotor`` writes docs/guides/quadrotor-flights.txt.
+"""The schemes through the failures of the quadrotor: this module writes docs/laboratory/quadrotor-flights.txt.
 
 Nothing is timed here: the numbers are the simulator's, and the same on every machine of its kind. It takes some minutes.
 ``python -m benchmarks.quadrotor FLY.json`` takes those of ``barbalat fly quadrotor --delays --json``.
@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-PAGE = Path(__file__).parents[1] / "docs" / "guides" / "quadrotor-flights.txt"
+PAGE = Path(__file__).parents[1] / "docs" / "laboratory" / "quadrotor-flights.txt"
 
 
 def table(document: dict[str, Any]) -> str:

@@ -44,7 +44,7 @@ nb_execution_in_temp = True  # what a cell writes does not land among the pages
 nb_execution_mode = "force"  # nothing is taken from an earlier build
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
-nb_execution_timeout = 180  # s; a cell takes a few, on a shared machine ten times that
+nb_execution_timeout = 600  # [s]; a busy machine takes several times as long as an idle one
 nb_output_stderr = "error"
 nb_merge_streams = True
 

@@ -2,12 +2,12 @@
 # requires-python = ">=3.11"
 # dependencies = ["python-flint>=0.7"]
 # ///
-"""``barbalat-check FILE``: whether every guaranteed number of a proof follows from the case's numbers that stand beside it.
+"""``barbalat-check FILE``: verifies that every guaranteed number of a proof follows from the case's numbers in the same file.
 
-A program of its own: it imports nothing of Barbalat. The numbers of the file are binary64 numbers or dyadic ones ("5p-3" is
-5 * 2**-3), read exactly. What is rational is computed in exact rationals; roots and integrals are enclosed in ball arithmetic
-(python-flint, Arb). Each line of a proof is a number with a witness; its rule, a theorem of docs/proofs.md with the same name,
-says what has to hold for it. The first line that does not hold is named, and the exit code is 1; 0 says that all hold.
+A separate program, which imports nothing of Barbalat. The numbers of the file are binary64 numbers or dyadic ones ("5p-3" is 5 *
+2**-3), read exactly. Rational quantities are computed exactly; roots and integrals are enclosed in ball arithmetic (python-flint,
+Arb). Each line of a proof is a number with a witness; its rule, a theorem of docs/proofs.md with the same name, states what must
+hold for it. The first line that fails is named, and the exit code is 1; 0 means that all lines hold.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import json
 import re
 import sys
 from collections.abc import Callable
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from flint import arb, arb_mat, ctx, fmpq, fmpq_mat
 
 FORMAT = "barbalat proof 1"
 DEGREE = 24
-"""Of the Taylor polynomials that impulse responses are followed by."""
+"""Degree of the Taylor polynomials for impulse responses."""
 LEAST_BITS, MOST_BITS = 128, 8192
 Rule = Callable[["Controller", Any, dict[str, Any]], None]
 RULES: dict[str, Rule] = {}
@@ -80,7 +80,7 @@ def zeros(rows: int, columns: int) -> fmpq_mat:
 
 
 def blocks(parts: list[list[fmpq_mat]]) -> fmpq_mat:
-    """One matrix of blocks; those without columns or rows are left out by their callers."""
+    """A block matrix; callers leave out blocks without columns or rows."""
     rows: list[list[Any]] = []
     for line in parts:
         tables = [part.tolist() for part in line]
@@ -112,7 +112,7 @@ def root(value: fmpq | arb) -> arb:
 
 
 def at_least(claimed: Any, needed: fmpq | arb, what: str) -> None:
-    """The claimed number is certainly not below what is needed."""
+    """Require that the claimed number is provably not below the needed one."""
     value = number(claimed)
     holds = value >= needed if isinstance(needed, fmpq) else bool(arb(value) >= needed)
     require(holds, f"{what} must be at least {text(needed)}, and {text(value)} is claimed")
@@ -140,12 +140,10 @@ class Norms:
         steps = witness.get("steps")
         if not (isinstance(steps, list) and len(steps) == B.ncols()):
             raise Refused("steps are a list for each input")
-        before, ctx.prec, self._transitions = ctx.prec, bits, dict[fmpq, arb_mat]()
-        try:
+        self._transitions = dict[fmpq, arb_mat]()
+        with ctx.workprec(bits):
             self.A, self.P = arb_mat(A), arb_mat(P)
             found = [self._channel(B, j, vector(steps[j])) for j in range(B.ncols())]
-        finally:
-            ctx.prec = before
         self.lower = [[ends[0] for ends in row] for row in zip(*found, strict=True)]
         self.upper = [[ends[1] for ends in row] for row in zip(*found, strict=True)]
 
@@ -154,7 +152,7 @@ class Norms:
         return arb(max((x.transpose() * self.P * x)[0, 0].upper(), arb(0))).sqrt().upper()
 
     def _transition(self, step: fmpq) -> arb_mat:
-        """e^(A step): that of a part of it so short that |A| times it is below 1, squared again and again."""
+        """e^(A step), by repeated squaring from a part of the step so short that |A| times it is below 1."""
         if step not in self._transitions:
             halvings, size = 0, max(sum((abs(entry) for entry in row), arb(0)).upper() for row in self.A.tolist()) * arb(step)
             while not size * arb(2) ** -halvings < 1:
@@ -166,7 +164,7 @@ class Norms:
         return self._transitions[step]
 
     def _channel(self, B: fmpq_mat, j: int, steps: list[fmpq]) -> list[tuple[arb, arb]]:
-        """From the state b_j on, step by step; the state is x, exact, and an error e with |e|_P <= error."""
+        """Integrate from the state b_j, step by step; the state is an exact x and an error e with |e|_P <= error."""
         exact = arb_mat([[arb(B[i, j])] for i in range(B.nrows())])
         x, C, p = exact.mid(), arb_mat(self.C), self.C.nrows()
         error = self._size(exact - x)
@@ -218,11 +216,12 @@ def bernstein_matrix() -> arb_mat:
     return _TABLES[ctx.prec]
 
 
-# --- What is given: the case's numbers, and what they are premises of -----------------------------------------------------------
+# --- The given data: the case's numbers, and the assumptions that follow from them
+# -----------------------------------------------
 
 
 class Case:
-    """The plant x' = A_m x + b diag(gain) (u + d) + b Phi(x)'theta as it is known to its designer, and what acts on it."""
+    """The plant x' = A_m x + b (diag(gain) u + d + Phi(x)'theta) as its designer knows it, and what acts on it."""
 
     def __init__(self, facts: dict[str, Any]) -> None:
         self.facts, self.assumed = facts, dict[str, None]()
@@ -244,20 +243,20 @@ class Case:
 
     @property
     def parameters(self) -> list[fmpq]:
-        """All that is estimated: theta, and the input gains where they are unknown."""
+        """All estimated quantities: theta, and the input gains if they are unknown."""
         return self.theta if self.interval is None else self.theta + self.gain
 
     def command_bounds(self) -> list[arb]:
         """sup |r_q| of each command, from the numbers of its kind."""
         commands = self.facts["reference"]
         require(len(commands) == self.k_0.ncols(), "k_0 needs a column for each command")
-        return [arb(self._bound(one)) for one in commands]
+        return [arb(self.bound_of_signal(one)) for one in commands]
 
-    def _bound(self, signal: dict[str, Any]) -> fmpq:
+    def bound_of_signal(self, signal: dict[str, Any]) -> fmpq:
         kind = signal["kind"]
         if kind in ("constant", "square", "chirp", "sine", "sines"):
             return abs(number(signal.get("constant", 0))) + sum((abs(one) for one in vector(signal["amplitudes"])), fmpq(0))
-        if kind in ("levels", "recorded"):  # constant, or straight, between these
+        if kind in ("levels", "recorded"):  # constant, or linear, between these
             return max(abs(one) for one in vector(signal["values"]))
         require(kind == "bounded", "the command has no bound")
         self.assumed[f"the command {signal.get('name', '')} stays within {text(number(signal['bound']))}"] = None
@@ -268,8 +267,12 @@ class Case:
         bounds = self.command_bounds()
         return [sum((arb(abs(self.k_0[j, q])) * r for q, r in enumerate(bounds)), arb(0)) for j in range(self.m)]
 
+    @property
+    def is_disturbed(self) -> bool:
+        return self.facts["disturbance"] is not None or bool(self.facts["unmatched"])
+
     def push(self, P: fmpq_mat) -> arb:
-        """At least |P w|, w = b d + sum of E_j d_j being what the disturbances add to x'."""
+        """An upper bound of |P w|, where w = b d + sum of E_j d_j is the disturbances' part of x'."""
         acting = [(list(map(number, one["direction"])), one["signal"]) for one in self.facts["unmatched"]]
         if self.facts["disturbance"] is not None:
             require(self.m == 1, "a matched disturbance needs one input")
@@ -278,37 +281,39 @@ class Case:
         for direction, signal in acting:
             require(len(direction) == self.n, "a disturbance needs a direction with an entry for each state")
             pushed = P * column(direction)
-            total += root((pushed.transpose() * pushed)[0, 0]) * arb(self._bound(signal))
+            total += root((pushed.transpose() * pushed)[0, 0]) * arb(self.bound_of_signal(signal))
         return total
 
     def require_nominal(self, *, any_gain: bool = False, disturbed: bool = False) -> None:
-        """The plant is (1): nothing acts on it or stands before it, its state is measured, the command is bounded.
+        """Require that the plant is (1): nothing else acts on it, nothing precedes or surrounds it, its state is measured, the
+        command is bounded.
 
-        Where it may be ``disturbed``, disturbances are looked at elsewhere.
+        If it may be ``disturbed``, disturbances are checked elsewhere.
         """
         self.require_no("quantization", "saturation", "rate_limit", "actuator", "multiplicative")
         require(len(self.facts["inputs"]) == self.m, "each input has its path")
         known = self.interval is None and not any_gain
-        require(not known or all(one == 1 for one in self.gain), "the plant is (1), but its input has a gain of its own")
+        require(not known or all(one == 1 for one in self.gain), "the plant must be (1), but its input has a gain other than 1")
         require(all(one > 0 for one in self.gain), "the input's gain must be positive")
-        for name in ("sensor", "unmatched_ranges", *(() if disturbed else ("disturbance", "unmatched"))):
-            require(self.facts[name] in (None, [], ""), f"the plant is (1), but there is: {name}")
+        for name in ("sensor", "baseline", "unmatched_ranges", *(() if disturbed else ("disturbance", "unmatched"))):
+            require(self.facts[name] in (None, [], ""), f"the plant must be (1), but the case has: {name}")
         self.command_bounds()
 
     def require_no(self, *names: str) -> None:
-        """Nothing of these names stands before an input, and no delay."""
+        """Require that none of these, and no delay, precedes an input."""
         for path in self.facts["inputs"]:
             for name in names:
-                require(path[name] is None, f"the plant is (1), but its input has {name}")
-            require(number(path["delay"]) == 0, "the plant is (1), but its input has a delay")
+                require(path[name] is None, f"the plant must be (1), but its input has {name}")
+            require(number(path["delay"]) == 0, "the plant must be (1), but its input has a delay")
 
     def bound_of(self, name: str) -> arb:
-        """The size of a signal that may be absent."""
+        """The bound of a signal that may be absent."""
         signal = self.facts[name]
-        return arb(0) if signal is None else arb(self._bound(signal))
+        return arb(0) if signal is None else arb(self.bound_of_signal(signal))
 
     def require_regular(self) -> None:
-        """phi(x) is finite wherever x is; of a formula with a quotient or a root that is assumed, and said."""
+        """Require that phi(x) is finite for every finite x; for a formula with a quotient or a root this is assumed and
+        reported."""
         regressor = self.facts["regressor"]
         kind = regressor["kind"]
         if kind in ("x", "polynomial", "gaussian"):
@@ -347,7 +352,7 @@ class Box:
         return len(theta) == len(self.lower) and all(a <= one <= b for a, one, b in ends)
 
     def farthest(self, theta: list[fmpq], weights: list[fmpq] | None = None) -> arb:
-        """The largest Euclidean distance from theta to a point of the set, its squares weighted: at a vertex."""
+        """The largest weighted Euclidean distance from theta to a point of the set, attained at a vertex."""
         each = [max(abs(a - one), abs(b - one)) for a, one, b in zip(self.lower, theta, self.upper, strict=True)]
         return root(sum((w * one * one for w, one in zip(weights or [fmpq(1)] * len(each), each, strict=True)), fmpq(0)))
 
@@ -391,7 +396,7 @@ def known_set(facts: dict[str, Any] | None) -> Box | Ball | None:
 
 
 class Controller:
-    """A controller's numbers, and what has been proven of it and its loop so far."""
+    """A controller's numbers, and the lines about it and its loop that are proven so far."""
 
     def __init__(self, case: Case, facts: dict[str, Any]) -> None:
         self.case, self.facts, self.proven = case, facts, dict[str, Any]()
@@ -406,7 +411,7 @@ class Controller:
         return self.facts[name]
 
     def earlier(self, name: str) -> Any:
-        """What an earlier line has proven."""
+        """The number that an earlier line has proven."""
         require(name in self.proven, f"it needs an earlier line on {name}")
         return self.proven[name]
 
@@ -420,7 +425,7 @@ class Controller:
 
     @property
     def A(self) -> fmpq_mat:
-        """What P is a Lyapunov matrix of: A_m, or A_m + L of a closed-loop model."""
+        """The matrix whose Lyapunov matrix is P: A_m, or A_m + L for a closed-loop model."""
         found = self.case.A_m
         return found + matrix(self.facts["L"], self.case.n, self.case.n) if "L" in self.facts else found
 
@@ -444,7 +449,7 @@ class Controller:
         return found
 
     def require_inside(self) -> None:
-        """With projection, theta and theta_hat(0) lie in the set."""
+        """Require, with projection, that theta and theta_hat(0) are in the set."""
         theta, p = self.of_theta, len(self.case.theta)
         for values in (self.theta_hat0, self.case.parameters) if self.fact("projection") is True else ():
             require(theta is None or theta.holds(values[:p]), "theta and theta_hat(0) must lie in the set that is projected onto")
@@ -452,7 +457,7 @@ class Controller:
             require(gains is None or gains.holds(values[p:]), "the input's gains must lie in their intervals")
 
     def require_no_corners(self) -> None:
-        """Projection with a gain matrix keeps V' <= 0 in a ball, and in a box of at most four faces that can be reached."""
+        """Require that projection with a gain matrix keeps V' <= 0: in a ball, and in a box with at most four reachable faces."""
         theta, gains = self.of_theta, self.case.interval
         faces = sum(one.faces for one in (theta, gains) if one is not None)
         cut = faces > 4 or (isinstance(theta, Ball) and gains is not None)
@@ -460,12 +465,12 @@ class Controller:
         require(keeps, "with a gain matrix the projection may make V grow in corners")
 
     def require_plain_law(self) -> None:
-        """V' <= -|e|^2 holds with the law's modifications: none, composite learning, or a switching sigma that bounds theta."""
-        require(self.fact("dead_zone") is None, "inside a dead zone nothing is learnt")
+        """Require V' <= -|e|^2 with the law's modifications: none, composite learning, or a switching sigma that bounds theta."""
+        require(self.fact("dead_zone") is None, "the law must not have a dead zone")
         leakage = self.fact("leakage")
         if leakage is None:
             return
-        require(leakage.get("kind") == "switching", "the leakage pulls the estimates to zero")
+        require(leakage.get("kind") == "switching", "a leakage must be a switching one")
         M_0, origin = number(leakage["M_0"]), [fmpq(0)] * len(self.case.theta)
         of_theta = sum((one**2 for one in self.case.parameters), fmpq(0))
         require(of_theta <= M_0**2, "M_0 must bound theta")
@@ -478,7 +483,7 @@ class Controller:
             require(bool(reach <= arb(M_0)), "M_0 must bound theta over the known set")
 
     def require_theorem_1(self, *, disturbed: bool = False) -> None:
-        """What V = e'Pe + theta_tilde'Gamma^-1 theta_tilde rests on."""
+        """Require the assumptions of V = e'Pe + theta_tilde'Gamma^-1 theta_tilde."""
         self.case.require_nominal(disturbed=disturbed)
         self.case.require_regular()
         require("sample_time" not in self.facts, "the controller must act continuously")
@@ -488,27 +493,34 @@ class Controller:
         self.require_plain_law()
 
     def weighted_square(self) -> fmpq:
-        """theta_tilde(0)'Gamma^-1 theta_tilde(0), Gamma a number, a diagonal or a matrix."""
+        """theta_tilde(0)'Gamma^-1 theta_tilde(0), where Gamma is a number, a diagonal or a matrix."""
         return weighted(self.error(), self.fact("gamma"))
 
     def level(self) -> arb:
-        """nu_0/sqrt(Gamma); beside disturbances docs/proofs.md, "Beside bounded disturbances"."""
-        if self.case.facts["disturbance"] is None and not self.case.facts["unmatched"]:
+        """nu_0/sqrt(Gamma); with disturbances see docs/proofs.md, "Beside bounded disturbances"."""
+        if not self.case.is_disturbed:
             return root(self.weighted_square() / self.earlier("lambda_min"))
-        theta, gains, facts = self.require_theta_known(), self.case.interval, self.fact("carried")
-        require(self.fact("projection") is True, "beside disturbances the estimates must be projected")
-        require(self.fact("learning") is None, "a memory learns from disturbances")
+        theta, gains = self.require_theta_known(), self.case.interval
+        require(self.fact("projection") is True, "with disturbances the estimates must be projected")
+        require(self.fact("learning") is None, "with disturbances the law must not learn from a memory")
+        p = len(self.case.theta)
+        square = theta.farthest(self.case.theta) ** 2
+        square += arb(0) if gains is None else gains.farthest(self.case.parameters[p:]) ** 2
+        return ((square / self.carried_gain() + self.pushed_V()) / arb(self.earlier("lambda_min"))).sqrt()
+
+    def carried_gain(self) -> fmpq:
+        gain = least_gain(self, {"witness": self.fact("carried")})
+        require(gain > 0, "Gamma must be positive")
+        return gain
+
+    def pushed_V(self) -> arb:
+        """The contribution of disturbances to V: docs/proofs.md, "Beside bounded disturbances"."""
+        facts = self.fact("carried")
         q, largest = number(facts["decay"]), number(facts["largest"])
         product, one = self.P * self.A, identity(self.case.n)
         require(q > 0 and positive_definite(-(product + product.transpose()) - one * q), "-(PA + A'P) - q I must be definite")
         require(positive_definite(one * largest - self.P), "lambda I - P must be positive definite")
-        p = len(self.case.theta)
-        square = theta.farthest(self.case.theta) ** 2
-        square += arb(0) if gains is None else gains.farthest(self.case.parameters[p:]) ** 2
-        gain = least_gain(self, {"witness": facts})
-        require(gain > 0, "Gamma must be positive")
-        square /= gain
-        return ((square + arb(largest) * (2 * self.case.push(self.P) / q) ** 2) / arb(self.earlier("lambda_min"))).sqrt()
+        return arb(largest) * (2 * self.case.push(self.P) / q) ** 2
 
 
 def couples(gamma: Any) -> bool:
@@ -532,7 +544,7 @@ def weighted(off: list[fmpq], gamma: Any) -> fmpq:
 
 
 def least_gain(controller: Controller, line: dict[str, Any]) -> fmpq:
-    """At most the smallest eigenvalue of Gamma; of a matrix the line's witness."""
+    """A lower bound of Gamma's smallest eigenvalue; for a matrix the line's witness."""
     gamma = controller.fact("gamma")
     if not isinstance(gamma, list):
         return number(gamma)
@@ -547,7 +559,7 @@ def least_gain(controller: Controller, line: dict[str, Any]) -> fmpq:
 
 
 def system(c: Controller, name: str, line: dict[str, Any]) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fmpq_mat]:
-    """A, B, C, D of what a line's norm is of."""
+    """A, B, C, D of the system whose norm a line states."""
     if c.scheme == "output":
         return around_y(c, name)
     case, n = c.case, c.case.n
@@ -556,6 +568,9 @@ def system(c: Controller, name: str, line: dict[str, Any]) -> tuple[fmpq_mat, fm
         return A_m, b, identity(n), nothing
     if name == "sW_b":
         return A_m, b, A_m, b
+    if name in ("W_r", "sW_r"):
+        b_r = matrix(c.fact("sampled")["b_r"], n)
+        return (A_m, b_r, identity(n), zeros(n, b_r.ncols())) if name == "W_r" else (A_m, b_r, A_m, b_r)
     if name == "C":
         return state_space(c.fact("filter"))
     if name in ("W_b(1-C)", "W_b(1-C) at kappa"):
@@ -685,12 +700,12 @@ def _nu_0(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 @rule("nu_0_worst")
 def _nu_0_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    require(c.case.interval is None, "it is known where the input's gain is")
+    require(c.case.interval is None, "nu_0_worst requires a known input gain")
     at_least(value, c.require_theta_known().farthest(c.theta_hat0) / root(c.earlier("lambda_min")), "nu_0_worst")
 
 
 def gain_and_size(c: Controller) -> tuple[arb, arb]:
-    """N and what it is multiplied with in the small-gain condition."""
+    """N and its factor in the small-gain condition."""
     if c.scheme == "l1":
         return c.norm("W_b(1-C)").norm[1], c.earlier("theta_max")
     name = "W_b S" if c.scheme == "linear" else "T"
@@ -702,13 +717,16 @@ def gain_and_size(c: Controller) -> tuple[arb, arb]:
 
 @rule("condition")
 def _condition(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    norm, size = gain_and_size(c)
+    norm, size = (c.norm("H(1-C)").norm[1], lipschitz(c)) if c.scheme == "output" else gain_and_size(c)
     at_least(value["value_upper"], norm * size, "the norm times the size")
-    require(number(value["limit"]) == 1 and value["holds"] is (number(value["value_upper"]) < 1), "it holds where it is below 1")
+    require(
+        number(value["limit"]) == 1 and value["holds"] is (number(value["value_upper"]) < 1),
+        "the condition holds if and only if the value is below 1",
+    )
 
 
 def contraction(c: Controller) -> arb:
-    """1 - N times size, certainly positive."""
+    """1 - N times the factor, provably positive."""
     norm, size = gain_and_size(c)
     require(bool(norm * size < 1), "the small-gain condition must hold")
     return 1 - norm * size
@@ -770,7 +788,7 @@ def of_l1(c: Controller) -> arb:
 
 
 def of_closed_loop_model(c: Controller) -> arb:
-    c.require_theorem_1()
+    c.require_theorem_1(disturbed=True)
     return c.norm("1-L").norm[1] * c.level()
 
 
@@ -787,21 +805,21 @@ def of_fixed_loop(c: Controller) -> arb:
 
 
 def ideal_V(c: Controller, omega: list[fmpq], of_x: fmpq | arb) -> arb:
-    """V(0) of the direct MRAC: what k_x adds, and omega_i (k_r - k_0/omega)^2/gamma_r."""
+    """V(0) of the direct MRAC: the contribution of k_x, plus omega_i (k_r - k_0/omega)^2/gamma_r."""
     k_r, k_0 = vector(c.fact("k_r0")), [one for row in c.case.k_0.tolist() for one in row]
     each = [omega[j // (len(k_0) // len(omega))] for j in range(len(k_0))]
     of_r = sum((w * (a - b / w) ** 2 for w, a, b in zip(each, k_r, k_0, strict=True)), fmpq(0)) / number(c.fact("gamma_r"))
     return arb(of_x) + arb(of_r)
 
 
-def require_direct(c: Controller) -> None:
-    c.case.require_nominal(any_gain=True)
+def require_direct(c: Controller, *, disturbed: bool = False) -> None:
+    c.case.require_nominal(any_gain=True, disturbed=disturbed)
     c.case.require_regular()
     require("sample_time" not in c.facts, "the controller must act continuously")
     c.earlier("lyapunov")
     gamma, theta, intervals = c.fact("gamma"), c.of_theta, c.case.interval
     one_input = c.case.m == 1 or not (isinstance(gamma, list) and isinstance(gamma[0], list))
-    require(number(c.fact("gamma_r")) > 0 and one_input, "a gain matrix goes with one input")
+    require(number(c.fact("gamma_r")) > 0 and one_input, "a gain matrix is allowed for one input only")
     if c.fact("projection") is not True:
         return
     corners = theta is not None and theta.faces > 4 and couples(gamma)
@@ -816,9 +834,11 @@ def require_direct(c: Controller) -> None:
 
 
 def of_direct(c: Controller) -> arb:
-    """V = e'Pe + sum of omega_i times what is adapted of the input i."""
-    require_direct(c)
+    """V = e'Pe plus, for each input i, omega_i times the terms of its adapted gains."""
+    require_direct(c, disturbed=True)
     omega = [c.case.gain[k % c.case.m] for k in range(len(c.theta_hat0))]
+    if c.case.is_disturbed:
+        return ((of_projected_gains(c, omega) + c.pushed_V()) / arb(c.earlier("lambda_min"))).sqrt()
     off = [a - b / w for a, b, w in zip(c.theta_hat0, c.case.theta, omega, strict=True)]
     gamma = c.fact("gamma")
     if c.case.m == 1:
@@ -829,27 +849,74 @@ def of_direct(c: Controller) -> arb:
     return (ideal_V(c, c.case.gain, of_x) / arb(c.earlier("lambda_min"))).sqrt()
 
 
+def of_projected_gains(c: Controller, omega: list[fmpq]) -> arb:
+    """The largest contribution of the gains to V, with k_x and k_r anywhere in the sets theta/omega and k_0/omega onto which
+    they are projected."""
+    theta, intervals, gamma = c.require_theta_known(), c.case.interval, c.fact("gamma")
+    if intervals is None or c.fact("projection") is not True:
+        raise Refused("with disturbances both gains must be projected")
+    ideal = [one / w for one, w in zip(c.case.theta, omega, strict=True)]
+    diagonal = isinstance(gamma, list) and not isinstance(gamma[0], list)
+    gammas = vector(gamma) if diagonal else [c.carried_gain()] * len(omega)
+    weights = [w / g for w, g in zip(omega, gammas, strict=True)]
+    if isinstance(theta, Box):
+        each = [k % c.case.m for k in range(len(omega))]
+        of_x = quotients(theta.lower, theta.upper, intervals, each).farthest(ideal, weights)
+    else:
+        low, high = min(1 / one for one in intervals.upper), max(1 / one for one in intervals.lower)
+        far = sum(
+            (w * (a - one * (low + high) / 2) ** 2 for w, a, one in zip(weights, ideal, theta.center, strict=True)), fmpq(0)
+        )
+        reach = arb(theta.radius * high) + root(sum((one**2 for one in theta.center), fmpq(0))) * (high - low) / 2
+        of_x = root(far) + reach * root(max(weights))
+    k_0 = [one for row in c.case.k_0.tolist() for one in row]
+    each = [j // (len(k_0) // c.case.m) for j in range(len(k_0))]
+    k_r = [one / c.case.gain[i] for one, i in zip(k_0, each, strict=True)]
+    of_r = quotients(k_0, k_0, intervals, each).farthest(k_r, [c.case.gain[i] / number(c.fact("gamma_r")) for i in each])
+    return of_x**2 + of_r**2
+
+
+def quotients(lower: list[fmpq], upper: list[fmpq], omega: Box, each: list[int]) -> Box:
+    """The box of value/omega_i, with value between its ends and omega_i > 0 in its interval."""
+    ends = [
+        [value / w for value in (a, b) for w in (omega.lower[i], omega.upper[i])]
+        for a, b, i in zip(lower, upper, each, strict=True)
+    ]
+    found = Box({"lower": [], "upper": []})
+    found.lower, found.upper = [min(one) for one in ends], [max(one) for one in ends]
+    return found
+
+
 ERROR_BOUNDS: dict[str, Callable[[Controller], arb]] = {
     "mrac": of_mrac, "l1": of_l1, "mrac-closed-loop": of_closed_loop_model, "mrac-direct": of_direct, "linear": of_fixed_loop,
     "adrc": of_fixed_loop, "output": lambda c: small_gain(c)[1][0],
 }  # fmt: skip
 
 
-@rule("error_bound_worst")
+@rule("error_bound_worst", "error_bound_command")
 def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """Over the known set V(0) is largest at a vertex, or where a ball is farthest; over intervals of omega at their ends."""
+    """Over the known set V(0) is largest at a vertex, or at the farthest point of a ball; over intervals of omega at their ends.
+
+    |e|^2 <= V/lambda_min, and e_i^2 <= V (P^-1)_ii, which the bound under the command uses.
+    """
     theta, least = c.require_theta_known(), c.earlier("lambda_min")
+    if line["key"] == "error_bound_command":
+        inverse = c.P.inv()
+        least = 1 / max(inverse[i, i] for i in range(c.case.n))
     if c.scheme != "mrac-direct":
-        require(c.scheme in ("mrac", "mrac-closed-loop") and c.case.interval is None, "there is no rule for this scheme")
+        require(c.scheme in ("mrac", "mrac-closed-loop"), "there is no rule for this scheme")
         c.require_theorem_1()
-        carried = c.norm("1-L").norm[1] if "L" in c.facts else arb(1)
-        needed = carried * theta.farthest(c.theta_hat0) / root(least * least_gain(c, line))
+        carried, p, gains = c.norm("1-L").norm[1] if "L" in c.facts else arb(1), len(c.case.theta), c.case.interval
+        far = theta.farthest(c.theta_hat0[:p])
+        if gains is not None:
+            far = (far**2 + gains.farthest(c.theta_hat0[p:]) ** 2).sqrt()
+        needed = carried * far / root(least * least_gain(c, line))
         at_least(value, needed, "the bound of |e|")
         return
     require_direct(c)
     intervals, gamma = c.case.interval, c.fact("gamma")
     one = intervals is None and c.fact("projection") is True
-    require(not one or all(w == 1 for w in c.case.gain), "theta/omega must be reached by the projection for every theta")
+    require(not one or all(w == 1 for w in c.case.gain), "theta/omega must lie in the set of the projection for every theta")
     corners = [tuple(c.case.gain)] if intervals is None else product(*zip(intervals.lower, intervals.upper, strict=True))
     matrix_gain = not isinstance(gamma, list) or isinstance(gamma[0], list)
     gammas = [least_gain(c, line)] * len(c.theta_hat0) if matrix_gain else vector(gamma)
@@ -860,16 +927,40 @@ def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
         at_least(value, (ideal_V(c, list(omega), of_x) / arb(least)).sqrt(), "the bound of |e|")
 
 
+def slope_of_f(c: Controller) -> arb:
+    """L, which is assumed; 0 without f."""
+    f = c.fact("f")
+    if f is None:
+        return arb(0)
+    slope, rest = number(f["slope"]), number(f["at_zero"])
+    bounds = f"|f(t, 0)| <= {text(rest)}, and the slope of f is at most {text(slope)} for |y| up to output_bound"
+    c.case.assumed[bounds] = None
+    return arb(slope)
+
+
+def lipschitz(c: Controller) -> arb:
+    """L of condition (20): the given value, which is assumed, or the slope of f."""
+    given = c.fact("lipschitz")
+    if given is None:
+        return slope_of_f(c)
+    c.case.assumed[f"f has the Lipschitz constant {text(number(given))} of condition (20)"] = None
+    return arb(number(given))
+
+
+@rule("slope")
+def _slope(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    require(c.scheme == "output", "there is no rule for this scheme")
+    at_least(value, slope_of_f(c), "the slope of f")
+
+
 def small_gain(c: Controller) -> tuple[arb, list[arb]]:
-    """The bound of |y_G|, and those of e and sigma after it, by the small gain theorem."""
+    """The bounds of |y_G|, and then of e and sigma, by the small-gain theorem."""
     case, f = c.case, c.fact("f")
     case.require_no("quantization", "saturation", "rate_limit")
     require(case.facts["noise"] is None and "sample_time" not in c.facts, "a continuous loop without noise is needed")
     sizes = [case.bound_of(name) for name in ("reference", "disturbance", "output_disturbance")]
-    slope, rest = (arb(0), arb(0)) if f is None else (arb(number(f["slope"])), arb(number(f["at_zero"])))
+    slope, rest = slope_of_f(c), arb(0) if f is None else arb(number(f["at_zero"]))
     case.assumed["the matrices of the loop around y are the case's"] = None
-    if f is not None:
-        case.assumed[f"|f(t, 0)| <= {text(rest)}, and the slope of f is at most {text(slope)} for |y| up to output_bound"] = None
     each = c.norm("loop").upper
     gain = each[0][1]
     require(bool(gain * slope < 1), "the small gain must be below 1")
@@ -886,7 +977,10 @@ def _output_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
 
 @rule("W_hat_bound", "V_hat_bound", "control_bound")
 def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """By the e-modification, whatever else acts."""
+    """The e-modification's bound, whatever else acts; for a sampled loop it is proven with its response."""
+    if c.scheme == "sampled":
+        at_least(value, c.earlier("sampled")["control_bound"], "the bound of |u|")
+        return
     require("sample_time" not in c.facts, "the controller must act continuously")
     nu, gamma, gamma_v = (number(c.fact(name)) for name in ("nu", "gamma", "gamma_v"))
     rows = 1 + c.fact("neurons")
@@ -908,11 +1002,259 @@ def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
             at_least(value, (arb(gamma_v) * level.max(arb(0))).sqrt(), "the bound of the inner weights")
 
 
+# --- A loop that is linear from sample to sample: docs/proofs.md, "A sampled linear loop" ---------------------------------------
+
+PARTS = 16
+"""Parts of a sample, between whose ends the motion is a straight line except for its curvature."""
+
+
+class SampledLoop:
+    """X' = A X + E v between samples, X becomes J X at a sample, u = C X acts whole + part samples later. z contains X and the
+    delayed u."""
+
+    reached: arb_mat
+
+    def __init__(self, c: Controller) -> None:
+        facts, case = c.fact("sampled"), c.case
+        self.A, s = arb_mat(matrix(facts["A"])), len(facts["A"])
+        self.E, self.J, self.C = (arb_mat(matrix(facts[name])) for name in "EJC")
+        self.T, self.s, self.m = number(facts["T"]), s, self.E.ncols()
+        self.whole, self.part = facts["whole"], number(facts["part"])
+        require(
+            self.T > 0 and isinstance(self.whole, int) and self.whole >= 0 and 0 <= self.part < 1, "a sample time and a delay"
+        )
+        self.A_m, self.b_r, self.n = arb_mat(case.A_m), arb_mat(matrix(facts["b_r"], case.n)), case.n
+        self.depth = self.whole + (1 if self.part > 0 else 0)
+        self.size = s + self.m * self.depth
+        self.x, self.x_m, self.r = (facts["rows"][name] for name in ("x", "x_m", "r"))
+        starts = {name: arb_mat(matrix(facts[name], s)) for name in ("N", "first", "free")}
+        self.N, self.first, self.free = starts["N"], starts["first"], starts["free"]
+        self.B = arb_mat(matrix(facts["B"], s)) if facts["B"][0] else None
+        (moved, pushed), (_, early) = self.over((1 - self.part) * self.T), self.over(self.part * self.T)
+        u = [self.wide(self.C), *(self.unit(range(s + age * self.m, s + (age + 1) * self.m)) for age in range(self.depth))]
+        self.now, self.before = u[self.whole], u[self.whole + 1] if self.part > 0 else u[self.whole]
+        top = self.J * (self.over(self.T)[0] * self.unit(range(s)) + pushed * self.now)
+        top = top + self.J * (moved * early) * self.before if self.part > 0 else top
+        self.M = arb_mat([*top.tolist(), *(row for one in u[: self.depth] for row in one.tolist())])
+
+    def over(self, t: fmpq, model: bool = False) -> tuple[arb_mat, arb_mat]:
+        """e^(A t) and its integral times E; with ``model`` those of A_m and b_r."""
+        A, E = (self.A_m, self.b_r) if model else (self.A, self.E)
+        rows = [[*a, *e] for a, e in zip(A.tolist(), E.tolist(), strict=True)]
+        whole = (arb_mat([*rows, *([arb(0)] * len(rows[0]) for _ in range(E.ncols()))]) * arb(t)).exp().tolist()
+        k = A.nrows()
+        return arb_mat([row[:k] for row in whole[:k]]), arb_mat([row[k:] for row in whole[:k]])
+
+    def unit(self, rows: Any) -> arb_mat:
+        """The rows of z with these numbers."""
+        return arb_mat([[arb(int(i == j)) for j in range(self.size)] for i in rows])
+
+    def wide(self, part: arb_mat) -> arb_mat:
+        return arb_mat([row + [arb(0)] * (self.size - len(row)) for row in part.tolist()])
+
+    def tall(self, part: arb_mat) -> arb_mat:
+        return arb_mat([*part.tolist(), *([arb(0)] * part.ncols() for _ in range(self.size - self.s))])
+
+    def bounds(self, r: list[arb], d: list[arb], witness: dict[str, Any]) -> tuple[arb, arb, arb]:
+        """Bounds of x - x_m under the sampled command, of x and of u."""
+        times = sorted({fmpq(k, PARTS) * self.T for k in range(PARTS + 1)} | {self.part * self.T})
+        X, model, R = self.unit(range(self.s)), self.unit(self.x_m), self.unit(self.r)
+        blocks, lengths = [[X, model]], list[fmpq]()
+        for begin, end in pairwise(times):
+            v, h = self.before if end <= self.part * self.T else self.now, end - begin
+            bends = self.A * (self.A * X + self.E * v), self.A_m * (self.A_m * model + self.b_r * R)
+            (moved, pushed), (of_model, of_r) = self.over(h), self.over(h, model=True)
+            X, model = moved * X + pushed * v, of_model * model + of_r * R
+            blocks.append([X, model, *bends])
+            lengths.append(h)
+        rows = list[list[arb]]()
+        for state, follows, *curving in blocks:
+            ends = arb_mat([state.tolist()[i] for i in self.x])
+            rows += [*(ends - follows).tolist(), *ends.tolist(), *(row for one in curving for row in one.tolist())]
+        sizes = iter(self.sizes(arb_mat([*rows, *self.wide(self.C).tolist()]), r, d, witness))
+
+        def take(count: int) -> list[arb]:
+            return [next(sizes) for _ in range(count)]
+
+        away, far = [take(self.n)], [take(self.n)]
+        held, x = list(away[0]), list(far[0])
+        for h in lengths:
+            away.append(take(self.n))
+            far.append(take(self.n))
+            bent, bent_model = column_of(take(self.s)), column_of(take(self.n))
+            curve = grown(self.A, h) * bent * (arb(h) ** 2 / 8)
+            curve_model = grown(self.A_m, h) * bent_model * (arb(h) ** 2 / 8)
+            for i, row in enumerate(self.x):
+                bend = curve[row, 0]
+                held[i] = held[i].max(away[-2][i].max(away[-1][i]) + bend + curve_model[i, 0])
+                x[i] = x[i].max(far[-2][i].max(far[-1][i]) + bend)
+        weights = self.weights(d) if d else []
+        for i, row in enumerate(self.x) if d else ():
+            within = sum((abs(self.reached[row, k]) * weight for k, weight in enumerate(weights)), arb(0)) * 2
+            held[i], x[i] = held[i] + within, x[i] + within
+        u = largest_of(take(self.m))
+        return largest_of(held), largest_of(x), u
+
+    def weights(self, d: list[arb]) -> list[arb]:
+        """Weights of the columns of ``reached``, for disturbances of these sizes: docs/proofs.md, G W."""
+        assert self.B is not None
+        off = grown(self.A, self.T) * (grown(self.A, self.T / PARTS) - identity_of(self.s)) * absolute(self.B) * arb(self.T)
+        each = [one * arb(self.T) / PARTS for _ in range(PARTS) for one in d]
+        return each + [sum((off[i, j] * one for j, one in enumerate(d)), arb(0)) for i in range(self.s)]
+
+    def sizes(self, rows: arb_mat, r: list[arb], d: list[arb], witness: dict[str, Any]) -> list[arb]:
+        """The theorem's bound of every row of z."""
+        peaks, sums = [self.tall(self.free), self.tall(self.first)], [self.tall(self.N)]
+        of_peaks, of_sums = [arb(1), *r], list(r)
+        if d:
+            assert self.B is not None
+            reached = [(self.over(fmpq(k, PARTS) * self.T)[0] * self.B).tolist() for k in range(PARTS)]
+            whole = [[one for part in reached for one in part[i]] for i in range(self.s)]
+            self.reached = arb_mat([row + [arb(int(i == j)) for j in range(self.s)] for i, row in enumerate(whole)])
+            sums.append(self.tall(self.J * self.reached))
+            of_sums += self.weights(d)
+        P, share, samples = matrix(witness["P"], self.size, self.size), number(witness["share"]), witness["samples"]
+        require(
+            isinstance(samples, int) and samples > 0 and 0 < share < 1 and positive_definite(P),
+            "the witness must give P > 0, a share between 0 and 1, and a number of samples",
+        )
+        form = arb_mat(P)
+        require(
+            certainly_positive(form * arb(1 - share) - self.M.transpose() * form * self.M), "M'PM must be below (1 - share) P"
+        )
+        left, inverse = 1 - (1 - arb(share)).sqrt(), arb_mat(P.inv())  # 1 - beta
+        reach = [((arb_mat([row]) * inverse * arb_mat([[one] for one in row]))[0, 0]).sqrt() / left for row in rows.tolist()]
+        with ctx.workprec(LEAST_BITS):
+            largest, of_largest = self.followed(rows, beside(peaks), form, samples, arb.max)
+            summed, of_summed = self.followed(rows, beside(sums), form, samples, arb.__add__)
+        return [
+            sum((w * (one + reach[i] * tail) for w, one, tail in zip(of_peaks, largest[i], of_largest, strict=True)), arb(0))
+            + sum((w * (one + reach[i] * tail) for w, one, tail in zip(of_sums, summed[i], of_summed, strict=True)), arb(0))
+            for i in range(rows.nrows())
+        ]
+
+    def followed(
+        self, rows: arb_mat, s: arb_mat, form: arb_mat, samples: int, joined: Callable[[arb, arb], arb]
+    ) -> tuple[list[list[arb]], list[arb]]:
+        """|row M^k s|, k < samples, joined column by column; and the remainder of each column, including the errors, in |.|_P."""
+        found = [[arb(0)] * s.ncols() for _ in range(rows.nrows())]
+        error = [arb(0)] * s.ncols()
+        for _ in range(samples):
+            exact = s.mid()
+            error = [(old + one).upper() for old, one in zip(error, sizes_of(s - exact, form), strict=True)]
+            seen, s = (rows * exact).tolist(), self.M * exact
+            found = [[joined(a, abs(b)) for a, b in zip(old, new, strict=True)] for old, new in zip(found, seen, strict=True)]
+        return found, [old + one for old, one in zip(error, sizes_of(s, form), strict=True)]
+
+
+def beside(parts: list[arb_mat]) -> arb_mat:
+    """Matrices with the same number of rows, side by side."""
+    return arb_mat([[one for row in rows for one in row] for rows in zip(*(part.tolist() for part in parts), strict=True)])
+
+
+def sizes_of(columns: arb_mat, P: arb_mat) -> list[arb]:
+    """Upper bounds of sqrt(s'Ps), column by column."""
+    moved = (P * columns).tolist()
+    squares = [sum((a[j] * b[j] for a, b in zip(columns.tolist(), moved, strict=True)), arb(0)) for j in range(columns.ncols())]
+    return [arb(max(one.upper(), arb(0))).sqrt().upper() for one in squares]
+
+
+def certainly_positive(M: arb_mat) -> bool:
+    """Whether all pivots of the symmetric part are positive, in ball arithmetic."""
+    rows = ((M + M.transpose()) * (arb(1) / 2)).tolist()
+    for k in range(len(rows)):
+        if not rows[k][k] > 0:
+            return False
+        for i in range(k + 1, len(rows)):
+            factor = rows[i][k] / rows[k][k]
+            rows[i] = [a - factor * b for a, b in zip(rows[i], rows[k], strict=True)]
+    return True
+
+
+def absolute(M: arb_mat) -> arb_mat:
+    return arb_mat([[abs(one).upper() for one in row] for row in M.tolist()])
+
+
+def grown(A: arb_mat, t: fmpq) -> arb_mat:
+    """e^(|A| t)."""
+    return (absolute(A) * arb(t)).exp()
+
+
+def identity_of(n: int) -> arb_mat:
+    return arb_mat(identity(n))
+
+
+def column_of(values: list[arb]) -> arb_mat:
+    return arb_mat([[one] for one in values])
+
+
+def largest_of(values: list[arb]) -> arb:
+    return max((one.upper() for one in values), default=arb(0))
+
+
+@rule("sampled response")
+def _sampled_response(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    """The bounds of the linear loop, while u stays within its limits."""
+    case = c.case
+    require(
+        case.linear and case.facts["noise"] is None and not case.facts["unmatched_ranges"],
+        "a linear plant without noise is needed",
+    )
+    for path in case.facts["inputs"]:
+        require(path["quantization"] is None and path["rate_limit"] is None, "the input has a converter or a rate limit")
+    case.assumed["the matrices of the loop from sample to sample are the case's"] = None
+    acting = [
+        one for one in (case.facts["disturbance"], *(each["signal"] for each in case.facts["unmatched"])) if one is not None
+    ]
+    loop, d = SampledLoop(c), [arb(case.bound_of_signal(one)) for one in acting]
+    require(
+        (loop.B is None and not d) or (loop.B is not None and loop.B.ncols() == len(d)),
+        "B must have a column for each disturbance",
+    )
+    held, x, u = loop.bounds(case.command_bounds(), d, line["witness"])
+    for path in case.facts["inputs"]:
+        limits = path["saturation"]
+        require(limits is None or bool(u <= arb(min(-number(limits[0]), number(limits[1])))), "u may reach its limits")
+    c.proven["sampled"] = {"error_bound_held": held, "state_bound": x, "control_bound": u}
+
+
+@rule("error_bound_held", "state_bound")
+def _sampled_bound(c: Controller, value: Any, line: dict[str, Any]) -> None:
+    at_least(value, c.earlier("sampled")[line["key"]], line["key"])
+
+
+def of_sampled_loop(c: Controller) -> arb:
+    """The bound with the model's motion between samples added."""
+    total: arb = c.earlier("sampled")["error_bound_held"]
+    T = arb(number(c.fact("sampled")["T"]))
+    W, sW = c.norm("W_r").upper, c.norm("sW_r").upper
+    for j, (r, between) in enumerate(zip(c.case.command_bounds(), c.fact("between"), strict=True)):
+        whole, rate = largest_of([row[j] for row in W]), largest_of([row[j] for row in sW])
+        found = 2 * r * whole
+        if between is not None:
+            slope, jump = number(between["slope"]), number(between["jump"])
+            apart = None if between["apart"] is None else number(between["apart"])  # of a single jump nothing
+            said = "" if jump == 0 else f", jumps between samples of at most {text(jump)}"
+            said += f", {text(apart)} s apart" if jump != 0 and apart is not None else ", one in all" if jump != 0 else ""
+            c.case.assumed[
+                f"up to t_end command {j + 1} has a slope of at most {text(slope)}{said or ' and no jump between samples'}"
+            ] = None
+            require(slope >= 0 and jump >= 0, "a slope and a jump must not be negative")
+            require(jump == 0 or apart is None or arb(apart) > T, "jumps must be more than a sample apart")
+            of_next = arb(0) if apart is None else whole / (arb(apart) - T)
+            found = found.min(whole * arb(slope) * T + arb(jump) * T * (rate + of_next) if jump != 0 else whole * arb(slope) * T)
+        total += found
+    return total
+
+
+ERROR_BOUNDS["sampled"] = of_sampled_loop
+
+
 # --- The program ----------------------------------------------------------------------------------------------------------------
 
 
 def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]]) -> list[str]:
-    """The keys that are claimed, all lines holding."""
+    """The claimed keys, if all lines hold."""
     for i, line in enumerate(lines, start=1):
         key = str(line.get("key"))
         try:
@@ -926,18 +1268,18 @@ def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]
 
 
 def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
-    """What is accepted of each controller, as sentences, and what was assumed; Refused names the first line that fails."""
+    """The accepted claims for each controller, as sentences, and the assumptions; Refused names the first line that fails."""
     require(document.get("format") == FORMAT, f"the file is no {FORMAT}")
-    ctx.prec = 256
     said, assumed = [], dict[str, None]()
-    for name, facts in document["controllers"].items():
-        accepted = list[str]()
-        if facts["lines"]:
-            case = Case(document["plant"])
-            accepted = accepted_lines(name, Controller(case, facts["facts"]), facts["lines"])
-            assumed |= case.assumed
-        said.append(f"{name}: accepted: {', '.join(accepted) or 'nothing is claimed'}")
-        said += [f"{name}: not in the proof: {sentence}" for sentence in facts["not in the proof"]]
+    with ctx.workprec(256):
+        for name, facts in document["controllers"].items():
+            accepted = list[str]()
+            if facts["lines"]:
+                case = Case(document["plant"])
+                accepted = accepted_lines(name, Controller(case, facts["facts"]), facts["lines"])
+                assumed |= case.assumed
+            said.append(f"{name}: accepted: {', '.join(accepted) or 'nothing is claimed'}")
+            said += [f"{name}: not in the proof: {sentence}" for sentence in facts["not in the proof"]]
     return said, list(assumed)
 
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import nullcontext
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import hypothesis
 import pytest
 
 from barbalat.problem.state_feedback import ParameterBox, Plant, Problem, ReferenceModel
-from barbalat.processes import Here
-from barbalat.report import drawing_process
 from barbalat.signals import Sine, Sines
-from turns import drawn
+from turns import drawn, once
 
 if TYPE_CHECKING:
     from barbalat.papers.jafari_2013.section_v import Runs
@@ -65,14 +64,6 @@ def _figures_closed() -> Iterator[None]:
         pyplot.close("all")
 
 
-@pytest.fixture(scope="session", autouse=True)
-def drawn_here() -> Iterator[None]:
-    """Commands that tests call draw in the tests' own process: to start a second one for each would take longer than it saves."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(drawing_process, "drawing_beside", lambda: nullcontext(Here()))
-        yield
-
-
 @pytest.fixture(scope="session")
 def sample(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
     """``sample(short, full)``: how many random problems a test draws; with --rest a quarter of all, and no fewer than in short.
@@ -106,11 +97,18 @@ def _optimised_code(request: pytest.FixtureRequest) -> Iterator[None]:
 
 
 @pytest.fixture(scope="session")
-def section_v_runs() -> Runs:
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder in which pytest's processes find what one of them has made: see ``turns.once``."""
+    base = tmp_path_factory.getbasetemp()
+    return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+
+
+@pytest.fixture(scope="session")
+def section_v_runs(shared: Path) -> Runs:
     """All runs of Section V, as ``reproduce`` makes them; nobody changes them."""
     from barbalat.papers.jafari_2013 import section_v
 
-    return section_v.run()
+    return once(shared, "section-v", section_v.run)
 
 
 def _section_v() -> Problem:

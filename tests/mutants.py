@@ -18,7 +18,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
-from barbalat.export.contents import Contents
+from barbalat.export.c99.files import made_of
 from barbalat.export.texts import Printed
 from barbalat.lowering.c99 import DOUBLE, FLOAT
 from barbalat.validate import InputError
@@ -41,6 +41,7 @@ def main() -> int:
     which.add_argument("--quick", action="store_true", help=f"{QUICK} exports, which the commit draws")
     which.add_argument("--all", action="store_true", help="every example")
     parser.add_argument("--float32", action="store_true", help="exports in 32 bits")
+    parser.add_argument("--parameters", action="store_true", help="exports whose numbers are parameters")
     parser.add_argument("--undecided", action="store_true", help="list those that are neither killed nor proven to be no fault")
     options = parser.parse_args()
     names = [name for name in EXAMPLES if options.all or name in ONE_OF_EACH]
@@ -51,7 +52,8 @@ def main() -> int:
     for name in names:
         begun = time.process_time()
         try:
-            printed = Printed(Contents.of(*EXAMPLES[name], SIMULATION, FLOAT if options.float32 else DOUBLE))
+            real = FLOAT if options.float32 else DOUBLE
+            printed = Printed(made_of(*EXAMPLES[name], SIMULATION, real, parameters=options.parameters))
         except InputError as error:
             print(f"{name}: {error}")
             continue

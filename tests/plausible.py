@@ -330,7 +330,8 @@ class Draw:
         plant: Table = {}
         if self.m == 1 and self.rng.random() < self.share:
             plant["regressor"] = self.regressor()
-        plant |= self.table(plant_spec, without={"regressor": 0, "A_m": 0, "b": 0, "theta": 0, "unmatched": 0, "disturbance": 0})
+        own = ("regressor", "A_m", "b", "C", "theta", "unmatched", "disturbance")
+        plant |= self.table(plant_spec, without=dict.fromkeys(own, 0))
         plant |= {"A_m": self.hurwitz(), "b": self.input_matrix(), "theta": self.parameters()}
         if self.rng.random() < self.share:
             plant["disturbance"] = self.signal()
@@ -341,9 +342,8 @@ class Draw:
             case["uncertainty"] = self.known_set()
         case["reference"] = self.signal() if self.m == 1 else [self.signal() for _ in range(self.m)]
         case["simulation"] = self.simulation()
-        apart = dict.fromkeys(
-            ("controller", "parameters", "truth", "baseline"), 0
-        )  # these go with a plant that is given by A and b
+        # these go with a plant that is given by A and b, an observer with what is measured of it
+        apart = dict.fromkeys(("controller", "parameters", "truth", "baseline", "observer"), 0)
         case |= self.table(self.definition("Problem"), without={**case, **apart})
         return case | {"controller": self.controllers(case)}
 

@@ -69,9 +69,14 @@ def write(folder: Path) -> int:
 
 
 def writer(folder: Path, **options: object) -> subprocess.Popen[str]:
-    """Started, and past its imports."""
+    """Started, and past its imports; under a limit on files Python would leave half of a module's code for the next process."""
     process = subprocess.Popen(
-        [sys.executable, __file__, "--write", str(folder)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options
+        [sys.executable, __file__, "--write", str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1"},
+        **options,
     )  # type: ignore[call-overload]
     assert process.stdout is not None
     process.stdout.readline()
@@ -212,7 +217,7 @@ def interrupt(folder: Path, *options: str) -> str:
     process.send_signal(signal.SIGINT)
     _, said = process.communicate()
     seconds = time.perf_counter() - begun
-    if process.returncode != 130 or "the same command goes on" not in said:
+    if process.returncode != 130 or "the same command continues" not in said:
         raise Failed(f"after Ctrl-C the command ended with {process.returncode}: {said}")
     index = read_index(folder)
     if index is None or not index.files:

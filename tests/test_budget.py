@@ -311,7 +311,7 @@ def test_a_margin_beyond_the_budget_is_left_out_with_the_reason():
         (large,) = certify(problem(), network(60), SHORT).values()
     beyond = large.entry("delay_margin")
     assert beyond is not None and beyond.value is None
-    assert "states, and its place of rest and modes would take" in beyond.why
+    assert "states, and its equilibrium and modes would take" in beyond.why
     entry = found.entry("delay_margin_adapting")
     assert entry is not None and entry.value is None
     assert re.search(r"the linear loop has \d+ states, and \d+ frequency responses would take", entry.why)
@@ -337,7 +337,7 @@ def test_too_many_controllers_are_told_how_many_would_do():
             return simulate(problem(), [Mrac(gamma=1.0 + i, name=f"{i}") for i in range(count)], recorded(10))
 
     budget = Budget(memory=2e7)
-    with pytest.raises(InputError, match="the case has 60 controllers, each with a kernel of its own") as refused:
+    with pytest.raises(InputError, match="the case has 60 controllers, each with its own kernel") as refused:
         ran(60, budget)
     most = int(re.search(r"at most (\d+) controllers would do", str(refused.value))[1])
     assert len(ran(most, budget)) == most

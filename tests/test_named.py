@@ -41,7 +41,7 @@ def test_certificates(problems):
     assert said(found, "MRAC2") == "there is no controller 'MRAC2'; did you mean 'MRAC'?"
     assert said(values, "error_bond") == "there is no value 'error_bond'; did you mean 'error_bound'?"
     entries = [entry for entry in found["MRAC"].entries if not entry.applies]
-    assert all(said(values, entry.key) == f"{entry.key} does not apply on this case: {entry.why}" for entry in entries)
+    assert all(said(values, entry.key) == f"{entry.key} does not apply to this case: {entry.why}" for entry in entries)
     (column,) = found.table.columns
     assert "did you mean 'tracking'?" in said(column.cells, "traking")
 
@@ -51,7 +51,7 @@ def test_what_does_not_apply_says_why(problems):
     from foreign import Plain
 
     values = certify(problems[2], [Plain(5.0)], SIMULATION)["plain"].values
-    assert said(values, "error_bound") == "error_bound does not apply on this case: none known"
+    assert said(values, "error_bound") == "error_bound does not apply to this case: none known"
     assert values.get("error_bound") is None and "error_bound" not in values
 
 

@@ -17,7 +17,7 @@ certificates = certify(case.problem, laws, case.simulation)
 fig, (angle, sigma) = plt.subplots(2, 1, figsize=(8, 5), sharex=True, layout="constrained")
 for name, run in runs.items():
     margin = 1e3 * certificates[name].values["delay_margin"]
-    angle.plot(run.t, run.x[:, 0], label=f"{name}, bears {margin:.0f} ms more")
+    angle.plot(run.t, run.x[:, 0], label=f"{name}, tolerates {margin:.0f} ms more")
     sigma.plot(run.t, run.reported["sigma_hat"][:, 0], label=name)
 angle.plot(run.t, run.x_m[:, 0], "k--", lw=1, label="model")
 angle.set(ylabel="pitch [rad]")

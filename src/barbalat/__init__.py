@@ -1,20 +1,21 @@
 """Design, certify, simulate and deploy adaptive controllers, and find out which claims about them are true.
 
-Here are problems, controllers and what is done with them. What else there is stands in modules by its subject:
+This module offers problems, controllers and the functions that simulate and certify them. The other public names are in modules
+by subject:
 
-plants      what lies before and behind a plant, labels, known sets
-regressors  what the unknown parameters multiply
+plants      actuators, sensors and faults around a plant, labels, known sets
+regressors  regressors, which the unknown parameters multiply
 signals     commands, disturbances and recorded data
 laws        adaptive laws and their modifications
 solvers     integration methods
 systems     linear systems, their margins and norms
 designs     linear robust designs
-results     what simulations and certificates give back
+results     the results of simulations and certificates
 studies     sweeps, tuning, contests, margins found by simulation, explorers
 exports     controllers as source for flight computers and as FMUs
-flights     controllers on flight models
-interfaces  what a controller of one's own must be
-testing     a check of one
+flights     controllers on flight models, through failures
+interfaces  the protocols that a controller or law of your own implements
+testing     checks for a controller or law of your own
 
 Each name is imported when it is first used, so that ``import barbalat`` is fast.
 """

@@ -1,8 +1,8 @@
-"""A budget before work: what a size would take of memory and time, estimated before anything of that size is built.
+"""Budgets: the memory and time of a piece of work are estimated before anything of its size is built.
 
-Every number that sets a size has a cost function here or beside the code that it sizes: from the number to an ``Estimate``, with
-fixed costs per unit, each measured once. They are right within a factor of a few, and the same on every machine: how fast a
-machine is, or how much memory it has, changes nothing of what is refused. Seconds are those of one core.
+Each number that sets a size has a cost function, here or in the file that does the work: it returns an ``Estimate``, from costs
+per unit that were measured once. The estimates are right within a factor of a few and the same on every machine; a fast machine
+or much memory does not change what is refused. Seconds are those of one core.
 
     with Budget.parse("16GiB,5h"):
         simulate(problem, controllers, simulation)
@@ -22,14 +22,14 @@ KIB, MIB, GIB = 2.0**10, 2.0**20, 2.0**30
 MINUTE, HOUR, DAY, YEAR = 60.0, 3600.0, 86400.0, 365.25 * 86400.0
 DEFAULT_MEMORY, DEFAULT_SECONDS = 4 * GIB, HOUR
 TOLD_SECONDS = 10.0
-"""From here on a person would wonder whether anything happens, and is told what is expected."""
+"""Work that is expected to take longer than this [s] is announced, since the user would wonder whether anything happens."""
 LARGEST_TRIED = 10**30
-"""Where the cost of a larger number is taken: it is beyond every budget, and its powers are still floats."""
+"""The number at which the cost of any larger number is evaluated: it exceeds every budget, and its powers are still floats."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a piece of work takes, by order of magnitude: memory [bytes] and seconds of one core."""
+    """The cost of a piece of work, by order of magnitude: memory [bytes] and seconds of one core."""
 
     memory: float = 0.0
     seconds: float = 0.0
@@ -38,17 +38,18 @@ class Estimate:
         return Estimate(self.memory + other.memory, self.seconds + other.seconds)
 
     def times(self, count: float) -> Estimate:
-        """So many of them, one after the other, all kept."""
+        """The cost of ``count`` such pieces of work in sequence, with all results kept."""
         return Estimate(self.memory * count, self.seconds * count)
 
 
 @dataclass(frozen=True)
 class Budget:
-    """The memory [bytes] and the seconds of one core that work may take by its estimate; in force inside a ``with`` statement.
+    """The memory [bytes] and the seconds of one core that the estimate of a piece of work may reach; in force inside a ``with``
+    statement.
 
     memory   4 GiB by default
     seconds  an hour by default
-    told     takes a sentence for the person who waits, before work that is expected to take more than a few seconds
+    told     called with a sentence for the user before work that is expected to take more than a few seconds
     """
 
     memory: float = DEFAULT_MEMORY
@@ -62,7 +63,7 @@ class Budget:
 
     @classmethod
     def parse(cls, text: str, told: Callable[[str], None] | None = None) -> Self:
-        """A budget as a person writes it: "16GiB", "5h", or both with a comma between; what is left out is as by default."""
+        """A budget from text, "16GiB", "5h", or both separated by a comma; a part that is left out has its default."""
         given: dict[str, float] = {}
         for part in text.split(","):
             found = QUANTITY.fullmatch(part.strip())
@@ -80,11 +81,11 @@ class Budget:
         _IN_FORCE.set(_IN_FORCE.get()[:-1])
 
     def allows(self, cost: Estimate) -> bool:
-        """Whether neither limit is exceeded."""
+        """Whether the cost exceeds neither limit."""
         return cost.memory <= self.memory and cost.seconds <= self.seconds
 
     def tell(self, what: str, cost: Estimate) -> None:
-        """Announce work of more than a few seconds, unless it is a part of what was announced before."""
+        """Announce work of more than a few seconds, unless it is part of work that was already announced."""
         if self.told is None or cost.seconds <= max([TOLD_SECONDS, *self.announced]):
             return
         self.announced.append(cost.seconds)
@@ -107,14 +108,14 @@ UNITS = {
     "h": ("seconds", HOUR),
     "d": ("seconds", DAY),
 }
-"""What ``--budget`` takes, by the text in small letters."""
+"""The units that ``--budget`` accepts, in lower case."""
 
 _IN_FORCE: ContextVar[tuple[Budget, ...]] = ContextVar("budgets in force", default=())
 _DEFAULT = Budget()
 
 
 def in_force() -> Budget:
-    """The innermost budget around the caller; the default one where there is none."""
+    """The innermost budget around the caller, or the default budget."""
     return (_IN_FORCE.get() or (_DEFAULT,))[-1]
 
 
@@ -128,13 +129,13 @@ def require(
     fits: Callable[[int], str] | None = None,
     what: str | None = None,
 ) -> None:
-    """InputError where a number makes work beyond the budget, with the largest number that would do.
+    """InputError if a number makes work exceed the budget; the message gives the largest number that fits.
 
-    name   of the field, with which the sentence begins
-    cost   of the work for a number; it must not fall where the number grows
-    least  the smallest number that would mean anything
-    given  how the value is shown, by default "= 12"; and ``fits``, how the number that would do is, by default "at most 7"
-    what   is announced where it takes more than a few seconds, see ``Budget.tell``; nothing by default
+    name   the field with which the sentence begins
+    cost   the cost of the work as a function of the number; it must not decrease
+    least  the smallest meaningful number
+    given  how the value is shown, by default "= 12"; ``fits`` shows the number that fits, by default "at most 7"
+    what   what is announced if the work takes more than a few seconds, see ``Budget.tell``; by default nothing
     """
     budget, at = in_force(), min(value, LARGEST_TRIED)
     expected = cost(at)
@@ -155,7 +156,7 @@ def require(
 
 
 def largest(fitting: Callable[[int], bool], least: int, beyond: int) -> int | None:
-    """The largest number from ``least`` on that fits, where ``beyond`` does not; None where ``least`` does not either."""
+    """The largest number from ``least`` on that fits, given that ``beyond`` does not; None if ``least`` does not fit either."""
     if not fitting(least):
         return None
     within = least
@@ -166,7 +167,7 @@ def largest(fitting: Callable[[int], bool], least: int, beyond: int) -> int | No
 
 
 def in_bytes(count: float) -> str:
-    """A memory as it is read: 512 MiB, 4 GiB, 7.3 TiB."""
+    """A memory size for people: 512 MiB, 4 GiB, 7.3 TiB."""
     for size, unit in ((2.0**40, "TiB"), (GIB, "GiB"), (MIB, "MiB"), (KIB, "KiB")):
         if count >= size:
             return f"{count / size:.3g} {unit}"
@@ -174,62 +175,63 @@ def in_bytes(count: float) -> str:
 
 
 def in_time(seconds: float) -> str:
-    """A time as it is read: 40 s, 3 min, 5 h, 2 days, 300 years."""
+    """A duration for people: 40 s, 3 min, 5 h, 2 days, 300 years."""
     for size, unit in ((2 * YEAR, "years"), (2 * DAY, "days"), (HOUR, "h"), (2 * MINUTE, "min")):
         if seconds >= size:
             return f"{seconds / {'years': YEAR, 'days': DAY, 'h': HOUR, 'min': MINUTE}[unit]:.3g} {unit}"
     return f"{seconds:.3g} s"
 
 
-# What pieces of work cost that several rooms size; measured on one core of an AMD EPYC (Zen 5) with CPython 3.11.
+# Costs of work that several rooms size, measured on one core of an AMD EPYC (Zen 5) with CPython 3.11.
 
 STATE_OPERATIONS = 50
-"""Of a Runge-Kutta step of order four, figures included, for each state of a loop: 31 of a network's neurons, 48 with
-least squares, 75 with monomials as a regressor, 110 with Gaussian functions."""
+"""Operations of a Runge-Kutta step of order four, with figures, for each state of a loop: 31 for a network's neurons, 48 with
+least squares, 75 with monomials as regressor, 110 with Gaussian functions."""
 DENSE_OPERATIONS = 24
-"""Of such a step for each entry of a plant's matrix: four stages, a product and a sum, in the plant, its model and its law."""
+"""Operations of such a step for each entry of a plant's matrix: four stages, a product and a sum, in plant, model and law."""
 OPERATION_SECONDS, OPERATION_BYTES = 1e-4, 3500.0
-"""Of tracing, optimising and compiling one operation: 3.2 s and 280 MB for 40,000, 35 s and 800 MB for 220,000."""
+"""The cost of tracing, optimising and compiling one operation: 3.2 s and 280 MB for 40,000, 35 s and 800 MB for 220,000."""
 MODES_SECONDS = 3e-8
-"""For each cubed state: the eigenvalues of four Jacobians, 7 s for 600 states."""
+"""Seconds per cubed number of states for the eigenvalues of four Jacobians: 7 s for 600 states."""
 LINEARISATION_SECONDS, LINEARISATION_BYTES = 4e-7, 1500.0
-"""For each cubed and each squared state: 12 s and 0.3 GB for 300 states."""
+"""Seconds per cubed and bytes per squared number of states: 12 s and 0.3 GB for 300 states."""
 CERTIFICATE_SECONDS = 0.3
-"""Of a small loop's certificate; it grows with the square of the states."""
+"""Seconds for a small loop's certificate; the time grows with the square of the states."""
 KERNEL_BYTES, KERNEL_SECONDS = 1e6, 0.05
-"""Of the smallest loop's code."""
+"""The cost of the smallest loop's code."""
 STEP_OPERATION_SECONDS = 6e-10
-"""Of one operation in a step of a run by itself: 0.2 us for the 323 of a small L1 loop, 24 us for 40,000."""
+"""Seconds for one operation in a step of a single run: 0.2 us for the 323 of a small L1 loop, 24 us for 40,000."""
 MEMBER_OPERATION_SECONDS = 2e-11
-"""The same of a member in an ensemble, which is one lane of a vector: 3 ns for the 323 of that loop."""
+"""Seconds for one operation in a step of an ensemble's member, which is one lane of a vector: 3 ns for the 323 of that loop."""
 
 
 def operations(states: float, dense: float = 0.0) -> float:
-    """Return the operations of one step of a loop with so many states, of which ``dense`` are a plant's."""
+    """Return the operations of one step of a loop with ``states`` states, of which ``dense`` belong to a plant."""
     return STATE_OPERATIONS * states + DENSE_OPERATIONS * dense * dense
 
 
 def of_kernel(states: float, dense: float = 0.0) -> Estimate:
-    """What a loop costs beside its steps: its equations are traced, optimised and compiled; after the run come its modes."""
+    """The cost of a loop apart from its steps: its equations are traced, optimised and compiled, and its modes are computed
+    after the run."""
     count = operations(states, dense)
     seconds = KERNEL_SECONDS + OPERATION_SECONDS * count + MODES_SECONDS * states**3
     return Estimate(KERNEL_BYTES + OPERATION_BYTES * count, seconds)
 
 
 def of_linearisation(states: float) -> Estimate:
-    """What the place of rest, the modes and the margins of a linearised loop cost."""
+    """The cost of the equilibrium, the modes and the margins of a linearised loop."""
     return Estimate(KERNEL_BYTES + LINEARISATION_BYTES * states**2, LINEARISATION_SECONDS * states**3)
 
 
 def of_certificate(states: float) -> Estimate:
-    """What the bounds, norms and margins of one controller cost for a plant of so many states, measured up to twenty."""
+    """The cost of one controller's bounds, norms and margins for a plant with this number of states, measured up to twenty."""
     return Estimate(KERNEL_BYTES, CERTIFICATE_SECONDS * (1 + states**2 / 10))
 
 
 Progress = Callable[[float], None]
-"""Called with the fraction done, in [0, 1]."""
+"""A callback that is called with the fraction done, in [0, 1]."""
 
 
 def part_of(progress: Progress | None, start: float, width: float) -> Progress | None:
-    """What tells ``progress`` of a part of the work, from ``start`` to ``start + width``."""
+    """A callback that reports the progress of a part of the work, from ``start`` to ``start + width``, to ``progress``."""
     return None if progress is None else lambda fraction: progress(start + width * fraction)

@@ -1,4 +1,4 @@
-"""The command line: ``barbalat reproduce | run | certify | ...``, a thin layer over the commands' files."""
+"""The command line, ``barbalat reproduce | run | certify | ...``: a thin layer over the commands' files."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ COMMANDS = (
     schema,
     completion,
 )
-"""In the order of the help."""
+"""The commands in the order of the help."""
 FAILED, INTERRUPTED, READER_LEFT, TERMINATED = 1, 130, 141, 143
-"""Exit codes; the last three are those of shells for what SIGINT, SIGPIPE and SIGTERM end."""
+"""Exit codes; the last three are the shell's codes for an end by SIGINT, SIGPIPE and SIGTERM."""
 COLLECT_EVERY = 50_000
-"""Containers made between two searches for what nobody holds any more, instead of Python's 700: a command makes millions that
-stay, of equations, programs and pictures, and searching them took a twentieth of its time."""
+"""Allocations between two garbage collections, instead of Python's 700: a command makes millions of objects that stay
+(equations, programs, pictures), and searching them took a twentieth of its time."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -70,7 +70,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             with results():
                 return _answered(arguments)
         except OutputLost as lost:
-            if lost.reader_left:  # say ``head``, which has seen enough
+            if lost.reader_left:  # for example ``head``, once it has read enough
                 return READER_LEFT
             say(f"barbalat: cannot write to standard output: {lost}")
             return FAILED
@@ -85,11 +85,11 @@ def _answered(arguments: Sequence[str] | None) -> int:
         options.parser.error(f"{UNKNOWN}{' '.join(unknown)}")
     try:
         with interruptible(), warnings.catch_warnings():
-            if not sys.warnoptions:  # what overflows is said in the results, as what diverged or does not apply
+            if not sys.warnoptions:  # overflows are reported in the results, as a divergence or as a value that does not apply
                 warnings.simplefilter("ignore", RuntimeWarning)
             with _budget(options):
                 return int(options.execute(options))
-    except OSError as error:  # a full disk, a folder that went away
+    except OSError as error:  # for example a full disk or a folder that was removed
         say(f"barbalat: cannot write{f' {error.filename!r}' if error.filename else ''}: {error.strerror or error}")
         return FAILED
     except Terminated:
@@ -97,7 +97,7 @@ def _answered(arguments: Sequence[str] | None) -> int:
         return TERMINATED
     except KeyboardInterrupt:
         say("interrupted")
-        # After an interrupt within an exec, as dataclasses have, Python would end by the signal: this one makes it forget.
+        # After an interrupt within an exec, as in dataclasses, Python would end itself by the signal; this call clears that.
         exec("")
         return INTERRUPTED
     except ValueError as error:
@@ -111,7 +111,7 @@ def _answered(arguments: Sequence[str] | None) -> int:
 
 
 def _budget(options: argparse.Namespace) -> contextlib.AbstractContextManager[object]:
-    """The one that was asked for, of a command that has one."""
+    """The requested budget, for a command that has the option."""
     if "budget" not in options:
         return contextlib.nullcontext()
     from barbalat.budget import Budget
@@ -127,5 +127,5 @@ def _parser() -> Parser:
     for command in COMMANDS:
         command.add(commands)
     for own in commands.choices.values():
-        own.set_defaults(parser=own)  # it knows its options, and says which one is meant
+        own.set_defaults(parser=own)  # the subparser knows its options and suggests the closest one
     return parser

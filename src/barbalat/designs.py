@@ -1,8 +1,9 @@
-"""Linear robust designs, the yardsticks beside the adaptive schemes: mixed-sensitivity H-infinity and PI.
+"""Linear robust designs, with which the adaptive schemes are compared: mixed-sensitivity H-infinity and PI.
 
-``hinf_feedback`` and ``pi_feedback`` return a ``LinearFeedback`` for what is known of a plant whose state is measured;
-``mixed_sensitivity`` and ``pi_controller`` design for a transfer function. ``linear_equivalent`` and ``fast_limit`` return the
-linear controller that an ``L1Output`` is inside its bounds, and its limit for fast adaptation.
+``hinf_feedback`` and ``pi_feedback`` return a ``LinearFeedback`` for the known part of a plant with measured state;
+``mixed_sensitivity`` and ``pi_controller`` design for a transfer function. ``linear_equivalent`` returns the linear controller to
+which an ``L1Output`` reduces while its estimates stay inside their bounds, and ``fast_limit`` the limit of that controller for
+fast adaptation.
 """
 
 from barbalat.public_names import public

@@ -1,4 +1,4 @@
-"""Slices of the program that are found by where they stand: the built-in ones by their folder, others by an entry point."""
+"""Plug-ins of the program: built-in ones are found by their folder, others by an entry point."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from barbalat.validate import InputError
 
 
 def slices(home: str, group: str, module: str) -> Iterator[ModuleType]:
-    """The modules of one name in all packages inside ``home``, then in all packages that entry points of ``group`` name.
+    """Yield the modules of one name from all packages inside ``home``, then from all packages named by entry points of ``group``.
 
-    A distribution adds a slice by, in its pyproject.toml, ``[project.entry-points."GROUP"]`` and ``name = "package"``.
-    Raises InputError for an entry point that can't be imported, with the distribution that declares it.
+    A distribution adds a plug-in by ``[project.entry-points."GROUP"]`` and ``name = "package"`` in its pyproject.toml. Raises
+    InputError if an entry point can't be imported; the message names the distribution that declares it.
     """
     for package in packages_in(import_module(home)):
         yield import_module(f"{package}.{module}")
@@ -35,7 +35,7 @@ def packages_in(package: ModuleType) -> list[str]:
 
 
 def modules_in(package: str) -> list[ModuleType]:
-    """All modules of a package's own folder, imported, in alphabetical order."""
+    """Import and return all modules in a package's own folder, in alphabetical order."""
     found = import_module(package)
     return [
         import_module(name) for name in sorted(f"{package}.{one.name}" for one in iter_modules(found.__path__) if not one.ispkg)

@@ -1,4 +1,4 @@
-"""Controllers as source for flight computers and as FMUs, and that source in the loop of simulations and flights."""
+"""Controllers as source code for flight computers and as FMUs, and the exported code in the loop of simulations and flights."""
 
 from barbalat.public_names import public
 

@@ -1,4 +1,4 @@
-"""Making the folders that a user names, so that a command that fails leaves none of them behind."""
+"""Makes the folders that a user names; a command that fails leaves no new folder behind."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from barbalat.validate import InputError, local_path
 
 @contextlib.contextmanager
 def made(folder: Path, refusal: str) -> Iterator[None]:
-    """A folder that is made if need be and tried by writing; what was made for it and is empty at the end is removed.
+    """Make a folder if necessary and test that it is writable; at the end, new folders that are empty are removed.
 
-    refusal  the sentence that says that the folder can't be used, to which the reason is added
+    refusal  the sentence that says that the folder can't be used; the reason is appended
 
-    Raises InputError where no file can be written there.
+    Raises InputError if no file can be written there.
     """
     missing = [one for one in (folder, *folder.parents) if one.name != ".." and not one.exists()]
     try:
@@ -34,7 +34,7 @@ def made(folder: Path, refusal: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def refused(refusal: str) -> Iterator[None]:
-    """Turns an OSError into an InputError: the sentence with the reason in words about the folder, not about a file in it."""
+    """Turn an OSError into an InputError: the sentence with the reason, which is about the folder and not about a file in it."""
     try:
         yield
     except OSError as error:
@@ -56,21 +56,21 @@ def _remove_empty(folders: list[Path]) -> None:
 
 
 class Folder:
-    """Where a command's files go. What is written shows with ``commit``, and not at all where that is never called."""
+    """The folder for a command's output files. Written files appear with ``commit``, and not at all if it is never called."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._staged: Path | None = None
 
     def write(self, name: str, content: bytes | str) -> Path:
-        """Have a whole file ready, to replace one of the same name; returns where it will be."""
+        """Prepare a whole file, which may replace one of the same name; returns its final path."""
         if self._staged is None:
             self._staged = Path(tempfile.mkdtemp(dir=self.path, prefix=".barbalat-"))
         (self._staged / name).write_bytes(content.encode() if isinstance(content, str) else content)
         return self.path / name
 
     def commit(self, gone: Iterable[str] = ()) -> None:
-        """Put what was written in its place; what is ``gone``, files of an earlier command, is removed first."""
+        """Put the written files in place, after the removal of the files in ``gone``, which an earlier command wrote."""
         if self._staged is None:
             return
         ready = sorted(self._staged.iterdir())
@@ -81,7 +81,7 @@ class Folder:
         self.discard()
 
     def discard(self) -> None:
-        """Forget what was written and not committed."""
+        """Discard files that were written and not committed."""
         if self._staged is not None:
             shutil.rmtree(self._staged, ignore_errors=True)
             self._staged = None
@@ -89,9 +89,9 @@ class Folder:
 
 @contextlib.contextmanager
 def output_folder(path: str | Path) -> Iterator[Folder]:
-    """The folder, made if need be, of this process alone while it is used; one that stayed empty goes again.
+    """Make the folder if necessary and lock it for this process; a folder that stays empty is removed at the end.
 
-    InputError where files can't be written in it, or where another process writes in it.
+    InputError if files can't be written in it, or if another process writes in it.
     """
     path = local_path("the output folder", path)
     refusal = f"the output folder {str(path)!r} cannot be used"
@@ -108,7 +108,7 @@ def output_folder(path: str | Path) -> Iterator[Folder]:
 
 
 def _locked(path: Path) -> int | None:
-    """A handle that holds the folder until it is closed, or the process ends in whatever way; None where there are no locks."""
+    """A handle that locks the folder until it is closed or the process ends; None if there are no locks."""
     if sys.platform == "win32":
         return None
     import fcntl

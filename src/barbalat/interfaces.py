@@ -1,8 +1,9 @@
-"""What a controller of your own has to be, and what it is told of a problem.
+"""The protocols of a controller of your own, and what a controller knows of its problem.
 
-A ``Controller`` holds settings. Its ``bind`` takes what is ``Known`` and returns ``Equations`` or ``SampledEquations``, whose
-state's parts each have a ``Role``. Its ``knobs`` return a ``TuningGrid``: which settings are tuned, and how far.
-``check_controller`` tries a controller on a problem; ``barbalat.testing`` holds it to the tests of the package.
+A ``Controller`` holds settings. Its ``bind`` takes the ``Known`` part of a problem and returns ``Equations`` or
+``SampledEquations``; each part of their state has a ``Role``. Its ``knobs`` return a ``TuningGrid``: the settings that a search
+varies, with their ranges. ``check_controller`` tries a controller on a problem; ``barbalat.testing`` applies the package's own
+tests to it.
 """
 
 from barbalat.public_names import public

@@ -6,6 +6,8 @@ from .problem.output_feedback import OutputKnown as OutputKnown
 from .problem.state_feedback import Known as Known
 from .protocols import Controller as Controller
 from .protocols import Equations as Equations
+from .protocols import Lyapunov as Lyapunov
+from .protocols import LyapunovEquations as LyapunovEquations
 from .protocols import SampledEquations as SampledEquations
 from .protocols import Value as Value
 from .roles import Role as Role

@@ -1,7 +1,7 @@
-"""Adaptive laws, their modifications, and what schemes take beside a law.
+"""Adaptive laws, their modifications, and the other parts that a scheme combines with a law.
 
-``Gradient`` and those after it are the law of ``RobustMrac`` and ``NormalizedMrac``, ``LyapunovLaw`` is one of ``MracOutput``.
-Leakage, dead zone and memory modify a law. ``AdaptiveLaw`` says what a law of your own has to be.
+``RobustMrac`` and ``NormalizedMrac`` take ``Gradient`` and the laws listed after it; ``MracOutput`` also takes ``LyapunovLaw``.
+Leakage, dead zone and memory modify a law. ``AdaptiveLaw`` is the protocol of a law of your own.
 """
 
 from barbalat.public_names import public

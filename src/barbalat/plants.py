@@ -1,9 +1,9 @@
-"""What lies before a plant's input and behind its state, physical parameters, the truth apart from the design, names, known sets.
+"""Actuators, sensors, physical parameters, plants that differ from the design, labels and known sets.
 
-Behind the state are the sensor, what goes wrong with its samples (``Dropout``, ``Spike``, ...), and the ``Shell`` around a
-sampled controller, which decides what of a sample is taken.
+The measurements have a sensor, faults of single samples (``Dropout``, ``Spike``, ...) and the ``Shell`` around a sampled
+controller, which decides which samples are used.
 
-``Plant``, ``OutputPlant``, the reference models and ``ParameterBox``, the usual known set, are in ``barbalat`` itself.
+``Plant``, ``OutputPlant``, the reference models and the usual known set, ``ParameterBox``, are in ``barbalat`` itself.
 """
 
 from barbalat.public_names import public

@@ -15,6 +15,9 @@ from .problem.known_set import ParameterBall as ParameterBall
 from .problem.labels import Labels as Labels
 from .problem.measurement import Noise as Noise
 from .problem.measurement import Sensor as Sensor
+from .problem.observer import DerivativeObserver as DerivativeObserver
+from .problem.observer import KalmanObserver as KalmanObserver
+from .problem.observer import LuenbergerObserver as LuenbergerObserver
 from .problem.parameters import Parameter as Parameter
 from .problem.physical import PhysicalPlant as PhysicalPlant
 from .problem.shell import Shell as Shell

@@ -1,4 +1,4 @@
-"""Processes of a command's own, which leave Ctrl-C to it and end with it."""
+"""Worker processes of a command: they leave Ctrl-C to the command and end with it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import gc
 import signal
 import sys
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from multiprocessing import active_children, get_context, resource_tracker
@@ -20,28 +20,18 @@ Given = ParamSpec("Given")
 Answer = TypeVar("Answer")
 
 
-class Here(Executor):
-    """No process at all: what is submitted is done at once."""
-
-    def submit(self, function: Callable[Given, Answer], /, *given: Given.args, **named: Given.kwargs) -> Future[Answer]:
-        """What the function answers; it raises here."""
-        done: Future[Answer] = Future()
-        done.set_result(function(*given, **named))
-        return done
-
-
 def answer_of(asked: Future[Answer], function: Callable[Given, Answer], /, *given: Given.args, **named: Given.kwargs) -> Answer:
-    """What this call, which was submitted, answers; where no process has begun it, it is made here."""
+    """The result of a submitted call; if no process has started it, it is executed here."""
     return function(*given, **named) if asked.cancel() else asked.result()
 
 
 @contextmanager
 def processes(count: int) -> Iterator[ProcessPoolExecutor]:
-    """So many processes, which collect garbage as often as this one and have its budget; whatever they are at when this is left
-    by an exception, nobody waits for.
+    """Worker processes with this process's garbage collection thresholds and budget; if the block is left by an exception, their
+    work is not waited for.
 
-    What is submitted first, and with it starts them, belongs into ``deaf_children``. The program that calls this must be one that
-    a new process may import: started by ``if __name__ == "__main__"``.
+    The processes start with the first submitted call, which belongs inside ``deaf_children``. The program must be importable by a
+    new process: it starts under ``if __name__ == "__main__"``.
     """
     others = active_children()
     given = gc.get_threshold(), replace(budget.in_force(), told=None)
@@ -65,16 +55,17 @@ def _begin(thresholds: tuple[int, int, int], limits: Budget) -> None:
 
 @contextmanager
 def deaf_children() -> Iterator[None]:
-    """Processes that start meanwhile leave Ctrl-C, which a terminal sends to all, to this one: they would print tracebacks.
+    """Processes that start inside this block ignore Ctrl-C, which a terminal sends to all; else they would print tracebacks.
 
-    They inherit that it is blocked. Here it is neither lost, nor does it interrupt a process that is half started: it waits, as
-    a request to end does, to which they stay open: it is how this one ends them.
+    They inherit the blocked signal. In this process the signal is not lost and does not interrupt a half-started worker: it is
+    delivered after the block. A request to terminate also waits here, but stays unblocked in the workers, since this process ends
+    them by it.
     """
-    if sys.platform == "win32" or current_thread() is not main_thread():  # where signals can't be blocked, and none arrive
+    if sys.platform == "win32" or current_thread() is not main_thread():  # signals can't be blocked or don't arrive here
         yield
         return
-    resource_tracker.ensure_running()  # it would unblock the signal when the first process starts it
-    with undisturbed():  # another thread may be the one to get it
+    resource_tracker.ensure_running()  # it would otherwise unblock the signal when it is started with the first process
+    with undisturbed():  # the signal may be delivered to another thread
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
             yield
@@ -84,8 +75,8 @@ def deaf_children() -> Iterator[None]:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """Ctrl-C, a request to end, and an alarm wait until this is left: for code that would report what is raised within it."""
-    if current_thread() is not main_thread():  # to which none arrives
+    """Ctrl-C, a termination request and an alarm wait for the end of this block, whose code would report their exceptions."""
+    if current_thread() is not main_thread():  # no signal is delivered to this thread
         yield
         return
     kept = [signal.SIGINT, signal.SIGTERM]

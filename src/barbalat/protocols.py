@@ -1,13 +1,14 @@
-"""The page to read first: what a signal, a controller and a scheme's equations are.
+"""The page to read first: the protocols of a signal, a controller and a scheme's equations.
 
-A user writes a ``Controller``: its settings. ``bind`` joins them with what is known of the plant and gives the
-``Equations``, which read like the paper and compute with plain NumPy functions. The same lines are evaluated on numbers
-(tests, exploration) and on CasADi's arrays (from which machine code, C and Jacobians are made), so they must not branch on
-values: ``np.where``, ``np.clip``, ``np.minimum`` do that.
+A user writes a ``Controller``: its settings. ``bind`` joins them with the known part of the plant and returns the ``Equations``,
+which read like the paper and compute with plain NumPy functions. The same lines are evaluated on numbers (tests, exploration) and
+on CasADi's arrays (the source of machine code, C and Jacobians), so they must not branch on values: use ``np.where``,
+``np.clip``, ``np.minimum``.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
@@ -28,16 +29,16 @@ class Signal(Protocol):
         ...
 
     def before(self, t: Array) -> Array:
-        """The limit from the left; differs from the value only at a jump. The last stage of a step asks for this."""
+        """The limit from the left, which differs from the value only at a jump. The last stage of a step uses it."""
         ...
 
 
 @runtime_checkable
 class BreakingSignal(Signal, Protocol):
-    """A signal that jumps, or of which a derivative does; one that does not say so is taken as smooth."""
+    """A signal with a jump, or with a jump in a derivative; a signal that does not declare breaks is assumed to be smooth."""
 
     def breaks(self, start: float, stop: float) -> Array:
-        """The instants [s] in (start, stop) at which that happens, (K,); the same ones whatever the interval."""
+        """The instants [s] of these jumps in (start, stop), (K,); they don't depend on the interval."""
         ...
 
 
@@ -53,27 +54,27 @@ class BoundedSignal(Signal, Protocol):
 
 @runtime_checkable
 class SlopedSignal(Signal, Protocol):
-    """A signal that tells how fast it may change, which bounds between a controller's samples need; all of the package do."""
+    """A signal with a bound on its slope, needed to bound the motion between samples; all signals of the package have one."""
 
     @property
     def slope(self) -> float:
-        """A number that |change per second| never exceeds where the signal does not jump."""
+        """A bound of |derivative| on every interval without a jump [1/s]."""
         ...
 
 
 @runtime_checkable
 class SettlingSignal(Signal, Protocol):
-    """A signal that tells whether it is constant from some time on; of one that does not say so, nothing is known."""
+    """A signal that knows whether it becomes constant; nothing is assumed of a signal without this method."""
 
     @property
     def settles(self) -> bool:
-        """Whether it keeps one value from some time on."""
+        """Whether the signal is constant from some time on."""
         ...
 
 
 @runtime_checkable
 class InterpolatedSignal(Signal, Protocol):
-    """A signal that is linear between points and constant outside them: pages keep the points instead of its equations."""
+    """A signal that is linear between points and constant outside them: pages store the points instead of its equations."""
 
     @property
     def interpolation_points(self) -> tuple[Array, Array]:
@@ -82,7 +83,7 @@ class InterpolatedSignal(Signal, Protocol):
 
 
 class Dynamics(Protocol):
-    """What a loop integrates of a plant or of a model."""
+    """The part of a plant or of a model that a loop integrates."""
 
     @property
     def x0(self) -> Array:
@@ -90,18 +91,18 @@ class Dynamics(Protocol):
         ...
 
     def derivative(self, x: Value, v: Value) -> Value:
-        """x' for the input v: what reaches a plant, a model's command."""
+        """x' for the input v, which is the plant's actual input or the model's command."""
         ...
 
     def output(self, x: Value) -> Value:
-        """What is measured, or what that is to follow: (n,), or a scalar."""
+        """The measured output of a plant, or the output of a model that it is to follow: (n,), or a scalar."""
         ...
 
 
 class Equations(Protocol):
-    """A scheme bound to a plant's known part. The state is a NamedTuple of arrays that has a field ``theta_hat``, (p,).
+    """A scheme bound to the known part of a plant. The state is a NamedTuple of arrays that has a field ``theta_hat``, (p,).
 
-    Its p estimates need not be the problem's parameters: they may be a network's weights, or (0,) where nothing is estimated.
+    Its p estimates need not be the problem's parameters: they may be a network's weights, or (0,) if nothing is estimated.
     """
 
     def initial(self) -> NamedTuple:
@@ -109,17 +110,18 @@ class Equations(Protocol):
         ...
 
     def control(self, state: Any, x: Value, x_m: Value, r: Value) -> Value:
-        """The control u, a scalar, from the plant's and the model's state, both (n,), and the command.
+        """The control u, a scalar, from the states of plant and model, both (n,), and the command.
 
-        Where only the output is fed back, y and y_m, scalars, stand in the place of the states.
+        With output feedback, ``x`` and ``x_m`` are the scalars y and y_m.
         """
         ...
 
     def derivative(self, state: Any, x: Value, x_m: Value, r: Value, u: Value) -> NamedTuple:
-        """d/dt of the state; ``u`` is what ``control`` commands now: before the plant's limits, gain, dynamics and delay.
+        """The derivative of the state; ``u`` is what ``control`` returns now, before the plant's limits, gain, dynamics and
+        delay.
 
-        What reaches the plant is not known to a controller. One that knows its actuator's limits, ``known.saturation``, computes
-        what they leave of u itself.
+        A controller does not know what reaches the plant. A scheme that knows its actuator's limits, ``known.saturation``,
+        applies them to u itself.
         """
         ...
 
@@ -128,37 +130,64 @@ class Equations(Protocol):
         ...
 
 
+@dataclass(frozen=True, eq=False)
+class Lyapunov:
+    """A Lyapunov function of the loop, for ``certify`` to check: V' <= -W along (1), (2) and the law's own equations.
+
+    V            a quadratic form in e, the state and theta
+    W            the least decrease of V, nowhere negative; 0 by default
+    zero         quantities that are zero at t = 0 and stay zero, such as z - theta'phi_f of a filtered model: a number or an
+                 array
+    nonnegative  symmetric matrices in the state that stay positive semidefinite, such as the integral of phi phi': one or a tuple
+    """
+
+    V: Value
+    W: Value = 0.0
+    zero: Value = ()
+    nonnegative: Value = ()
+
+
+@runtime_checkable
+class LyapunovEquations(Protocol):
+    """Equations whose author supplies a Lyapunov function."""
+
+    def lyapunov(self, state: Any, x: Value, x_m: Value, theta: Value) -> Lyapunov:
+        """V and the terms of its proof, from the law's state, the states of plant and model and the true parameters (p,)."""
+        ...
+
+
 @runtime_checkable
 class Bending(Protocol):
-    """A part of a law or a plant whose rate has a corner where the motion takes it: a step across it keeps second order only."""
+    """A part of a law or a plant whose rate has a corner that the motion reaches: a step across it has only second order."""
 
     @property
     def bend(self) -> str | None:
-        """Where the corner is, in a few words; ``None`` where it has none."""
+        """The position of the corner, in a few words; ``None`` if there is none."""
         ...
 
 
 @runtime_checkable
 class Jumping(Protocol):
-    """A part of a law whose rate, or whose state, jumps where the motion takes it: a step across it keeps first order only."""
+    """A part of a law whose rate or state jumps at a point that the motion reaches: a step across it has only first order."""
 
     @property
     def jump(self) -> str:
-        """Where it jumps, in a few words."""
+        """The position of the jump, in a few words."""
         ...
 
 
 class Sample(NamedTuple):
-    """What a sampled controller measures at one instant."""
+    """The measurements of a sampled controller at one instant."""
 
     x: Value  # (n,), or the output y
-    x_m: Value  # its own reference model's, from sample to sample under a held command
+    x_m: Value  # the state of its own reference model, which advances from sample to sample under a held command
     r: Value
 
 
 @runtime_checkable
 class SampledEquations(Protocol):
-    """A controller that acts every ``sample_time`` and holds its control in between. The state as of ``Equations``."""
+    """A controller that acts every ``sample_time`` and holds its control in between. Its state has the form of ``Equations``'
+    state."""
 
     @property
     def sample_time(self) -> float:
@@ -174,21 +203,21 @@ class SampledEquations(Protocol):
         ...
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> NamedTuple:
-        """The state at this sample, from that at the one before; since then u, the command before the limits, was held."""
+        """The state at this sample, from that at the previous one; in between, the command u (before the limits) was held."""
         ...
 
 
 @runtime_checkable
 class Freezable(Protocol):
-    """Sampled equations that know what goes on while their estimates rest; of others only theta_hat and memory are kept."""
+    """Sampled equations that know which states a freeze holds; for others, a freeze holds theta_hat and memory."""
 
     def freezing(self, frozen: Value) -> SampledEquations:
-        """These equations, whose estimates and what was learnt for them keep their values where ``frozen`` holds."""
+        """These equations with the estimates and the law's memory held wherever ``frozen`` is true."""
         ...
 
 
 def kept(frozen: Value, old: Any, new: Any) -> Any:
-    """``old`` where ``frozen`` holds, else ``new``, through nested NamedTuples; ``new`` where it is None."""
+    """``old`` where ``frozen`` is true and ``new`` elsewhere, through nested NamedTuples; ``new`` if it is None."""
     if frozen is None:
         return new
     if isinstance(new, tuple):
@@ -202,20 +231,20 @@ class Discretizable(Protocol):
     """Continuous equations that know their midpoint form."""
 
     def sampled(self, T: float) -> SampledEquations:
-        """For samples of length T [s]; InputError where there is none for these settings."""
+        """The sampled form for samples of length T [s]; InputError if these settings have none."""
         ...
 
 
 @runtime_checkable
 class DiscretizedEquations(SampledEquations, Protocol):
-    """Sampled equations that stand for continuous ones."""
+    """Sampled equations that discretise continuous ones."""
 
     @property
     def continuous(self) -> Equations: ...
 
     @property
     def explicit(self) -> bool:
-        """Whether they take explicit steps, which a high gain or a long sample makes unstable."""
+        """Whether they take explicit steps, which become unstable with a high gain or a long sample."""
         ...
 
 
@@ -229,34 +258,34 @@ class Controller(Protocol):
         ...
 
     def bind(self, known: Any) -> Equations | SampledEquations:
-        """Join the settings with the plant's known part; raises InputError where they don't fit."""
+        """Join the settings with the known part of the plant; raises InputError if they don't fit."""
         ...
 
 
 @runtime_checkable
 class FeedingBack(Protocol):
-    """A controller that says what it feeds back; one that does not feeds back the state."""
+    """A controller that declares what it feeds back; one that does not feeds back the state."""
 
     @property
     def feedback(self) -> str:
-        """What: "state" or "output"."""
+        """The signal that is fed back: "state" or "output"."""
         ...
 
 
 def feedback_of(controller: Controller) -> str:
-    """What is fed back: "state" or "output"."""
+    """The signal that a controller feeds back: "state" or "output"."""
     return controller.feedback if isinstance(controller, FeedingBack) else "state"
 
 
 @runtime_checkable
 class Stepping(Protocol):
-    """A controller whose law may take numerical steps of its own, which are then part of a run's numerics."""
+    """A controller whose law may take numerical steps of its own, which belong to the numerical method of a run."""
 
     @property
     def law_step(self) -> float | None:
-        """Their length [s]; None for a law that needs none to be resolved."""
+        """The length of those steps [s]; None for a law that needs no step to be resolved."""
         ...
 
     def refined(self, factor: int) -> Controller:
-        """Return this with steps shorter by ``factor``, if it takes any."""
+        """Return this controller with its steps shortened by ``factor``, if it takes any."""
         ...

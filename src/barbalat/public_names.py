@@ -1,7 +1,7 @@
-"""Public modules: each offers the names of the stub beside it, ``.pyi``, and imports a name when it is first used.
+"""Public modules: each offers the names in its stub (``.pyi``) and imports a name at its first use.
 
-A stub is the one list of a module's names, for type checkers, ``dir``, ``__all__`` and the reference. Each of its lines is one
-import: ``from .adaptation.laws.gradient import Gradient as Gradient``, or ``from . import laws as laws`` for a public module.
+A stub is the only list of a module's names; it serves type checkers, ``dir``, ``__all__`` and the reference. Each of its lines is
+one import: ``from .adaptation.laws.gradient import Gradient as Gradient``, or ``from . import laws as laws`` for a public module.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ PACKAGE = "barbalat"
 
 
 def public(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
-    """``__getattr__``, ``__dir__`` and ``__all__`` of the public module with this ``__name__``."""
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` for the public module with this ``__name__``."""
     places = places_of(module)
     names = sorted(places)
 
@@ -36,12 +36,12 @@ def public(module: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], 
 
 
 def modules() -> list[str]:
-    """The public modules of the package, by their names within it."""
+    """The names of the package's public modules, relative to the package."""
     return [name for name, place in places_of(PACKAGE).items() if place == f"{PACKAGE}.{name}"]
 
 
 def places_of(module: str) -> dict[str, str]:
-    """The names of a public module, each with the module that it is imported from; empty for one without a stub."""
+    """The names of a public module, each with the module from which it is imported; empty without a stub."""
     stem = join(dirname(__file__), *module.split(".")[1:])
     stub = next((file for file in (f"{stem}.pyi", join(stem, "__init__.pyi")) if isfile(file)), None)
     if stub is None:
@@ -53,7 +53,7 @@ def places_of(module: str) -> dict[str, str]:
 
 
 def _absolute(place: str, name: str, package: str) -> str:
-    """The module that a stub's line imports from; ``from . import laws`` imports the module itself."""
+    """The absolute module from which a line of a stub imports; ``from . import laws`` imports the module itself."""
     if place == ".":
         return f"{package}.{name}"
     inner = place.lstrip(".")
@@ -62,14 +62,20 @@ def _absolute(place: str, name: str, package: str) -> str:
 
 
 def _absent(caller: FrameType) -> type[AttributeError | ImportError]:
-    """ImportError where the caller is at ``from ... import ...``, which would replace an AttributeError by words of its own."""
+    """ImportError if the caller executes ``from ... import ...``, because Python would replace the text of an AttributeError."""
     from opcode import opmap
 
     return ImportError if caller.f_code.co_code[caller.f_lasti] == opmap["IMPORT_FROM"] else AttributeError
 
 
 def _told(module: str, name: str) -> str:
-    """What to say of a name that a module does not have: where it is, or which name is meant."""
+    """The message for a name that a module lacks: where the name is, or which name is probably meant.
+
+    Names that begin with an underscore get no suggestion: Python asks for ``__path__`` at every ``from``, and tools ask for
+    others.
+    """
+    if name.startswith("_"):
+        return f"{module} has no {name}"
     from barbalat.validate import nearest
 
     homes = {one: home for home in (PACKAGE, *(f"{PACKAGE}.{inner}" for inner in modules())) for one in places_of(home)}

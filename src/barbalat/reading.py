@@ -1,4 +1,4 @@
-"""Reading files that a user names, within the budget: none that has no end, and none larger than the work on it allows."""
+"""Reads files that a user names within the budget; refuses endless files and files that are too large for the work on them."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from barbalat.budget import Estimate
 from barbalat.validate import InputError
 
 PART_BYTES = 1 << 20
-"""That are asked for at once, whatever the budget allows."""
+"""Bytes that are requested at once, whatever the budget allows."""
 WAITED_SECONDS = 3.0
-"""Before a person is told what is waited for: longer than a disk takes."""
+"""Seconds, longer than a disk takes, after which the user is told what the program is waiting for."""
 
 
 def contents(path: Path, what: str, each: Estimate) -> bytes:
     """All bytes of a file, or of a pipe up to what the budget allows.
 
-    A pipe is waited for, as by every program that reads one: who writes to it may be about to begin. Whoever waits is told so,
-    see ``Budget.told``.
+    The function waits for a pipe, as every program does that reads one: its writer may be about to start. A user who waits is
+    told so, see ``Budget.told``.
 
-    what  the file is in messages, such as "the case file"
-    each  byte's cost, reading and what is made of it
+    what  how messages name the file, such as "the case file"
+    each  the cost of each byte, for reading and processing it
 
-    Raises OSError as opening does, InputError for a device and for a file that is too large.
+    Raises OSError as opening does, and InputError for a device or for a file that is too large.
     """
     name, state = f"{what} {str(path)!r}", path.stat()
     if stat.S_ISCHR(state.st_mode) or stat.S_ISBLK(state.st_mode):
@@ -36,7 +36,7 @@ def contents(path: Path, what: str, each: Estimate) -> bytes:
         _require(name, state.st_size, each, f"has {state.st_size} bytes and")
     limits, found = budget.in_force(), bytearray()
     most = int(min(limits.memory / each.memory, limits.seconds / each.seconds))
-    # in parts, as they come: the size of a pipe, or of what the system makes while it is read, is not known
+    # in parts as they arrive: the size of a pipe, or of a file that the system generates while it is read, is unknown
     with _announced(name, found), path.open("rb", 0) as file:
         while len(found) <= most and (part := file.read(min(most + 1 - len(found), PART_BYTES))):
             found += part
@@ -47,7 +47,7 @@ def contents(path: Path, what: str, each: Estimate) -> bytes:
 
 @contextlib.contextmanager
 def _announced(name: str, found: bytearray) -> Iterator[None]:
-    """Says what is waited for where a file has not been read after some seconds, and how much of it there is."""
+    """Report what is being waited for, and how much has arrived, if a file has not been read after some seconds."""
     told = budget.in_force().told
     if told is None:
         yield

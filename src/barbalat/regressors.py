@@ -1,6 +1,6 @@
-"""Regressors phi(x): what the unknown parameters theta multiply in the matched uncertainty theta'phi(x).
+"""Regressors phi(x), which the unknown parameters theta multiply in the matched uncertainty theta'phi(x).
 
-``Plant(regressor=...)`` takes one; without one phi(x) = x. ``Regressor`` says what one of your own has to be.
+``Plant(regressor=...)`` takes one; the default is phi(x) = x. ``Regressor`` is the protocol of a regressor of your own.
 """
 
 from barbalat.public_names import public

@@ -1,4 +1,4 @@
-"""What ``simulate``, ``simulate_ensemble`` and ``certify`` give back, and ``plot`` for results of several calls."""
+"""The results of ``simulate``, ``simulate_ensemble`` and ``certify``, and ``plot``, which draws the results of several calls."""
 
 from barbalat.public_names import public
 

@@ -1,9 +1,9 @@
-"""What the parts of a controller's state are: estimates, the law's memory, a predictor, a filter, or something else.
+"""Roles of the parts of a controller's state: estimates, the law's memory, a predictor, a filter, or something else.
 
-Equations declare it in an attribute ``roles``, a mapping from the names of their state's fields to roles; a part of a nested
-NamedTuple has a path, "memory.covariance". A field that is not declared has the role of its name where that is a conventional
-one (``theta_hat``, ``memory``, ``x_hat``, ``y_hat``, ``filter``), so that most laws need no words. Freezing, places of rest, true
-values, the names of columns and the comments of exports follow from the roles.
+Equations declare them in an attribute ``roles``, a mapping from the names of their state's fields to roles; a part of a nested
+NamedTuple has a path, "memory.covariance". A field with a conventional name (``theta_hat``, ``memory``, ``x_hat``, ``y_hat``,
+``filter``) has its role by default, so that most laws declare nothing. The roles determine freezing, equilibria, true values,
+column names and the comments of exports.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
@@ -23,10 +23,11 @@ if TYPE_CHECKING:
 Kind = Literal["estimates", "memory", "predictor", "filter", "other"]
 
 Truth = Callable[["Array", "Array"], "Array | None"]
-"""What estimates are to become, from the true theta (p,) and the effectiveness omega (m,) of the plant's inputs; or None."""
+"""The values to which estimates should converge, from the true theta (p,) and the effectiveness omega (m,) of the plant's
+inputs; or None."""
 
 THETA = "theta"
-"""The symbol of the problem's parameters, with which estimates of that name are compared."""
+"""The symbol of the problem's parameters; estimates with this symbol are compared with them."""
 
 MEANINGS: dict[Kind, str] = {
     "estimates": "estimates",
@@ -35,19 +36,19 @@ MEANINGS: dict[Kind, str] = {
     "filter": "state of a filter",
     "other": "of the scheme's own state",
 }
-"""The comment of an exported part whose role has none of its own."""
+"""The comments of exported parts whose role has no meaning of its own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Role:
-    """The role of one field of a controller's state. Make it by the method that has the role's name.
+    """The role of one field of a controller's state. Make it by the method named after the role.
 
-    kind     a freeze keeps estimates and memory; predictors, filters and all others go on
+    kind     a freeze holds estimates and memory; predictors, filters and everything else continue
     meaning  one phrase, for the comments of exports
-    of       the symbol of what is estimated, without a hat; of a memory its own, by which results have its columns
-    names    (p,) of the single estimates, without a hat; by default the symbol with an index
-    true     what the estimates are to become; see ``Truth``
-    within   the set that they are projected onto, a ``ParameterBox`` or its kin; None where there is none
+    of       the symbol of the estimated quantity, without a hat, or the memory's own symbol, which names its columns in results
+    names    (p,) names of the single estimates, without a hat; by default the symbol with an index
+    true     the values to which the estimates should converge; see ``Truth``
+    within   the set onto which they are projected, a ``ParameterBox`` or another known set; None without projection
     """
 
     kind: Kind
@@ -67,45 +68,45 @@ class Role:
         names: tuple[str, ...] | None = None,
         meaning: str = "",
     ) -> Role:
-        """Estimates of ``of``, named without a hat: "theta", "k_x", "W".
+        """The role of estimates of ``of``, named without a hat: "theta", "k_x", "W".
 
-        Those of "theta" are compared with the problem's parameters where there are as many; all others with what
-        ``true(theta, omega)`` returns, and with nothing where that is not given. Those of "theta" are projected onto the
-        equations' ``box``, if they have one; all others onto what is given as ``within``.
+        Estimates of "theta" are compared with the problem's parameters if their numbers agree; others are compared with the
+        result of ``true(theta, omega)``, if it is given. Estimates of "theta" are projected onto the equations' ``box``, if there
+        is one; others onto ``within``.
         """
         return cls("estimates", meaning or f"estimates of {of}", of, names, true, within)
 
     @classmethod
     def memory(cls, meaning: str = "", *, symbol: str = "") -> Role:
-        """What the law remembers beside its estimates: a covariance P(t), collected data. A freeze keeps it.
+        """The role of a law's further memory: a covariance P(t), collected data. A freeze holds it.
 
-        Its columns in results are called by the symbol, "P_1_1", or else by the field's name.
+        Its columns in results are named by the symbol, "P_1_1", or by the field's name if there is none.
         """
         return cls("memory", meaning, symbol)
 
     @classmethod
     def predictor(cls, meaning: str = "") -> Role:
-        """The state of a predictor or an observer."""
+        """The role of the state of a predictor or an observer."""
         return cls("predictor", meaning)
 
     @classmethod
     def filter(cls, meaning: str = "") -> Role:
-        """The state of a filter of signals."""
+        """The role of the state of a signal filter."""
         return cls("filter", meaning)
 
     @classmethod
     def other(cls, meaning: str = "") -> Role:
-        """Anything else that the controller integrates."""
+        """The role of anything else that the controller integrates."""
         return cls("other", meaning)
 
     @property
     def rests(self) -> bool:
-        """Whether a freeze keeps it."""
+        """Whether a freeze holds this part."""
         return self.kind in ("estimates", "memory")
 
     @property
     def comment(self) -> str:
-        """One phrase for people who read exported code."""
+        """A phrase for readers of exported code."""
         return self.meaning or MEANINGS[self.kind]
 
 
@@ -118,10 +119,10 @@ CONVENTIONAL: Mapping[str, Role] = {
     "y_hat": Role.predictor("output of the predictor (21)"),
     "filter": Role.filter("state of the filter C(s) of (5), or Q(s) of (14)"),
 }
-"""The roles of fields that are not declared, by their names; every other one is ``Role.other()``."""
+"""The roles of undeclared fields, by their names; any other field has the role ``Role.other()``."""
 OTHER = Role.other()
 BY_KIND: Mapping[str, Role] = {kind: Role.estimates() if kind == "estimates" else Role(kind) for kind in MEANINGS}
-"""What the name of a kind stands for where a role is asked for."""
+"""The roles that the name of a kind stands for."""
 
 
 @runtime_checkable
@@ -130,38 +131,50 @@ class DeclaringRoles(Protocol):
 
     @property
     def roles(self) -> Mapping[str, Role | str]:
-        """By the names of the state's fields, or by paths into nested ones; a role with nothing to say of itself by its kind."""
+        """The roles by the names of the state's fields, or by paths into nested ones; a role may be given by its kind alone."""
         ...
 
 
+_declaring: dict[type, bool] = {}
+
+
+def _declares(part: Any) -> TypeGuard[DeclaringRoles]:
+    """Whether the part declares roles; cached for each class, since the check is slow and is made for every member."""
+    kind = type(part)
+    if kind not in _declaring:
+        _declaring[kind] = isinstance(part, DeclaringRoles)
+    return _declaring[kind]
+
+
 def declared_roles(equations: Any) -> Mapping[str, Role] | None:
-    """The roles that equations declare, sampled ones also by the continuous equations that they stand for; None without any."""
-    if isinstance(equations, DeclaringRoles):
+    """The roles that equations declare, or that the continuous equations behind sampled ones declare; None if there are none."""
+    if _declares(equations):
         accepted: Mapping[str, Role] = _accepted(equations.roles)
         return accepted
     return declared_roles(equations.continuous) if isinstance(equations, DiscretizedEquations) else None
 
 
 def _accepted(declared: Any) -> Any:
-    """Roles, each given itself or by its kind; what is neither is refused where the equations are checked."""
+    """The declared roles, each given as a role or by its kind; invalid ones are kept, and refused by the check of the
+    equations."""
     if not isinstance(declared, Mapping):
         return declared
     return {path: BY_KIND.get(given, given) if isinstance(given, str) else given for path, given in declared.items()}
 
 
 def roles_of(equations: Any) -> Mapping[str, Role]:
-    """The conventional roles, with those that the equations declare in their place."""
+    """The conventional roles, overridden by those that the equations declare."""
     return {**CONVENTIONAL, **(declared_roles(equations) or {})}
 
 
 def within(field: str, part: Any) -> dict[str, Role]:
-    """The roles that a part with a state of its own, as an adaptive law, declares of what it keeps under ``field``."""
-    declared = _accepted(part.roles) if isinstance(part, DeclaringRoles) else {}
+    """The roles that a part with a state of its own, such as an adaptive law, declares for its state in ``field``."""
+    declared = _accepted(part.roles) if _declares(part) else {}
     return {f"{field}.{path}": role for path, role in declared.items()}
 
 
 def role_at(roles: Mapping[str, Role], path: str) -> Role:
-    """The role of a leaf of the state: its own, or that of the nearest part around it."""
+    """The role of a leaf of the state: its own, or that of the nearest enclosing part."""
     while path:
         if path in roles:
             return roles[path]
@@ -170,7 +183,7 @@ def role_at(roles: Mapping[str, Role], path: str) -> Role:
 
 
 class StatePart(NamedTuple):
-    """One array of a controller's state: its path, its role, its shape, and where it stands in the flat state."""
+    """One array of a controller's state: its path, its role, its shape, and its position in the flat state."""
 
     path: str
     role: Role
@@ -187,12 +200,12 @@ class StatePart(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Its own name in results: that of a nested part has the names of those around it before it."""
+        """Its own name in results, which includes the names of the enclosing parts."""
         return self.path.replace(".", "_")
 
     @property
     def symbol(self) -> str:
-        """What its role says that it is called, without a hat, or else the field's name."""
+        """The symbol of its role, without a hat, or the field's name."""
         return self.role.of or self.path.rpartition(".")[2].removesuffix("_hat")
 
     @property
@@ -207,7 +220,7 @@ class StatePart(NamedTuple):
 
 
 def column_names(parts: Iterable[StatePart], taken: Container[str]) -> dict[StatePart, str]:
-    """The columns' names beside those that are ``taken``: the last of a part's path, or all of it where two would be the same."""
+    """Column names that differ from those ``taken``: the last part of a path, or the whole path if two would be equal."""
     short = {part: part.role.of or part.path.rpartition(".")[2] for part in parts}
     named = Counter(short.values())
     long = {part: name if named[name] == 1 else part.name for part, name in short.items()}
@@ -215,18 +228,18 @@ def column_names(parts: Iterable[StatePart], taken: Container[str]) -> dict[Stat
 
 
 def entry_names(name: str, shape: tuple[int, ...]) -> list[str]:
-    """The names of an array's entries, row by row: "x_hat_2", "P_1_2", and the name itself of a number."""
+    """The names of an array's entries, row by row, "x_hat_2", "P_1_2"; a scalar has the name itself."""
     return ["_".join([name, *(str(i + 1) for i in place)]) for place in np.ndindex(shape)]
 
 
 def hatted(name: str) -> str:
-    """The name of an estimate with its hat, in plain letters: theta_hat_1 of theta_1, W_hat_0 of W_0."""
+    """The name of an estimate with its hat, in plain letters: theta_hat_1 for theta_1, W_hat_0 for W_0."""
     symbol, _, index = name.partition("_")
     return f"{symbol}_hat_{index}" if index else f"{symbol}_hat"
 
 
 def state_parts(equations: Any, initial: Any, start: int = 0) -> tuple[StatePart, ...]:
-    """All arrays of a state with their roles, in the order of the flat state, in which the first stands at ``start``."""
+    """All arrays of a state with their roles, in the order of the flat state, in which the first begins at ``start``."""
     roles, found = roles_of(equations), []
     for path, array in leaves(initial):
         part = StatePart(path, role_at(roles, path), np.shape(array), start)
@@ -236,18 +249,19 @@ def state_parts(equations: Any, initial: Any, start: int = 0) -> tuple[StatePart
 
 
 def main_estimates(parts: tuple[StatePart, ...]) -> StatePart | None:
-    """The estimates that results have as ``theta_hat``: those of the field of that name, or else the first; None without any."""
+    """The estimates that results call ``theta_hat``: those in the field of that name, or else the first; None if there are
+    none."""
     found = [part for part in parts if part.role.kind == "estimates"]
     return next((part for part in found if part.path == "theta_hat"), found[0] if found else None)
 
 
 def taken_from(state: Any, part: StatePart | None) -> Value:
-    """The entries of a part in a controller's state, flat; (0,) where the part is None."""
+    """The entries of a part of a controller's state, flat; (0,) if the part is None."""
     return np.zeros(0) if part is None else next(array for path, array in leaves(state) if path == part.path).reshape(-1)
 
 
 def resting(frozen: Value, roles: Mapping[str, Role], old: Any, new: Any, path: str = "") -> Any:
-    """``new``, but the estimates and the memory of ``old`` where ``frozen`` holds; through nested NamedTuples."""
+    """``new``, with the estimates and the memory of ``old`` wherever ``frozen`` is true; through nested NamedTuples."""
     if not isinstance(new, tuple):
         return np.where(frozen, old, new) if role_at(roles, path).rests else new
     named = zip(names_of(new), old, new, strict=True)
@@ -256,9 +270,9 @@ def resting(frozen: Value, roles: Mapping[str, Role], old: Any, new: Any, path: 
 
 
 def names_of(state: tuple[Any, ...]) -> tuple[str, ...]:
-    """The fields of a NamedTuple, which is a tuple with names and has no class of its own to ask for; places of another tuple."""
+    """The field names of a NamedTuple, or the indices of any other tuple."""
     named: Any = type(state)
-    return tuple(named._fields) if "_fields" in dir(named) else tuple(map(str, range(len(state))))
+    return tuple(named._fields) if hasattr(named, "_fields") else tuple(map(str, range(len(state))))
 
 
 def leaves(state: Any, place: str = "") -> Iterator[tuple[str, Any]]:
@@ -272,8 +286,8 @@ def leaves(state: Any, place: str = "") -> Iterator[tuple[str, Any]]:
 
 @runtime_checkable
 class Estimating(Protocol):
-    """Equations, sampled or not, of a scheme that estimates, and whose excitation can therefore be measured along a run."""
+    """Equations, sampled or not, of a scheme that estimates, so that its excitation can be measured along a run."""
 
     def regressor_at(self, state: Any, x: Value, u: Value) -> Value:
-        """What multiplies the parameters in the law, (p,) or (p, m); normalised where the law normalises it."""
+        """The regressor that multiplies the parameters in the law, (p,) or (p, m); normalised if the law normalises it."""
         ...

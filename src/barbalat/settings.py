@@ -1,4 +1,4 @@
-"""What a person makes by keyword arguments: the base of it, and how it is shown at a prompt."""
+"""The base class of objects made by keyword arguments, and their display at a prompt."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class _SignatureOfInit:
-    """What ``help``, editors and the reference show of a class: the signature of ``__init__``; ``__new__`` takes anything."""
+    """The signature that ``help``, editors and the reference show: that of ``__init__``, since ``__new__`` takes anything."""
 
     def __get__(self, instance: object, kind: type) -> Signature:
         if instance is not None:
@@ -27,9 +27,10 @@ class _SignatureOfInit:
 
 
 class Settings:
-    """The base of what is made by keyword arguments, the first of them also by position; a call that can't be is told what can.
+    """The base class of objects made by keyword arguments, the first of which may also be positional; a wrong call raises an
+    error that says what is possible.
 
-    A keyword that there is not is told with the one that is meant, as in case files. It is a TypeError, as of any such call.
+    For an unknown keyword the error suggests the closest one, as in case files. It is a TypeError, as for any wrong call.
     """
 
     __slots__ = ()
@@ -38,7 +39,7 @@ class Settings:
     def __new__(cls, *placed: object, **given: object) -> Self:
         kind: type = cls
         known = _parameters(kind)
-        if known is not None and (placed or given):  # without any it is pickle's or copy's call, or Python's own sentence will do
+        if known is not None and (placed or given):  # such a call comes from pickle or copy, or Python's own message suffices
             _require_known(cls.__name__, given, known)
             _require_places(cls.__name__, len(placed), given, known)
         return super().__new__(cls)
@@ -46,7 +47,7 @@ class Settings:
 
 @cache
 def _parameters(kind: type) -> dict[str, Parameter] | None:
-    """What a constructor takes, by name and in its order; None of one, of somebody else's, that takes any."""
+    """A constructor's parameters by name, in order; None for a foreign constructor that takes any."""
     _, *parameters = signature(getattr_static(kind, "__init__")).parameters.values()  # the first is self
     if any(one.kind in (Parameter.VAR_KEYWORD, Parameter.VAR_POSITIONAL) for one in parameters):
         return None
@@ -61,7 +62,7 @@ def _require_known(name: str, given: Mapping[str, object], known: Mapping[str, P
 
 
 def _require_places(name: str, count: int, given: Mapping[str, object], known: Mapping[str, Parameter]) -> None:
-    """Require no more arguments by position than there are places, and nothing that is needed left out."""
+    """TypeError for too many positional arguments, or for a missing argument without a default."""
     places = [one.name for one in known.values() if one.kind is not Parameter.KEYWORD_ONLY]
     keywords = ", ".join(f"{one}=..." for one in known if one not in places)
     if count > len(places):
@@ -76,12 +77,12 @@ def _require_places(name: str, count: int, given: Mapping[str, object], known: M
 
 
 def one_line(shown: DataclassInstance) -> str:
-    """A dataclass at a prompt: on one line, without the fields that are as by default."""
+    """A dataclass as shown at a prompt: on one line, without the fields that have their defaults."""
     return f"{type(shown).__name__}({', '.join(f'{name}={text}' for name, text in given_of(shown).items())})"
 
 
 def given_of(shown: DataclassInstance) -> dict[str, str]:
-    """The fields that are not as by default, each as it is shown at a prompt."""
+    """The fields that differ from their defaults, each as it is shown at a prompt."""
     found = {one: getattr(shown, one.name) for one in fields(shown) if one.init and one.repr}
     return {one.name: _at_a_prompt(value) for one, value in found.items() if not _is_default(one, value)}
 

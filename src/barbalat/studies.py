@@ -1,6 +1,6 @@
-"""Many runs that answer one question: sweeps, tuning, contests, trade-offs, margins found by simulation, explorers.
+"""Studies of many runs that answer one question: sweeps, tuning, contests, trade-offs, simulated margins, explorers.
 
-A ``Budget`` bounds what they may cost.
+A ``Budget`` limits their cost.
 """
 
 from barbalat.public_names import public

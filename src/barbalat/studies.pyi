@@ -25,6 +25,8 @@ from .run.engine.check_numerics import check_numerics as check_numerics
 from .study.delay_margin import DelayMargins as DelayMargins
 from .study.delay_margin import delay_margins as delay_margins
 from .study.delay_margin import delay_margins_ensemble as delay_margins_ensemble
+from .study.replay import Replay as Replay
+from .study.replay import replay as replay
 from .study.verdicts import Lost as Lost
 from .sweeps.result import SweepResult as SweepResult
 from .sweeps.sweep import sweep as sweep

@@ -1,7 +1,7 @@
-"""What commands ask of a case beyond what every simulation takes: declared here, asked by them, shown by docs and schema.
+"""Requirements of commands on a case beyond those of simulation: declared here, checked by commands, shown in the docs.
 
-A scheme declares itself which plants it does not take (``Scheme.beyond``), and by its ``knobs`` what is tuned of it; a signal
-says by its protocols how a page has it. Classes from outside are asked the same questions.
+A scheme itself declares which plants it does not take (``Scheme.beyond``) and, by its ``knobs``, which settings are tuned; the
+protocols of a signal determine how a page represents it. Classes from outside the package are asked in the same way.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from barbalat.validate import InputError
 
 @dataclass(frozen=True)
 class Need:
-    """What a target asks of a problem.
+    """A requirement of a target on a problem.
 
-    words      in a table
-    met        whether the problem has it
-    otherwise  what the target is said to need where it has not
+    words      its text in a table
+    met        whether the problem meets it
+    otherwise  what the error says that the target needs if the problem doesn't meet it
     """
 
     words: str
@@ -53,11 +53,11 @@ NO_CLOCK = Need(
 class Target:
     """A command, or one of its options, that does not take every case.
 
-    command  as it is typed
-    called   in sentences
-    problem  what it asks of the problem
-    sampled  whether controllers must act at samples: by nature, or with a sample_time
-    tunable  whether a scheme must say what is tuned of it; one that does not is left out, which is said
+    command  the command as it is typed
+    called   its name in sentences
+    problem  its requirements on the problem
+    sampled  whether controllers must act at samples: by themselves, or with a sample_time
+    tunable  whether a scheme must declare its tuned settings; one that does not is left out, with a message
     """
 
     command: str
@@ -67,7 +67,7 @@ class Target:
     tunable: bool = False
 
     def require(self, problem: TrackingProblem) -> None:
-        """InputError for a problem that it does not take."""
+        """InputError for a problem that the target does not take."""
         for need in self.problem:
             if not need.met(problem):
                 raise InputError(f"{self.called} needs {need.otherwise}")
@@ -81,11 +81,11 @@ TRADE_OFF = Target(command="tradeoff", called="the trade-off", problem=(MEASURED
 TUNE = Target(command="tune without --vary", called="a search of a scheme's own settings", tunable=True)
 
 TARGETS = (EXPORT, EXPORTED_LOOP, IN_THE_LOOP, CONTEST, TRADE_OFF, TUNE)
-"""All that do not take every case; ``run``, ``certify``, ``sweep``, ``explore`` and ``tune`` with --vary do."""
+"""All targets that don't take every case; ``run``, ``certify``, ``sweep``, ``explore`` and ``tune`` with --vary do."""
 
 
 def require_sampled(name: str, *, sampled: bool) -> None:
-    """InputError for a controller that does not act at samples, where a target asks for that."""
+    """InputError for a controller that does not act at samples if a target requires samples."""
     if not sampled:
         raise InputError(
             f"{name} is continuous, and a flight computer runs from sample to sample: give it a sample_time in "
@@ -94,7 +94,7 @@ def require_sampled(name: str, *, sampled: bool) -> None:
 
 
 def is_tunable(scheme: object) -> bool:
-    """Whether a scheme, or its class, says which of its settings are tuned."""
+    """Whether a scheme, or its class, declares which of its settings are tuned."""
     return isinstance(scheme, (Tunable, OutputTunable))
 
 
@@ -103,20 +103,20 @@ IN_PAGES = {
     "points": "its points, up to 20,000",
     "rows": "its values, of which up to 20,000 may differ from the one before",
 }
-"""What a page keeps of a signal."""
+"""What a page stores of a signal."""
 
 
 def in_pages(signal: object) -> str:
-    """How a page of ``explore`` has a signal, or one of a class: by its formula, its points, or the rows of its values."""
+    """How a page of ``explore`` represents a signal, or a class of signals: by its formula, its points, or a table of values."""
     kind = signal if isinstance(signal, type) else type(signal)
-    kind = getattr(kind, "makes", kind)  # of a file that is another way to write a signal
+    kind = getattr(kind, "makes", kind)  # the signal that a file format such as ``mat`` stands for
     if hasattr(kind, "interpolation_points") or isinstance(signal, InterpolatedSignal):
         return "points"
     return "formula" if issubclass(kind, Continuous) else "rows"
 
 
 def left_out(scheme: type) -> str:
-    """What a scheme does not take, and which targets do not take it, in sentences; empty where there is neither."""
+    """What a scheme does not take, and which targets do not take it, in sentences; empty if there is nothing to say."""
     beyond = beyond_of(scheme)
     said = [f"Takes no plant with {' or '.join(beyond)}."] if beyond else []
     of_output = getattr(scheme, "feedback", "state") == "output"

@@ -1,8 +1,8 @@
-"""Checks of a controller or an adaptive law of one's own, as the tests of the package hold its own schemes to them.
+"""Checks of a controller or an adaptive law of your own, by the tests that the package applies to its own schemes.
 
 ``check(MyLaw())`` binds it to problems of every kind, compares runs with an integration by SciPy that shares no code with the
-kernel, and looks at ensembles, a freeze and the exported C. It returns what was found, as plain sentences, and raises
-``CheckFailed``, which lists what is wrong.
+kernel, and tests ensembles, a freeze and the exported C. It returns the findings as plain sentences, or raises ``CheckFailed``,
+which lists all failures.
 """
 
 from __future__ import annotations
@@ -39,26 +39,26 @@ from barbalat.validate import Array, InputError, show
 __all__ = ["CheckFailed", "Report", "check", "problem_kinds"]
 
 SIMULATION = Simulation(t_end=2.0, dt=2e-3)
-"""Of the runs; their solver is RK4."""
+"""Settings of the runs; the solver is RK4."""
 SAMPLE_TIME = 1e-2
-"""[s], of a continuous controller that is wrapped to be frozen and exported; a whole number of steps."""
+"""Sample time [s] at which a continuous controller is sampled for freezing and export; a whole number of steps."""
 REFERENCE_TOLERANCE = 1e-10
-"""Of SciPy's integration, relative and absolute."""
+"""Relative and absolute tolerance of SciPy's integration."""
 AGREEMENT_FLOOR, AGREEMENT_FACTOR = 1e-7, 4.0
-"""A run may differ from the reference by so much of the largest state, or by so many times its difference from a run at half the
-step: where the method keeps its order, or falls to the first at a corner, its error is at most twice that difference. And half
-the step must not lead farther away, as it does where each stage moves the state."""
+"""The largest admissible difference between a run and the reference, relative to the largest state, or as a multiple of its
+difference from a run at half the step: if the method keeps its order, or falls to first order at a corner, the error is at
+most twice that difference. Halving the step must not increase the error, as it would if each stage changed the state."""
 FROZEN_SAMPLES = 5
-"""Random states from which a freeze is tried."""
+"""The number of random states from which a freeze is tested."""
 
 
 class CheckFailed(AssertionError):
-    """What a controller does not keep, as a list of sentences."""
+    """The failed checks of a controller, as a list of sentences."""
 
 
 @dataclass(frozen=True)
 class Report:
-    """What was found of a controller, as sentences, a line for each in its text."""
+    """The findings about a controller, one sentence per line."""
 
     name: str
     sentences: tuple[str, ...]
@@ -68,12 +68,12 @@ class Report:
 
 
 def check(law: Any, problems: Mapping[str, TrackingProblem] | None = None) -> Report:
-    """Check a controller, or an adaptive law within the normalised MRAC; a class that needs no settings may be given itself.
+    """Check a controller, or an adaptive law within the normalised MRAC; a class without required settings may be given itself.
 
-    problems  by their names, instead of ``problem_kinds``
+    problems  problems by name, instead of ``problem_kinds``
 
-    Raises CheckFailed with all that is wrong, and InputError for what is neither a controller nor a law. A problem that ``bind``
-    refuses by an InputError is no fault, as long as another one is taken.
+    Raises CheckFailed with all failures, and InputError for an object that is neither a controller nor a law. A problem that
+    ``bind`` refuses with an InputError is no failure if another one is accepted.
     """
     controller = _controller(law)
     kinds = problem_kinds(feedback_of(controller)) if problems is None else problems
@@ -96,7 +96,7 @@ def check(law: Any, problems: Mapping[str, TrackingProblem] | None = None) -> Re
             except (InputError, CheckFailed) as error:
                 wrong.append(f"{kind}: {error}")
                 if one is _traces:
-                    break  # what can't be traced can't run
+                    break  # equations that can't be traced can't be simulated
     if not taken and not wrong:
         wrong.extend(["none of the problems is taken", *told])
     if wrong:
@@ -117,7 +117,7 @@ def _controller(law: Any) -> Controller:
 
 
 def problem_kinds(feedback: str = "state") -> dict[str, TrackingProblem]:
-    """One small problem of each kind that a controller may meet; ``feedback`` is "state" or "output"."""
+    """One small problem of each kind that a controller may be given; ``feedback`` is "state" or "output"."""
     return _of_the_output() if feedback == "output" else _of_the_state()
 
 
@@ -161,7 +161,7 @@ def _of_the_output() -> dict[str, TrackingProblem]:
 
 
 Check = Callable[[Any, Any], str]
-"""What looks at a controller on a problem: a sentence, or CheckFailed."""
+"""A check of a controller on a problem: it returns a sentence or raises CheckFailed."""
 
 
 def _checks(problem: TrackingProblem) -> Iterator[Check]:
@@ -174,13 +174,13 @@ def _checks(problem: TrackingProblem) -> Iterator[Check]:
 
 
 def _traces(problem: TrackingProblem, controller: Controller) -> str:
-    """Its equations on numbers and on symbols."""
+    """The equations give the same on numbers and on symbols."""
     check_controller(controller, problem)
     return "its equations say the same on numbers and on symbols"
 
 
 def _agrees_with_scipy(problem: TrackingProblem, controller: Controller) -> str:
-    """The kernel's run against SciPy's integration of the lines themselves."""
+    """The kernel's run agrees with SciPy's integration of the same equations."""
     simulation = _simulation(problem, controller)
     runs = [simulate(problem, [controller], replace(simulation, dt=simulation.dt / k))[controller.name] for k in (1, 2)]
     if any(run.diverged_at is not None for run in runs):
@@ -199,7 +199,7 @@ def _agrees_with_scipy(problem: TrackingProblem, controller: Controller) -> str:
 
 
 def _simulation(problem: TrackingProblem, controller: Controller) -> Simulation:
-    """Two seconds, in whole samples of a sampled controller."""
+    """The settings for two seconds, in whole samples of a sampled controller."""
     equations = bound(problem, controller)
     if not isinstance(equations, SampledEquations):
         return SIMULATION
@@ -208,13 +208,13 @@ def _simulation(problem: TrackingProblem, controller: Controller) -> Simulation:
 
 
 def _ends(loop: ClosedLoop, flat: Array) -> Array:
-    """x, x_m and the controller's own state, of a flat state of the loop."""
+    """x, x_m and the controller's own state, from a flat state of the loop."""
     state = loop.unpack(flat)
     return np.concatenate([state.x, state.x_m, flatten((state.controller, np.zeros(0)))])
 
 
 def _integrated(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Array:
-    """The same at the end by SciPy, from the equations' own lines: nothing of the loop and its kernel takes part."""
+    """The same final values from SciPy's integration of the equations themselves, without the loop and its kernel."""
     equations: Any = bound(problem, controller)
     parts = problem.dynamics.x0, problem.model.x0, equations.initial()
     if isinstance(equations, SampledEquations):
@@ -226,7 +226,7 @@ def _integrated(problem: TrackingProblem, controller: Controller, simulation: Si
 
 
 def _sample_by_sample(problem: TrackingProblem, equations: Any, parts: Any, samples: int) -> Any:
-    """Plant, model and a sampled controller, which acts at the first and at the last instant too."""
+    """Integrate plant and model with a sampled controller, which acts at the first and at the last instant too."""
     T, (x, x_m, own), of_controller = equations.sample_time, parts, problem.model.x0
     before: Sample | None = None
     u = np.zeros(0)
@@ -243,7 +243,7 @@ def _sample_by_sample(problem: TrackingProblem, equations: Any, parts: Any, samp
 
 
 def _moved(problem: TrackingProblem, equations: Any, start: Any, span: tuple[float, float], held: Array | None) -> Any:
-    """Plant, model and a continuous controller over a span of time; ``held`` is a sampled controller's control."""
+    """Integrate plant, model and a continuous controller over a span of time; ``held`` is a sampled controller's control."""
     flat = np.asarray(flatten(start), dtype=float)
     ends = [path.saturation for path in problem.plant.paths]
     low, high = (
@@ -277,7 +277,7 @@ def _command(problem: TrackingProblem, t: float) -> Array:
 
 
 def _is_alone_what_it_is_among_others(problem: TrackingProblem, controller: Controller) -> str:
-    """An ensemble's members have the bits of single runs; of state feedback, whose plants can start elsewhere."""
+    """The members of an ensemble equal single runs bit for bit; only with state feedback, whose plants can start elsewhere."""
     if not isinstance(problem, Problem):
         members = [(problem, controller)] * 2
     else:
@@ -294,14 +294,14 @@ def _is_alone_what_it_is_among_others(problem: TrackingProblem, controller: Cont
 
 
 def _sampled(problem: TrackingProblem, controller: Controller) -> Controller:
-    """It, as a flight computer runs it."""
+    """The controller as a flight computer runs it."""
     if isinstance(bound(problem, controller), SampledEquations):
         return controller
     return Sampled(controller=controller, sample_time=SAMPLE_TIME, discretization="euler")
 
 
 def _rests_in_a_freeze(problem: TrackingProblem, controller: Controller) -> str:
-    """What its roles call estimates and memory keeps its bits where the freeze switch is on, from whatever state."""
+    """The parts whose roles are estimates or memory do not change a bit while the freeze switch is on, from any state."""
     loop = ClosedLoop.of(problem, _sampled(problem, controller))
     computer, random = loop.computer, np.random.default_rng(0)
     assert computer is not None
@@ -324,7 +324,7 @@ def _rests_in_a_freeze(problem: TrackingProblem, controller: Controller) -> str:
 
 
 def _has_the_bits_of_its_export(problem: TrackingProblem, controller: Controller) -> str:
-    """The exported C in the loop, sample by sample, where this machine has a compiler."""
+    """The exported C equals the kernel bit for bit in the loop, sample by sample, if this machine has a compiler."""
     try:
         require_compiler()
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Checks of what a user gives: each failure is one sentence that names the field, the value and what would be right."""
+"""Checks of user input: each error is one sentence with the field, the value and an admissible value."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from typing import Annotated, Any, Self, TypeAlias, TypeVar
 import numpy as np
 
 Array: TypeAlias = Any
-"""A float NumPy array; its shape stands beside each name. Constructors take whatever NumPy can turn into one, hence Any."""
+"""A NumPy array of floats; the shape is documented with each name. Constructors accept whatever NumPy can convert to one,
+hence Any."""
 Vector: TypeAlias = Annotated[Any, "vector"]
-"""The same of one dimension. For settings: their fields' types say what case files may hold."""
+"""A one-dimensional NumPy array of floats. The type of a setting's field decides what case files may contain."""
 Matrix: TypeAlias = Annotated[Any, "matrix"]
-"""The same of two dimensions."""
+"""A two-dimensional NumPy array of floats."""
 
 
 class InputError(ValueError):
-    """Input that can't be used: one sentence for the user, or several where more was found at once.
+    """Unusable input: one sentence for the user, or several if more than one problem was found.
 
-    field       the one that the sentence begins with, dotted as in a case file, so that nobody puts its place before it once more
+    field       the field with which the sentence begins, dotted as in a case file, so that no caller adds its path again
     controller  the name of the controller that the sentence names
     """
 
@@ -38,28 +39,28 @@ class InputError(ValueError):
 
     @classmethod
     def of(cls, field: str, what: str) -> InputError:
-        """A sentence that begins with the field: what it must be, and what was given."""
+        """An error whose sentence begins with the field: what it must be, and what was given."""
         return cls(f"{field} {what}", field=field)
 
 
 def show(value: Any) -> str:
-    """A value as it appears in a message: short, on one line; an array as the list that was typed."""
+    """A value as it appears in a message: short and on one line; an array as the list that was typed."""
     try:
         text = repr(value.tolist() if isinstance(value, np.ndarray) and value.size <= MOST_SHOWN else value)
     except RecursionError:
         text = f"a {type(value).__name__} nested too deeply to be shown"
-    except ValueError:  # Python writes no whole number of more than 4300 digits
+    except ValueError:  # Python refuses to print whole numbers of more than 4300 digits
         text = f"a {type(value).__name__} of too many digits to be shown"
     text = " ".join(text.split())
     return text if len(text) <= 100 else text[:97] + "..."
 
 
 MOST_SHOWN = 36
-"""Entries of an array that are shown at a prompt; of a larger one the first and the last."""
+"""The number of entries of an array that are shown at a prompt; a larger array is shown by its first and last entries."""
 
 
 def number(field: str, value: Any) -> float:
-    """A finite real number."""
+    """Return the value as a float if it is a finite real number; InputError otherwise."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InputError.of(field, f"must be a number, got {show(value)}")
     try:
@@ -72,7 +73,7 @@ def number(field: str, value: Any) -> float:
 
 
 def whole(field: str, value: Any, least: int, most: int | None = None) -> int:
-    """A whole number of at least ``least``, and at most ``most``."""
+    """Return the value as an int if it is a whole number from ``least`` to ``most``; InputError otherwise."""
     is_whole = isinstance(value, (int, np.integer)) and not isinstance(value, bool)
     if not is_whole or value < least or (most is not None and value > most):
         limits = f"of at least {least}" if most is None else f"from {least} to {most}"
@@ -81,7 +82,7 @@ def whole(field: str, value: Any, least: int, most: int | None = None) -> int:
 
 
 def positive(field: str, value: Any) -> float:
-    """A finite number above zero."""
+    """Return the value as a float if it is finite and above zero; InputError otherwise."""
     result = number(field, value)
     if result <= 0:
         raise InputError.of(field, f"must be positive, got {show(value)}")
@@ -89,7 +90,7 @@ def positive(field: str, value: Any) -> float:
 
 
 def not_negative(field: str, value: Any) -> float:
-    """A finite number, zero or above."""
+    """Return the value as a float if it is finite and not negative; InputError otherwise."""
     result = number(field, value)
     if result < 0:
         raise InputError.of(field, f"must not be negative, got {show(value)}")
@@ -97,7 +98,7 @@ def not_negative(field: str, value: Any) -> float:
 
 
 def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
-    """A read-only float array of finite numbers, a copy; ``None`` in ``shape`` stands for any positive size."""
+    """Return a read-only copy as an array of finite floats; ``None`` in ``shape`` stands for any positive size."""
     try:
         given = np.asarray(value)
     except (TypeError, ValueError, OverflowError):
@@ -120,7 +121,7 @@ def array(field: str, value: Any, shape: tuple[int | None, ...]) -> Array:
 
 
 def dimensions(value: Any) -> int:
-    """How deeply a value is nested; 0 for what is no array, which the checks of ``array`` then refuse."""
+    """The depth to which a value is nested; 0 for values that are not arrays, which ``array`` then refuses."""
     try:
         return int(np.asarray(value).ndim)
     except (TypeError, ValueError, OverflowError):  # rows of different lengths, ...
@@ -146,11 +147,11 @@ def square_matrix(field: str, value: Any, size: int | None = None) -> Array:
 
 
 _INSTANCES: set[tuple[type, Any]] = set()
-"""Dataclasses with what they were found to be instances of: asking a protocol takes 10 us, and thousands of cases ask."""
+"""Dataclasses and the types of which they are instances: a protocol check takes 10 us and is made for thousands of cases."""
 
 
 def is_instance(value: Any, kind: type | tuple[type, ...]) -> bool:
-    """``isinstance``, remembered for the classes whose instances all have the same attributes."""
+    """Like ``isinstance``, with the answer cached for classes whose instances all have the same attributes."""
     if (type(value), kind) in _INSTANCES:
         return True
     found = isinstance(value, kind)
@@ -160,16 +161,16 @@ def is_instance(value: Any, kind: type | tuple[type, ...]) -> bool:
 
 
 def instance(field: str, value: Any, kind: type | tuple[type, ...], such_as: str = "") -> None:
-    """Refuse an object of another kind, with the kinds that would be right and, where they are told, examples."""
-    if not is_instance(value, kind) or isinstance(value, type):  # a class has the attributes that a protocol asks for
+    """InputError for an object of another type; the message names the right types and, if given, examples."""
+    if not is_instance(value, kind) or isinstance(value, type):  # a class has the attributes that a protocol requires
         names = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
         raise InputError.of(field, f"must be a {names}{such_as and f' such as {such_as}'}, got {show(value)}")
 
 
 UNSHOWABLE = ("Cc", "Cs", "Cn", "Zl", "Zp")
-"""Unicode's categories of control characters, halves of characters, what is none, and ends of lines: no XML holds them."""
+"""Unicode categories that XML can't contain: control characters, surrogates, unassigned code points, line ends."""
 TURNING = ("LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI")
-"""Classes of the characters that turn the direction of what follows, beyond the name's own end."""
+"""Bidirectional classes of characters that reverse the direction of the text that follows, beyond the end of the name."""
 
 
 def line(field: str, value: Any) -> str:
@@ -182,20 +183,20 @@ def line(field: str, value: Any) -> str:
 
 
 URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/")
-"""How a URL begins, also after ``Path`` has made one slash of two; a Windows drive is a single letter."""
+"""The beginning of a URL, also after ``Path`` has merged its two slashes into one; a Windows drive is a single letter."""
 
 
 def local_path(field: str, given: str | Path) -> Path:
-    """A path on this computer, with the home folder for a ``~`` in front, as in a shell.
+    """A path on this computer; a leading ``~`` is expanded to the home folder, as in a shell.
 
-    InputError for a URL, which ``Path`` would take for a folder with the name of its scheme.
+    InputError for a URL, which ``Path`` would take for a folder named after the URL's scheme.
     """
     text = str(given)
     if URL.match(text):
         raise InputError.of(field, f"must be a path on this computer, and URLs are not supported, got {show(text)}")
-    path = Path(os.path.expanduser(text))  # noqa: PTH111  # which leaves the name of nobody here as it is, where Path's raises
+    path = Path(os.path.expanduser(text))  # noqa: PTH111  # leaves an unknown user's name as it is; Path's method raises
     shortened = text.startswith(".") and (URL.match(str(path)) or str(path).startswith("~"))
-    return path.absolute() if shortened else path  # Path took the ./ away that said how s3:/x and ~ are meant
+    return path.absolute() if shortened else path  # Path removed the ./ that distinguished a local s3:/x or ~
 
 
 def counted(count: int, one: str) -> str:
@@ -205,7 +206,7 @@ def counted(count: int, one: str) -> str:
 
 
 def nearest(given: object, known: Iterable[str]) -> str | None:
-    """The one of the known names that is spelt most like what was given; None where none is."""
+    """The known name whose spelling is closest to the given one; None if none is close."""
     from difflib import get_close_matches
 
     names = list(known)
@@ -215,24 +216,24 @@ def nearest(given: object, known: Iterable[str]) -> str | None:
 
 
 def hint(given: object, known: Iterable[str]) -> str:
-    """The end of a refusal: the one of the known names that is spelt most like what was given; empty where none is."""
+    """The end of an error message, which suggests the known name with the closest spelling; empty if none is close."""
     near = nearest(given, known)
     return "" if near is None else f"; did you mean {near!r}?"
 
 
 MOST_LISTED = 12
-"""Names that are listed where none is spelt like the one that was given."""
+"""The largest number of names that are listed if no name is close to the given one."""
 
 
 class UnknownNameError(KeyError):
-    """A KeyError whose message is shown as it stands, without quotation marks around it."""
+    """A KeyError whose message is shown without quotation marks around it."""
 
     def __str__(self) -> str:
         return str(self.args[0]) if self.args else ""
 
 
 def unknown_name(kind: str, given: object, known: Iterable[str]) -> UnknownNameError:
-    """What to raise for a name that there is not: it says which one is meant, or else which there are."""
+    """The error for an unknown name: it suggests the closest name, or lists the known names."""
     names = list(known)
     listed = ", ".join(map(repr, names[:MOST_LISTED])) + (", ..." if len(names) > MOST_LISTED else "")
     said = hint(given, names) or (f"; known here: {listed}" if names else "; there is none")
@@ -243,10 +244,10 @@ V = TypeVar("V")
 
 
 class Named(dict[str, V]):
-    """A dictionary by names that people type: asked for a name that it lacks, it says which one is meant, as a KeyError.
+    """A dictionary keyed by names that people type; the KeyError for an unknown name suggests the closest one.
 
-    kind    what a name is of, in words
-    absent  why some names are not there, as the ends of sentences: "error_bound does not apply (...)"
+    kind    what the names denote, in words
+    absent  why some names are absent, as ends of sentences: "error_bound does not apply (...)"
     """
 
     kind = "name"
@@ -266,7 +267,7 @@ class Named(dict[str, V]):
 
 
 def printable(text: str) -> str:
-    """A text with its control characters written out, so that they do nothing to a terminal."""
+    """The text with its control characters escaped, so that they have no effect on a terminal."""
     return "".join(ascii(c)[1:-1] if _controls(c) else c for c in text)
 
 
@@ -275,20 +276,20 @@ def _controls(character: str) -> bool:
 
 
 def label(field: str, value: Any) -> str:
-    """A name: text that is not empty."""
+    """Return the value if it is a non-empty text; InputError otherwise."""
     if not isinstance(value, str) or not value:
         raise InputError.of(field, f"must be a text that is not empty, got {show(value)}")
     return line(field, value)
 
 
 def require_extra(module: str, name: str, purpose: str) -> None:
-    """InputError where an optional package is missing, with the extra that installs it."""
+    """InputError if an optional package is missing; the message names the extra that installs it."""
     if find_spec(module) is None:
         raise InputError(f"{purpose} needs the package {module}, which is not installed: pip install 'barbalat[{name}]'")
 
 
 def read_only(part: Any) -> None:
-    """Make the arrays of a dataclass and of what is in it read-only: NumPy's copies and unpickled arrays are not."""
+    """Make all arrays within a dataclass read-only; NumPy's copies and unpickled arrays are writable."""
     if isinstance(part, np.ndarray):
         part.flags.writeable = False
     elif isinstance(part, (list, tuple)):
@@ -306,7 +307,7 @@ def freeze(part: Any, **values: Any) -> None:
 
 
 def signal_values(signal: object, t: Array) -> Array:
-    """The signal at these times; InputError for what is not one finite real number for each of them."""
+    """The values of a signal at these times; InputError unless they are one finite real number for each time."""
     given = signal(t)  # type: ignore[operator]
     try:
         values = np.asarray(given)

@@ -1,4 +1,4 @@
-"""What equations may be written with: the operations of CasADi that every target of the lowering has."""
+"""The operations of CasADi that equations may use: those that every target of the lowering supports."""
 
 from __future__ import annotations
 
@@ -12,27 +12,27 @@ BINARY = "ADD SUB MUL DIV LT LE EQ NE AND OR FMIN FMAX POW CONSTPOW COPYSIGN IF_
 UNARY = "NEG INV SQRT FABS NOT EXP LOG SIN COS TAN TANH ATAN FLOOR CEIL SQ TWICE SIGN"
 
 BENDING = frozenset({"fabs", "fmin", "fmax"})
-"""Operations whose slope jumps."""
+"""Operations with a discontinuous slope."""
 JUMPING = frozenset({"sign", "lt", "le", "eq", "ne", "not", "and", "or", "floor", "ceil", "copysign", "if_else_zero"})
-"""Operations whose value jumps."""
+"""Operations with a discontinuous value."""
 
 
 @cache
 def names() -> dict[int, str]:
-    """The operations by CasADi's codes."""
+    """The names of the operations by CasADi's codes."""
     import casadi as ca
 
     return {getattr(ca, f"OP_{name}"): name.lower() for name in f"{BINARY} {UNARY}".split()}
 
 
 def used(function: casadi.Function) -> frozenset[str]:
-    """Return the operations that a function of scalar expressions is made of."""
+    """Return the operations that occur in a function of scalar expressions."""
     codes = _codes(function)
     return frozenset(name for code, name in names().items() if code in codes)
 
 
 def unknown(function: casadi.Function) -> list[str]:
-    """What a function computes beside them, by CasADi's names: "sinh", "atan2"."""
+    """The operations in a function that are not supported, by CasADi's names: "sinh", "atan2"."""
     import casadi as ca
 
     codes = _codes(function) - names().keys() - {ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}

@@ -58,7 +58,8 @@ def exceeded(certificate: Certificate, column: Column, run: Result) -> list[str]
     if "transient" in rows and isinstance(run.controller, KnownParameters) and not largest_error(run) <= SOLVED:
         found.append("transient")
     e = np.inf if run.diverged_at is not None else max(run.figures["max_abs_e"])
-    found += [key for key in ("error_bound", "error_bound_worst") if key in claimed and not e <= claimed[key]]
+    bounds = ("error_bound", "error_bound_worst", "error_bound_command")
+    found += [key for key in bounds if key in claimed and not e <= claimed[key]]
     if "bounds" in claimed:
         largest = {"r": np.abs(run.r).max(initial=0.0), "x_m": np.abs(run.x_m).max(initial=0.0)}
         found += [f"bound of {name}" for name, value in claimed["bounds"].items() if not largest[name] <= value]

@@ -68,7 +68,9 @@ def disturbed(problem: TrackingProblem, features: tuple[str, ...]) -> TrackingPr
             path = replace(path, **AT_THE_INPUT[feature])
             settings["plant"] = replace(problem.plant, input=path)
         elif feature == "disturbance" and problem.feedback == "state":  # of a plant with any number of inputs
-            settings["unmatched"] = (Disturbance(direction=np.ones(problem.plant.n), signal=ELSEWHERE[feature]["disturbance"]),)
+            settings["unmatched"] = (
+                Disturbance(direction=np.ones(problem.plant.states), signal=ELSEWHERE[feature]["disturbance"]),
+            )
         else:
             sensor: Sensor = ELSEWHERE[feature].get("sensor")
             settings |= ELSEWHERE[feature]

@@ -55,7 +55,7 @@ def guaranteed_and_notes(given, controller, simulation):
     (certificate,) = certificates.values()
     (column,) = table_1(given, (controller,), certificates).columns
     cells = [key for key, cell in column.cells.items() if cell.kind == "guaranteed"]
-    return certificate.guaranteed, cells, [note for note in certificate.notes if "a run" in note and "may leave it" in note]
+    return certificate.guaranteed, cells, [note for note in certificate.notes if "a run" in note and "may deviate" in note]
 
 
 @pytest.mark.parametrize("name", LEAVING)
@@ -68,7 +68,7 @@ def test_a_run_that_leaves_what_is_guaranteed_has_the_caveat(name):
     assert len(notes) == 1
     bound = certify(given, controller, COARSE)[controller.name].values.get("error_bound")
     assert run.diverged_at is not None or np.abs(run.e).max() > bound
-    assert ("no limit of the step is known" in notes[0]) == unknown
+    assert ("no limit on the step is known" in notes[0]) == unknown
     assert bool(guaranteed_and_notes(given, controller, FINE)[2]) == unknown
 
 

@@ -75,7 +75,7 @@ def test_a_step_that_the_solver_does_not_bear_is_said_beside_the_bound():
     learning = replace(controller, gamma=200.0, learning=CompositeLearning(gamma_c=50.0, time_constant=0.1))
     (unknown,) = certify(case.problem, (learning,), coarse).values()
     assert unknown.values["step_max"] is None and "error_bound" in unknown.guaranteed
-    assert any("no limit of the step is known" in note for note in unknown.notes)
+    assert any("no limit on the step is known" in note for note in unknown.notes)
     left, kept = (simulate(case.problem, [controller], at)["MRAC"] for at in (coarse, fine))
     assert left.diverged_at is not None or max(left.figures["max_abs_e"]) > bound
     assert max(kept.figures["max_abs_e"]) <= bound
@@ -110,7 +110,7 @@ def test_theta_outside_the_set_and_a_failed_condition():
     assert "error_bound" not in outside.guaranteed and any("outside" in finding for finding in outside.findings)
     slow = certify(variant(), (L1Adaptive(gamma=1.0, filter=input_filter(0.06)),), SIMULATION)["L1"]
     assert slow.values["condition"]["holds"] is False
-    assert "error_bound" not in slow.values and any("less than 1 is needed" in finding for finding in slow.findings)
+    assert "error_bound" not in slow.values and any("but must be below 1" in finding for finding in slow.findings)
 
 
 def test_a_reference_without_a_bound_is_refused():

@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from barbalat import certify, load_case
 from barbalat.cases.load import bundled
 from barbalat.certificates import theorems
 from barbalat.certificates.certificates import column_of
@@ -15,9 +14,8 @@ SENTENCES = {value for name, value in vars(theorems).items() if name.isupper()}
 
 
 @pytest.mark.parametrize("name", sorted(bundled()))
-def test_a_bound_of_e_or_the_missing_theorem(name):
-    case = load_case(name)
-    found = certify(case.problem, case.controllers, case.simulation, keys=("error_bound",))
+def test_a_bound_of_e_or_the_missing_theorem(name, certified):
+    case, found = certified(name)
     for controller in case.controllers:
         certificate = found[controller.name]
         bound = certificate.entry("error_bound")

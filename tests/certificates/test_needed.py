@@ -9,6 +9,7 @@ from barbalat import certify, load_case
 COSTLY = {
     "margins_over_known_set",
     "kappa_admissible",
+    "error_bound_command",
     "gamma_max_at_model",
     "step_max_at_model",
     "delay_margin_adapting",

@@ -45,9 +45,8 @@ def column(problem, controller):
 
 
 @pytest.mark.parametrize("name", bundled())
-def test_every_bundled_controller_has_a_column(name):
-    case = load_case(name)
-    certificates = certify_where_possible(case.problem, case.controllers, case.simulation)
+def test_every_bundled_controller_has_a_column(name, certified):
+    case, certificates = certified(name)
     assert not any("computation fails" in note for certificate in certificates.values() for note in certificate.notes)
     found = table_1(case.problem, case.controllers, certificates)
     assert [c.name for c in found.columns] == [c.name for c in case.controllers]

@@ -8,6 +8,7 @@ from barbalat.cli import main
 def test_the_list_has_every_name_and_no_verdict(capsys):
     assert main(["claims"]) == 0
     shown = capsys.readouterr().out
+    assert main(["claims", "--list"]) == 0 and capsys.readouterr().out == shown
     assert main(["claims", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["claims"]
     assert all(row["id"] in shown and row["seconds"] > 0 and "verdict" not in row for row in rows)
@@ -19,11 +20,16 @@ def test_one_row_is_measured(capsys):
     found = json.loads(capsys.readouterr().out)
     assert (
         found["id"] == "kappa-0.05"
-        and (found["finding"], found["verdict"]) == ("holds if", "confirmed with conditions")
+        and (found["finding"], found["verdict"]) == ("erratum", "erratum")
         and "0.0497" in found["measured"]
     )
     assert main(["claims", "kappa-0.05"]) == 0
     assert "0.0497" in capsys.readouterr().out
+
+
+def test_the_list_takes_no_name(capsys):
+    assert main(["claims", "bound-9", "--list"]) == 2
+    assert "--list takes neither a NAME" in capsys.readouterr().err
 
 
 def test_an_unknown_name(capsys):

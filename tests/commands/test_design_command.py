@@ -10,6 +10,8 @@ import pytest
 
 from barbalat.cases.load import load_case
 from barbalat.cli import main
+from barbalat.comparison.design.design import Candidate
+from barbalat.sweeps.statistics import Share
 
 CASE = """
 name = "Lag"
@@ -62,6 +64,8 @@ def test_a_recommendation_comes_with_its_case_its_page_and_its_c(tmp_path, capsy
     best = told["candidates"][name]
     assert best["meets"] and max(best["factor"].values()) <= 1
     assert best["worst"]["settling"] <= 1.5 and best["worst"]["u_max"] <= 8.0
+    unmet = any(share["count"] for share in best["held_out"].values())
+    assert any("on validation plants it fails" in said for said in told["reasons"]) == unmet
     # the model x' = -4 x + 4 r enters the band of 0.05 at ln(20)/4 s: by hand
     assert told["model_settling"] == pytest.approx(np.log(20) / 4, abs=0.01)
     case = load_case("made/design.toml")
@@ -76,18 +80,20 @@ def test_a_recommendation_comes_with_its_case_its_page_and_its_c(tmp_path, capsy
     assert capsys.readouterr().out == first
 
 
-def test_none_meets_what_the_model_itself_misses(tmp_path, capsys):
-    assert main([*designed(tmp_path, "settling = 0.3"), "--json"]) == 0
+def test_none_meets_what_the_model_itself_misses_and_noise_of_the_cases_own_gets_no_other(tmp_path, capsys):
+    asked = "settling = 0.3\n[sensor.noise]\nstd = [0.001]\nsample_time = 0.005"
+    assert main([*designed(tmp_path, asked), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["recommended"] is None
     assert told["reasons"][0].startswith("none of the schemes")
     assert any("reference model itself settles" in said for said in told["reasons"])
+    assert told["added_noise"] is None and not any("no measurement noise" in said for said in told["reasons"])
 
 
 @pytest.mark.parametrize(
     ("specification", "said"),
     [
-        ("", "specification must ask for one of"),
+        ("", "specification must contain at least one of"),
         ("gain = 0.5", "specification.gain must be a factor above 1"),
         ("settling = -1.0", "specification.settling must be positive"),
         ("settlng = 1.0", "did you mean"),
@@ -101,3 +107,61 @@ def test_refusals_are_one_sentence(tmp_path, capsys, specification, said):
 def test_a_case_without_a_specification_is_refused(capsys):
     assert main(["design", "first-order"]) == 2
     assert "[specification]" in capsys.readouterr().err
+
+
+AROUND_A_BASELINE = """
+name = "Lag with an integral"
+[plant]
+A = [[-1.0, 1.0], [0.5, -1.0]]
+b = [0.0, 2.0]
+[baseline]
+kind = "lqi"
+Q = [1.0, 0.0, 20.0]
+R = 1.0
+[labels]
+names = ["y", "z"]
+[reference_model]
+follow = "y"
+[reference]
+kind = "square"
+amplitude = 1.0
+frequency = 1.6
+[uncertainty]
+lower = [-0.5, -0.5]
+upper = [0.5, 0.5]
+[simulation]
+t_end = 4.0
+dt = 5e-3
+[judge]
+follows = { y = 0.05 }
+[specification]
+settling = 3.0
+noise = 0.05
+[[controller]]
+name = "MRAC"
+scheme = "mrac"
+gamma = 1.0
+sample_time = 0.01
+"""
+
+
+def test_a_design_around_a_baseline_has_its_case_and_its_c_and_says_which_noise_was_added(tmp_path, capsys):
+    (tmp_path / "case.toml").write_text(AROUND_A_BASELINE)
+    arguments = ["design", "case.toml", "--schemes", "baseline", "--plants", "2", "--members", "8", "--out", "made", "--json"]
+    assert main(arguments) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert list(told["candidates"]) == ["Baseline"]
+    noise = told["added_noise"]
+    # 0.1 % of the model's largest motion, which overshoots the command of 1 by less than a third
+    assert len(noise["std"]) == 2 and 1e-3 <= noise["std"][0] < 1.3e-3
+    assert noise["meaning"] in told["reasons"][-1] and "the required noise share of u" in told["reasons"][-1]
+    assert 0 < told["candidates"]["Baseline"]["worst"]["noise"] < 0.05
+    assert "the case has no measurement noise" in Path("made/report.html").read_text()
+    assert [one.name for one in load_case("made/design.toml").controllers] == ["Baseline"]
+    assert Path("made/design_controller.c").exists() and "explorer.html" in Path("made/report.html").read_text()
+
+
+def test_requirements_that_validation_plants_do_not_meet_are_named():
+    held_out = {"settling": Share(count=0, judged=8), "u_max": Share(count=2, judged=8)}
+    assert Candidate(tuned=None, worst={}, factor={}, held_out=held_out).broken == "u_max on 2 of 8"
+    assert Candidate(tuned=None, worst={}, factor={}, held_out={"settling": Share(count=0, judged=8)}).broken == ""

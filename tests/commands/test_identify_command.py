@@ -1,6 +1,7 @@
 """``barbalat identify``: from a CSV file to a case that runs, and its refusals."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -39,18 +40,39 @@ def test_from_data_to_a_run(rig, capsys):
     assert json.loads(capsys.readouterr().out)["controllers"]["MRAC"]["verdict"]["class"] == "follows"
 
 
+def test_the_page_has_the_residuals_and_the_json_has_all_of_them(rig, capsys, tmp_path):
+    assert main([*rig, *BOUNDS, "--out", "rig.toml", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    data = np.loadtxt("rig.csv", delimiter=",", skiprows=1)
+    held = data[told["trained"] :]
+    left, (t, u, x) = told["residuals"], held.T
+    assert left["t"] == t.tolist()
+    a, b = (told["rows"]["speed"]["nominal"][name] for name in ("speed", "u"))
+    simulated = [x[0]]  # the exact step of x' = a x + b u under a held input, by hand
+    for k in range(len(t) - 1):
+        h = t[k + 1] - t[k]
+        simulated.append(np.exp(a * h) * simulated[-1] + (np.exp(a * h) - 1) / a * b * u[k])
+    found = np.array(left["speed"]["values"])
+    assert np.abs(found - (x - simulated)).max() < 1e-12
+    assert left["speed"]["max_abs"] == np.abs(found).max() and left["speed"]["rms"] == pytest.approx(np.sqrt(np.mean(found**2)))
+    page = (tmp_path / "rig.html").read_text()
+    assert f"{left['speed']['rms']:.3g}" in page
+    assert "<svg" in page or "data:image" in page
+    assert "a_1_1" in page
+
+
 def test_the_screen_says_what_is_guaranteed(rig, capsys):
     assert main([*rig, *BOUNDS]) == 0
-    assert "lies in the known set" in " ".join(capsys.readouterr().out.split())
+    assert "known set contains every plant" in " ".join(capsys.readouterr().out.split())
     assert main(rig) == 0
-    assert "guarantee nothing" in " ".join(capsys.readouterr().out.split())
+    assert "are not guaranteed" in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(
     ("options", "said"),
     [
         (["--noise", "speed=1e-4"], "slope is needed beside noise"),
-        (["--noise", "sped=1e-4", "--slope", "speed=12"], "noise names 'sped', which is no output; did you mean 'speed'?"),
+        (["--noise", "sped=1e-4", "--slope", "speed=12"], "noise names 'sped', which is not an output; did you mean 'speed'?"),
         (["--noise", "speed"], "--noise must be NAME=VALUE"),
         (["--within", "speed.u=1"], "--within must be STATE.NAME=LOWER:UPPER"),
         (["--out", "rig.txt"], "--out must be a case file"),
@@ -62,3 +84,91 @@ def test_refusals_are_one_sentence(rig, capsys, tmp_path, options, said):
     told = capsys.readouterr().err
     assert said in told
     assert [one.name for one in tmp_path.iterdir()] == ["rig.csv"]
+
+
+FLOWN = """
+name = "rig"
+[plant]
+A = [[-1.0]]
+b = [3.0]
+[reference_model]
+poles = [-4.0]
+follow = "x_1"
+[reference]
+kind = "constant"
+value = 1.0
+[uncertainty]
+lower = [-3.0]
+upper = [3.0]
+[simulation]
+t_end = 1.0
+dt = 0.01
+[[controller]]
+scheme = "mrac"
+gamma = 20.0
+sample_time = 0.02
+[[controller]]
+scheme = "l1"
+gamma = 100.0
+filter = { kappa = 0.05 }
+"""
+
+
+@pytest.fixture
+def replayed(rig, tmp_path):
+    """The rig's recording with a command of its model, and a case whose plant is off by a = -1 instead of -2."""
+    lines = (tmp_path / "rig.csv").read_text().splitlines()
+    (tmp_path / "rig.csv").write_text("\n".join([f"{lines[0]},r", *(f"{line},1.0" for line in lines[1:])]))
+    (tmp_path / "rig.toml").write_text(FLOWN)
+    return [*rig, "--commands", "r", "--replay", "rig.toml"]
+
+
+def test_a_recording_is_replayed_through_the_estimators_of_a_case(replayed, capsys):
+    """The same estimates as of the Python call, for the sampled controller alone."""
+    from barbalat.studies import replay
+
+    assert main([*replayed, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert list(told["controllers"]) == ["MRAC"] and told["samples"] == 400
+    case, data = load_case("rig.toml"), np.loadtxt("rig.csv", delimiter=",", skiprows=1)
+    expected = replay(case.problem, case.controllers[0], data[:, 0], data[:, 2:3], data[:, 1:2], data[:, 3:])
+    of = told["controllers"]["MRAC"]
+    np.testing.assert_array_equal(of["theta_hat"], expected.theta_hat)
+    assert of["known_set"] == [[-3.0, 3.0]]
+    assert of["theta_hat_final"] == of["theta_hat"][-1] and np.ptp(of["theta_hat"]) > 0.01
+    assert of["rms_u_difference"] == pytest.approx(float(np.sqrt(np.mean((expected.proposed - data[:, 1:2]) ** 2))))
+    assert main([*replayed, "--out", "flown.html"]) == 0
+    assert "theta_hat_1" in capsys.readouterr().out
+    page = Path("flown.html").read_text()
+    assert "<code>rig.csv</code> through the estimators of <code>rig.toml</code>" in page and "−3 to 3" in page
+    assert all(Path(f"flown{end}").stat().st_size > 1000 for end in (".png", ".svg", "-narrow.svg"))
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["--out", "new.toml"], "--out must be a page, NAME.html, got 'new.toml'"),
+        (["--noise", "speed=1"], "--noise is for an identification"),
+        (["--commands", "q"], "the column 'q' is not in its first line"),
+        (["--outputs", "speed,u"], "must be different columns"),
+        (["--time", "r"], "must be increasing"),
+        (["--replay", "nowhere.toml"], "nowhere.toml"),
+    ],
+)
+def test_a_replay_refuses_in_one_sentence(replayed, more, said, capsys):
+    assert main([*replayed, *more]) == 2
+    told = capsys.readouterr().err
+    assert said in told and told.count("\n") <= 3
+
+
+def test_what_a_replay_needs_is_said(replayed, rig, tmp_path, capsys):
+    assert main([*rig, "--replay", "rig.toml"]) == 2
+    assert "--replay needs --commands" in capsys.readouterr().err
+    assert main([*rig, "--commands", "r"]) == 2
+    assert "--commands goes with --replay" in capsys.readouterr().err
+    (tmp_path / "rig.toml").write_text(FLOWN.replace("sample_time = 0.02\n", "sample_time = 0.05\n"))
+    assert main(replayed) == 2
+    assert "MRAC: times must be the sample time of 0.05 s apart" in capsys.readouterr().err
+    (tmp_path / "rig.toml").write_text(FLOWN.replace("sample_time = 0.02\n", ""))
+    assert main(replayed) == 2
+    assert "needs a sampled controller that estimates something" in capsys.readouterr().err

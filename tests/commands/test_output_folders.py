@@ -12,7 +12,8 @@ from barbalat.cases.bundled import bundled
 from barbalat.cli import main
 
 CASE = bundled()["paper"].read_text().replace("t_end = 60.0", "t_end = 0.5").replace("dt = 1e-4", "dt = 1e-3")
-ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "PYTHONDONTWRITEBYTECODE": "1"}
+"""On a full disk Python would leave half of a module's code, at which the next process fails."""
 
 
 @pytest.fixture
@@ -167,17 +168,7 @@ def test_an_interrupt_after_the_runs_says_what_is_kept(tmp_path, case_file, monk
     assert not list(folder.glob("*.html")) and not list(folder.glob(".*"))
 
 
-def test_certify_leaves_page_pictures_and_json(case_file, tmp_path, capsys):
+def test_certify_leaves_page_and_json(case_file, tmp_path, capsys):
     assert main(["certify", str(case_file), "--out", str(tmp_path / "out"), "--json"]) == 0
-    left = {path.name for path in (tmp_path / "out").iterdir()}
-    assert left == {"certify.json", "report.html", "loops.svg", "loops-narrow.svg"}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"certify.json", "report.html"}
     assert json.loads((tmp_path / "out" / "certify.json").read_text("utf-8")) == json.loads(capsys.readouterr().out)
-
-
-@pytest.mark.full
-def test_two_processes_draw_what_one_draws(case_file, tmp_path):
-    """Every file of a run, in every byte; a machine with one core draws all in the process of the run."""
-    assert command("run", case_file, "--out", tmp_path / "two", stdout=subprocess.DEVNULL).returncode == 0
-    assert main(["run", str(case_file), "--out", str(tmp_path / "one")]) == 0  # in this process: see conftest
-    one, two = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two"))
-    assert one == two

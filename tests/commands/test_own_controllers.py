@@ -95,7 +95,7 @@ def test_a_case_names_the_files_classes(folder, capsys):
     [
         ("x = = 1", ["invalid syntax", "line 1"]),
         ("\n1/0", ["line 2 of mylaws.py", "ZeroDivisionError"]),
-        ("x = 1", ["has no controllers", "CONTROLLERS"]),
+        ("x = 1", ["contains no controllers", "CONTROLLERS"]),
         ("CONTROLLERS = 3", ["must be a list", "3"]),
         ("CONTROLLERS = [3]", ["a name and a method bind"]),
         (LAWS + "CONTROLLERS = [Plain]", ["Plain()", "gamma"]),
@@ -125,7 +125,7 @@ def test_no_file_no_code(folder, tmp_path):
     """A case alone runs nothing: not a file beside it, whatever its name."""
     case, _ = folder(CASE + OWN, "raise SystemExit(7)")
     assert "scheme" in refusal(lambda: load_case(case))
-    assert "no file" in refusal(lambda: load_case(case, tmp_path / "other.py"))
+    assert "is not a file" in refusal(lambda: load_case(case, tmp_path / "other.py"))
 
 
 def test_an_installed_package(tmp_path, monkeypatch, folder):

@@ -65,26 +65,26 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
     }
     page = (tmp_path / "map" / "report.html").read_text()
     assert all(f'<a href="{name}">explorer</a>' in page for name in explorers)
-    again = "run again at half the step"
+    again = "repeated at half the step"
     assert again in page and "100 times its scale unless [judge] says otherwise" in page
     assert page.index("verdicts") < page.index("Who failed")
     assert again in " ".join(capsys.readouterr().out.split())
     assert "Who failed" in page and "Over the grid" in page and "above the guaranteed bound" in page
     assert main(["sweep", case_file, *SAMPLED, "--member", "7", "--out", "seven"]) == 0
-    assert "member 7" in capsys.readouterr().out and (tmp_path / "seven" / "comparison.svg").exists()
+    assert "member 7" in capsys.readouterr().out and (tmp_path / "seven" / "report.html").exists()
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ([], "something that varies"),
+        ([], "a number to vary"),
         (["--vary", "plant.theta[0]"], "PATH=VALUES"),
         (["--vary", "plant.thet[0]=1:2:3"], "plant.thet is not given"),
         (["--vary", "plant.theta[0]=1:2:0"], "COUNT"),
-        (["--vary", "controller[0].tau=1:2:3", "--members", "5"], "something to draw"),
+        (["--vary", "controller[0].tau=1:2:3", "--members", "5"], "a number to draw"),
         (["--sample", "plant.theta[0]=uniform:2:1"], "below"),
         ([*SAMPLED, "--require", "max_abs_e[0] ! 2"], "a requirement must be"),
-        ([*SAMPLED, "--require", "max_e < 2"], "names no figure"),
+        ([*SAMPLED, "--require", "max_e < 2"], "does not name a figure"),
         ([*SAMPLED, "--store", ""], "must name a folder"),
         ([*SAMPLED, "--store", "/proc/store"], "cannot be written"),
         ([*SAMPLED, "--store", "s3://bucket/x"], "--store must be a path on this computer, and URLs are not supported, got 's3"),

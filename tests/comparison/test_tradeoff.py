@@ -101,7 +101,7 @@ def test_every_bundled_case_with_measured_state(name):
     assert [cloud.scheme for cloud in found.clouds][:2] == ["MRAC", "L1-AC"]
     takes_robust = case.problem.input_gain is None
     assert (len(found.clouds) == 3) == takes_robust
-    assert any("Robust MRAC is left out: robust-mrac takes" in sentence for sentence in found.notes) == (not takes_robust)
+    assert any("Robust MRAC is omitted: robust-mrac takes" in sentence for sentence in found.notes) == (not takes_robust)
     for cloud in found.clouds:
         assert (cloud.loss[np.isfinite(cloud.error)] > 0).any()
 
@@ -201,7 +201,7 @@ def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch
 
     monkeypatch.setattr(grids, "SCHEMES", {"never": Never})
     said = refusal(lambda: trade_off(SMALL, BRIEF))
-    assert "no scheme takes part in the trade-off: never is left out: never takes no plant" in said
+    assert "no scheme takes part in the trade-off: never is omitted: never takes no plant" in said
     still = replace(SMALL, plant=replace(SMALL.plant, theta=[3.0]))
     idle = _two_gains(lambda gamma: Mrac(gamma=1e-9 * gamma))  # x' = (-2 + 4.5) x + ...: it adapts too slowly to hold that
     assert "none of the tunings that were tried (2 of MRAC) follows the model" in refusal(

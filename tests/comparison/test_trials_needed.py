@@ -16,7 +16,8 @@ def test_the_help_says_the_least_number(capsys):
     with pytest.raises(SystemExit):
         main(["tune", "--help"])
     said = " ".join(capsys.readouterr().out.split())
-    assert f"default {DEFAULT_TRIALS}, at least {least_trials(3)}; of more than three numbers {least_trials(4)}, at least" in said
+    several = f"with more than three tuned numbers {least_trials(4)} for both"
+    assert f"default {DEFAULT_TRIALS}, minimum {least_trials(3)}; {several}" in said
 
 
 def test_fewer_are_refused_with_the_least_number():

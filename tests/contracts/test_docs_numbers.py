@@ -32,17 +32,17 @@ def test_limits_of_gain_and_step():
 def test_the_linear_designs_table():
     found = l1(gamma=100)
     first = f"{1e3 * found['delay_margin']:.1f} | {found['parameter_scale']:.2f} | {math.ceil(found['error_bound'])}"
-    assert f"| L1-AC, Γ = 100, κ = 0.02 s | {first} |" in page("linear-design")
+    assert f"| L1-AC, Γ = 100, κ = 0.02 s | {first} |" in page("laboratory/linear-design")
     mrac = certify(PROBLEM, [Mrac(gamma=10)], COARSE)["MRAC"].values
     bound = math.ceil(100 * mrac["error_bound"]) / 100
-    assert f"| MRAC, Γ = 10 | {1e3 * mrac['delay_margin']:.0f} | - | {bound} |" in page("linear-design")
+    assert f"| MRAC, Γ = 10 | {1e3 * mrac['delay_margin']:.0f} | - | {bound} |" in page("laboratory/linear-design")
 
 
 def test_exact_margins_beside_the_simulated_ones():
     exact = [f"{l1(kappa=kappa)['delay_margin']:.3g}" for kappa in (0.005, 0.02, 0.1)]
-    assert f"exact {', '.join(exact)} s" in page("robustness")
+    assert f"exact {', '.join(exact)} s" in page("laboratory/robustness")
     at_rest = certify(PROBLEM, [Mrac(gamma=10)], COARSE)["MRAC"].values["delay_margin"]
-    assert f"({at_rest:.3f} → " in page("robustness")
+    assert f"({at_rest:.3f} → " in page("laboratory/robustness")
 
 
 def test_the_condition_of_a_wider_set_fails_where_the_page_says():
@@ -62,7 +62,7 @@ MOST_NUMBERS = 12
 """In a table that nobody need call measured: indices, limits, defaults."""
 
 
-@pytest.mark.parametrize("path", sorted(DOCS.glob("*.md")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(DOCS.rglob("*.md")), ids=lambda path: path.stem)
 def test_measured_tables_say_when_and_where(path):
     text = path.read_text(encoding="utf-8")
     if path.stem in OF_FAULTS | {"cases", "notation"}:

@@ -40,12 +40,14 @@ def test_every_package_stands_on_the_page():
 
 
 def test_what_is_copied_into_pages_has_its_licence_beside_it_and_in_them():
-    folder = ROOT / "src" / "barbalat" / "explorer" / "templates"
-    licence, script = ((folder / "uplot" / name).read_text() for name in ("LICENSE", "uPlot.iife.min.js"))
+    package = ROOT / "src" / "barbalat"
+    folder = package / "pictures" / "templates" / "uplot"
+    licence, script = ((folder / name).read_text() for name in ("LICENSE", "uPlot.iife.min.js"))
     assert licence.startswith("The MIT License") and "Leon Sorokin" in licence
     version = re.search(r"uPlot\.js \(v([\d.]+)\)|v(1\.\d+\.\d+)", script[:300])
     assert version is not None and next(filter(None, version.groups())) in PAGE
-    assert "{{LICENCE}}" in (folder / "explore.html").read_text()
+    assert "{{LICENCE}}" in (package / "explorer" / "templates" / "explore.html").read_text()
+    assert "{{ licence }}" in (package / "report" / "templates" / "charts.html").read_text()
 
 
 def test_the_lock_is_made_by_a_fixed_version():

@@ -352,7 +352,7 @@ def test_who_takes_part_in_a_contest_is_who_says_what_is_tuned():
     assert len(found) == len(taking) - 1  # the baseline alone takes part beside a baseline
     beside, _ = entrants_of(FEATURED["a baseline"], Simulation(t_end=2.0, dt=1e-2), schemes=["mrac", "baseline"])
     assert [one.name for one in beside] == ["MRAC", "Baseline"]
-    assert all(any(one.startswith(f"{name} is left out") for one in left) for name in SCHEMES if not is_tunable(SCHEMES[name]))
+    assert all(any(one.startswith(f"{name} is omitted") for one in left) for name in SCHEMES if not is_tunable(SCHEMES[name]))
 
 
 def test_the_schema_says_where_a_scheme_and_a_signal_do_not_go():

@@ -128,8 +128,8 @@ def test_sampled_it_tends_to_the_continuous_one(problems):
 
 def test_what_the_output_does_not_see_is_refused(problems):
     known = problems[2].known
-    assert "must see every state" in refusal(lambda: Adrc(bandwidth=5.0, output=[0.0, 1.0]).bind(known))  # not a constant f
-    assert "must see every state" in refusal(lambda: Adrc(bandwidth=5.0, output=[0.0, 0.0]).bind(known))
+    assert "must make every state" in refusal(lambda: Adrc(bandwidth=5.0, output=[0.0, 1.0]).bind(known))  # not a constant f
+    assert "must make every state" in refusal(lambda: Adrc(bandwidth=5.0, output=[0.0, 0.0]).bind(known))
     assert "output" in refusal(lambda: Adrc(bandwidth=5.0, output=[1.0]).bind(known))
     assert "bandwidth" in refusal(lambda: Adrc(bandwidth=0.0))
     two = Plant(A_m=-np.eye(2), b=np.eye(2), theta=np.zeros(4))

@@ -103,6 +103,56 @@ def test_a_slider_moves_the_modified_error_from_zero_on(tmp_path):
         assert {key: found.get(key) for key in run.figures} == run.figures
 
 
+OBSERVED = """
+name = "o"
+[plant]
+A = [[0.0, 1.0], [-2.0, -0.5]]
+b = [0.0, 1.0]
+C = [[1.0, 0.0]]
+[observer]
+kind = "luenberger"
+poles = [-9.0, -8.0]
+[sensor.noise]
+std = 0.01
+sample_time = 0.02
+[reference_model]
+poles = [-3.0, -4.0]
+follow = "x_1"
+[reference]
+kind = "sine"
+amplitude = 1.0
+frequency = 2.0
+[simulation]
+t_end = 4.0
+dt = 1e-2
+[[controller]]
+scheme = "mrac"
+gamma = 5.0
+[[controller]]
+scheme = "mrac"
+name = "sampled"
+gamma = 5.0
+sample_time = 0.02
+"""
+
+
+@needs_node
+def test_an_observer_has_the_bits_of_a_run_and_a_slider(tmp_path):
+    """With fewer measured quantities than states, of which each has its noise."""
+    (tmp_path / "case.toml").write_text(OBSERVED)
+    source = TextSource(CaseText.read(str(tmp_path / "case.toml")))
+    described = Described.of(source)
+    paths = [str(one.number.path) for one in described.sliders]
+    at = paths.index("observer.poles[0]")
+    slider = described.sliders[at]
+    for value in (slider.number.value, float(slider.number.values[-1])):
+        values = [value if i == at else one.number.value for i, one in enumerate(described.sliders)]
+        found = figures(described.as_data(), tmp_path, values=values)
+        case = source.at({slider.number.path: value})
+        for name, run in simulate(case.problem, case.controllers, case.simulation).items():
+            assert {key: found[name].get(key) for key in run.figures} == run.figures
+
+
 def test_a_record_longer_than_a_page_is_refused_in_a_sentence():
     """Beyond the longest horizon of a page its points are not needed."""
     times = np.arange(MOST_POINTS + 10) * 1e-3

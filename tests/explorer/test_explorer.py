@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from barbalat import Mrac, Simulation, load_case
-from barbalat.cases.load import CaseText, bundled
+from barbalat.cases.load import CaseText, bundled, parse_case
 from barbalat.explorer.commands import Grid, smooth_module
 from barbalat.explorer.describe import Described, outputs
 from barbalat.explorer.explorer import Explorer
@@ -144,6 +144,54 @@ def test_the_copied_case_file_is_the_case() -> None:
     assert found == given
 
 
+ENCODER = """
+name = "encoder"
+[parameters]
+k = { value = 2.0, between = [1.0, 3.0] }
+[plant]
+A = [[0, 1], ["-k", -0.5]]
+b = [0, 1.0]
+input = { delay = 0.02, saturation = [-3.0, 3.0] }
+[observer]
+kind = "luenberger"
+poles = [[-8, 3]]
+measured = ["x_1"]
+[reference_model]
+poles = [-3, -4]
+follow = "x_1"
+[reference]
+kind = "constant"
+value = 1.0
+[simulation]
+t_end = 1.0
+dt = 0.01
+[[controller]]
+scheme = "mrac"
+gamma = 1.0
+sample_time = 0.02
+"""
+WITHOUT_PARAMETERS = ENCODER.replace("[parameters]\nk = { value = 2.0, between = [1.0, 3.0] }\n", "").replace('"-k"', "-2.0")
+
+
+@pytest.mark.parametrize("given", [ENCODER, WITHOUT_PARAMETERS], ids=["parameters", "without"])
+def test_what_the_page_varies_around_an_observer_is_the_truth_in_the_copied_file_too(given):
+    """Delay, limits and parameters of the page are those of the simulated plant; model and observer stay as designed."""
+    source, design = TextSource(CaseText(given)), parse_case(given).problem
+    slots = [FieldPath.parse(one) for one in ("plant.input.delay", "plant.input.saturation[1]")]
+    values = [0.05, 2.5]
+    if given is ENCODER:
+        slots, values = [*slots, FieldPath.parse("parameters.k")], [*values, 1.5]
+    parts = source.case_file(slots, ())
+    text = "".join(p if isinstance(p, str) else repr(values[p["number"]]) if "number" in p else '"rk4"' for p in parts)
+    copied, page = parse_case(text).problem, source.at(dict(zip(slots, values, strict=True))).problem
+    for found in (copied, page):
+        assert found.delay == 0.05 and found.fixed_observer.delay == 0.02
+        np.testing.assert_array_equal(found.surroundings.paths[0].saturation, [-3.0, 2.5])
+        np.testing.assert_array_equal(found.known.saturation, [-3.0, 3.0])
+        np.testing.assert_array_equal(found.plant.theta, design.plant.theta)
+        np.testing.assert_array_equal(found.simulated.A[1], [-1.5 if given is ENCODER else -2.0, -0.5])
+
+
 def test_estimates_are_called_what_they_are():
     """As in pictures and tables: feedback and feedforward of direct MRAC; the textbook's ideal gains are 2 and 4."""
     described = Described.of(TextSource(CaseText.read("astrom-wittenmark")))
@@ -196,6 +244,12 @@ def test_a_simulation_that_is_none_is_told() -> None:
     case = load_case("first-order")
     with pytest.raises(InputError, match="simulation must be a Simulation, got 5"):
         explore(case.problem, Mrac(gamma=2.0), 5)  # type: ignore[arg-type]
+
+
+def test_a_case_with_a_tolerance_gets_no_page() -> None:
+    text = re.sub(r"(?m)^dt = .*$", "tolerance = 1e-6", bundled()["first-order"].read_text())
+    with pytest.raises(InputError, match=r"= 1e-06 does not fix a step, and a page that simulates needs one"):
+        _ = Explorer(TextSource(CaseText(text))).html
 
 
 @pytest.mark.full

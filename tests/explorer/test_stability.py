@@ -262,7 +262,9 @@ const plot = { series: [{ idxs: [1, 3] }], data: [[0, 1, 2, 3], [0, 1, -1, 0.5],
 const runs = [{ gone: false, low: [] }, { gone: true, low: [] }, { low: [] }];
 const found = [false, true].map((log) => scaleOf({ log, series: runs }).range(plot));
 const alone = scaleOf({ series: [runs[1], runs[2]] });
-process.stdout.write(JSON.stringify([...found, alone, scaleOf({ series: [runs[0], runs[2]] })]));
+const from_zero = { series: [{}], data: [[0, 1, 2], [Number.MIN_VALUE, 0.5, 4]] };
+const error = scaleOf({ log: true, series: [runs[0]] }).range(from_zero);
+process.stdout.write(JSON.stringify([...found, alone, scaleOf({ series: [runs[0], runs[2]] }), error]));
 """
 
 
@@ -270,8 +272,8 @@ def test_a_panel_shows_what_the_bounded_runs_need():
     """Of the instants 1 to 3 the bounded run and the line without a run reach from -1 to 1, the other one to 1e12."""
     if NODE is None:
         pytest.skip("node is not installed")
-    charts = (resources.files("barbalat.explorer") / "templates" / "charts.js").as_uri()
+    charts = (resources.files("barbalat.pictures") / "templates" / "charts.js").as_uri()
     said = subprocess.run([NODE, "--input-type=module", "-e", SCALE, charts], check=True, capture_output=True, text=True).stdout
-    linear, logarithmic, all_gone, none_gone = json.loads(said)
+    linear, logarithmic, all_gone, none_gone, error = json.loads(said)
     assert linear == [-1.5, 1.5] and logarithmic == [0.25 / 2, 20.0]
-    assert all_gone == {"distr": 4} and none_gone == {}
+    assert all_gone == {"distr": 4} and none_gone == {} and error == [0.25, 8.0]  # an error of exactly zero is left out

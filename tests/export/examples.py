@@ -100,7 +100,7 @@ L1_FILTER = TransferFunction([400.0], [1.0, 28.0, 400.0])
 
 def _lyapunov():
     """MRAC and L1-AC with all that their law takes."""
-    leakages = (FixedSigma(sigma=0.1), SwitchingSigma(sigma=0.1, M_0=0.5), EpsilonModification(nu=0.2))
+    leakages = (FixedSigma(sigma=0.1), SwitchingSigma(sigma=0.1, M_0=1.2), EpsilonModification(nu=0.2))
     learning = CompositeLearning(gamma_c=2.0, time_constant=0.3, forgetting=0.1, capacity=2.0)
     for law in ({}, *({"leakage": leakage} for leakage in leakages), {"learning": learning}, {"dead_zone": DeadZone(g_0=0.01)}):
         for gamma in (5.0, [5.0, 8.0], [[5.0, 1.0], [1.0, 8.0]]):

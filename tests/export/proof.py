@@ -44,7 +44,7 @@ int main(void)
     {name}_controller c;
     {name}_input in;
     {name}_output out;
-{given}    {name}_step(&c, &in, &out);
+{given}{set}    {name}_step(&c, &in, &out);
     return 0;
 }}
 """
@@ -95,4 +95,5 @@ def _main(printed: Printed) -> str:
         for of, member, size in MEMBER.findall(body):
             places = [""] if not size else [f"[{i}]" for i in range(int(sizes.get(size, size)))]
             given += [f"    {variable}.{member}{place} = {ANY[of]};\n" for place in places]
-    return _MAIN.format(name=printed.name, given="".join(given))
+    set_one = f"    {printed.name}_set(&c, {ANY['int']}, {ANY[printed.real]}, {ANY['long']});\n"
+    return _MAIN.format(name=printed.name, given="".join(given), set=set_one if printed.contents.parameters else "")

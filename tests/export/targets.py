@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Werror"]
+STRICT = ["-Wall", "-Wextra", "-pedantic", "-Wconversion", "-Wdouble-promotion", "-Werror"]
 ISO = ["-std=c99", "-ffp-contract=off"]
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="gcc is not installed: exports can't be compiled here")
@@ -85,8 +85,7 @@ def drive(printed, folder: Path, measured, commands, freeze=None, compiler=("gcc
     made = folder / f"driver-{abs(hash((compiler, driver, (folder / 'controller.c').read_text())))}.so"
     if not made.exists():
         (folder / "driver.c").write_text(driver)
-        promoted = ["-Wdouble-promotion"] if printed.real == "float" else []
-        command = [*compiler, *STRICT, *promoted, "-shared", "-fPIC", "controller.c", "driver.c", "-o", str(made), "-lm"]
+        command = [*compiler, *STRICT, "-shared", "-fPIC", "controller.c", "driver.c", "-o", str(made), "-lm"]
         subprocess.run(command, cwd=folder, check=True, timeout=60)
     numbers = printed.contents.real.numbers
     count = len(measured)

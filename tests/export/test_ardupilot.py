@@ -1,11 +1,12 @@
 """``--target ardupilot``: the backend compiled against interfaces written from ArduPilot's published headers, and called.
 
-This is not ArduPilot: its tree was neither built nor flown. What is shown is that the class overrides what it must, that it is
+This is not ArduPilot: no vehicle was linked or flown. What is shown is that the class overrides what it must, that it is
 without a bump when it is engaged, leaves the ground and other axes to the main controller, and computes what the C computes.
 """
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -20,7 +21,17 @@ from export.test_bit_identical import EXAMPLES
 from export.test_shell import surrounded
 
 INTERFACES = Path(__file__).parent / "ardupilot"
-MAIN = """\
+VEHICLE = """\
+int main()
+{
+    AC_CustomControl frontend;
+    AP_AHRS_View view{{{0.1f, 0.2f, 0.3f}}, {0.01f, 0.02f, 0.03f}}, *ahrs = &view;
+    AC_AttitudeControl attitude{{{0.0f, 0.25f, 0.0f}}, {0.0f, 0.0f, 0.0f}}, *control = &attitude;
+    AP_MotorsMulticopter made{}, *motors = &made;
+"""
+"""Where a program's main begins: a frontend, and what the backend is handed of the vehicle."""
+MAIN = (
+    """\
 #include "AC_CustomControl_Pitch.h"
 #define CHECK(x) if (!(x)) { std::printf("%%s\\n", #x); return 1; }
 
@@ -29,12 +40,9 @@ struct Open : AC_CustomControl_Pitch {
     void set(int axis, int fade, float scale) { _axis.value = int8_t(axis); _fade.value = int16_t(fade); _scale.value = scale; }
 };
 
-int main()
-{
-    AC_CustomControl frontend;
-    AP_AHRS_View view{{{0.1f, 0.2f, 0.3f}}, {0.01f, 0.02f, 0.03f}}, *ahrs = &view;
-    AC_AttitudeControl attitude{{{0.0f, 0.25f, 0.0f}}, {0.0f, 0.0f, 0.0f}}, *control = &attitude;
-    AP_MotorsMulticopter made{}, *motors = &made;
+"""
+    + VEHICLE
+    + """\
     made.state = AP_Motors::SpoolState::GROUND_IDLE;
     made.roll = 0.5f; made.pitch = 0.125f; made.yaw = -0.5f;
     Open backend(frontend, ahrs, control, motors, PITCH_SAMPLE_TIME);
@@ -59,10 +67,11 @@ int main()
         out = backend.update();
         CHECK(out.y == expected.u_limited[0] / 2.0f)
     }
-    CHECK(AP::logger().lines == 6)
+    CHECK(AP::logger().lines == 6 * (1 + INNER))
     return 0;
 }
 """
+)
 
 
 def backend(beginning, folder, **given):
@@ -78,19 +87,87 @@ def backend(beginning, folder, **given):
 @pytest.mark.short(kept=lambda beginning, places: beginning.startswith("Mrac-"))
 def test_the_backend_against_the_published_interfaces(beginning, places, tmp_path) -> None:
     backend(beginning, tmp_path)
-    compile_and_run(MAIN % places, tmp_path)
+    inner = (tmp_path / "AC_CustomControl_Pitch.cpp").read_text().count('Write("BBI')
+    assert inner
+    compile_and_run(MAIN.replace("INNER", str(inner)) % places, tmp_path)
 
 
-TIMED = """\
+SET = (
+    """\
 #include "AC_CustomControl_Pitch.h"
 #define CHECK(x) if (!(x)) { std::printf("%s\\n", #x); return 1; }
 
-int main()
-{
-    AC_CustomControl frontend;
-    AP_AHRS_View view{{{0.1f, 0.2f, 0.3f}}, {0.01f, 0.02f, 0.03f}}, *ahrs = &view;
-    AC_AttitudeControl attitude{{{0.0f, 0.25f, 0.0f}}, {0.0f, 0.0f, 0.0f}}, *control = &attitude;
-    AP_MotorsMulticopter made{}, *motors = &made;
+struct Open : AC_CustomControl_Pitch {
+    using AC_CustomControl_Pitch::AC_CustomControl_Pitch;
+    void set(int which, float value, int fade) { _parameter[which].value = value; _fade.value = int16_t(fade); }
+    float kept(int which) const { return _controller.parameter[which]; }
+};
+
+"""
+    + VEHICLE
+    + """\
+    made.state = AP_Motors::SpoolState::THROTTLE_UNLIMITED;
+    made.pitch = 0.125f;
+    Open backend(frontend, ahrs, control, motors, PITCH_SAMPLE_TIME);
+    backend.set(PITCH_SET_GAMMA, 7.0f, 0);
+    backend.update();
+    CHECK(backend.kept(PITCH_SET_GAMMA) == 7.0f)  /* what was stored acts from the first update on */
+    const float before = backend.update().y;
+    backend.set(PITCH_SET_GAMMA, 9.0f, 1000);
+    CHECK(std::fabs(backend.update().y - before) < 1e-5f && backend.kept(PITCH_SET_GAMMA) == 9.0f)  /* without a bump */
+    backend.set(PITCH_SET_GAMMA, -5.0f, 0);
+    for (int k = 0; k < 5; ++k) { backend.update(); }
+    CHECK(backend.kept(PITCH_SET_GAMMA) == 9.0f)
+    backend.set(PITCH_SET_GAMMA, NAN, 0);
+    for (int k = 0; k < 5; ++k) { backend.update(); }
+    CHECK(backend.kept(PITCH_SET_GAMMA) == 9.0f)
+    const float low = backend.kept(PITCH_SET_UNCERTAINTY_LOWER_0), high = backend.kept(PITCH_SET_UNCERTAINTY_UPPER_0);
+    backend.set(PITCH_SET_UNCERTAINTY_LOWER_0, high + 1.0f, 0);
+    backend.update();
+    CHECK(backend.kept(PITCH_SET_UNCERTAINTY_LOWER_0) == low)
+    backend.set(PITCH_SET_UNCERTAINTY_UPPER_0, high + 2.0f, 0);
+    backend.update(); backend.update();
+    CHECK(backend.kept(PITCH_SET_UNCERTAINTY_LOWER_0) == high + 1.0f)  /* tried again, beside the other bound */
+    return 0;
+}
+"""
+)
+
+
+@needs_gxx
+def test_parameters_of_the_case_are_the_autopilots(tmp_path) -> None:
+    """Each has a name of its own that ArduPilot has room for, and each refusal is told once."""
+    backend("Mrac-state-midpoint", tmp_path, parameters=True)
+    text = (tmp_path / "AC_CustomControl_Pitch.cpp").read_text()
+    names = re.findall(r'AP_GROUPINFO\("(\w+)", (\d+), \w+, _parameter\[', text)
+    assert len({name for name, _ in names}) == len(names) > 2
+    assert all(len(f"CC3_{name}") <= 16 for name, _ in names) and [int(i) for _, i in names] == list(range(5, 5 + len(names)))
+    assert all(f"| `CC3_{name}` |" in (tmp_path / "ARDUPILOT.md").read_text() for name, _ in names)
+    lines = [one.splitlines() for one in compile_and_run(SET, tmp_path).split("pitch: ")]
+    assert [one[0] for one in lines if one].count("parameter 1 is refused") == 2  # below 0, and no number
+
+
+def test_lines_of_the_log_fit_into_what_the_logger_takes(tmp_path) -> None:
+    backend("Mrac-state-midpoint", tmp_path)
+    text = (tmp_path / "AC_CustomControl_Pitch.cpp").read_text()
+    lines = re.findall(r'Write\("(BBI\w)", "([^"]+)", "(\w+)"((?:, [^;]+)?)', text.replace("\n", ""))
+    assert lines
+    for name, labels, kinds, given in lines:
+        assert len(name) == 4 and len(labels) < 64 and len(kinds) <= 16
+        assert len(kinds) == len(labels.split(",")) == 1 + given.count("double(")
+    header = (tmp_path / "pitch_controller.h").read_text()
+    members = re.findall(r"^ +float (\w+);", header[: header.index("} pitch_log")].rpartition("typedef struct")[2], re.MULTILINE)
+    assert [one for _, labels, _, _ in lines for one in labels.split(",")[1:]] == members
+
+
+TIMED = (
+    """\
+#include "AC_CustomControl_Pitch.h"
+#define CHECK(x) if (!(x)) { std::printf("%s\\n", #x); return 1; }
+
+"""
+    + VEHICLE
+    + """\
     made.state = AP_Motors::SpoolState::THROTTLE_UNLIMITED;
     made.pitch = 0.125f;
     AC_CustomControl_Pitch backend(frontend, ahrs, control, motors, PITCH_SAMPLE_TIME);
@@ -107,6 +184,7 @@ int main()
     return 0;
 }
 """
+)
 
 
 @needs_gxx
@@ -116,7 +194,7 @@ def test_a_shells_timer_is_given_the_time_between_two_updates(tmp_path) -> None:
     compile_and_run(TIMED, tmp_path)
 
 
-def compile_and_run(main, tmp_path) -> None:
+def compile_and_run(main, tmp_path) -> str:
     (tmp_path / "main.cpp").write_text(main)
     for empty in ("AC_CustomControl_config.h", "AP_Logger/AP_Logger.h", "GCS_MAVLink/GCS.h"):
         (tmp_path / empty).parent.mkdir(exist_ok=True)
@@ -127,13 +205,14 @@ def compile_and_run(main, tmp_path) -> None:
     subprocess.run([*command, "pitch_controller.o", "-o", "flown", "-lm"], cwd=tmp_path, check=True, timeout=60)
     done = subprocess.run([tmp_path / "flown"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout
+    return done.stdout
 
 
 @pytest.mark.parametrize(
     ("beginning", "given", "message"),
     [
-        ("Mrac-several-euler", {}, "takes a controller of one axis: .* got 2 inputs, 2 commands and 2 measured"),
-        ("Mrac-state-euler", {"closed_loop": True}, "has the controller alone"),
+        ("Mrac-several-euler", {}, "needs a controller of one axis, .* got 2 inputs, 2 commands and 2 measured"),
+        ("Mrac-state-euler", {"closed_loop": True}, "exports only the controller"),
     ],
 )
 def test_what_is_not_one_axis_is_refused(beginning, given, message, tmp_path) -> None:

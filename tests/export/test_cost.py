@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 from benchmarks import flight
-from benchmarks.flight_cases import CASES
+from benchmarks.flight_cases import CASES, SHELLED
 
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
@@ -16,7 +16,9 @@ from barbalat.export.texts import Printed
 from barbalat.lowering.c99 import FLOAT
 from export.targets import needs
 
-ROWS = ("MRAC", "L1, output feedback", "robust MRAC, least squares")
+ROWS = ("MRAC", "L1, output feedback", "robust MRAC, least squares", "MRAC, with a shell")
+SHARE, CYCLES = 0.1, 60
+"""By which a shell may lengthen a sample, the larger of the two."""
 
 
 def test_every_scheme_has_a_row() -> None:
@@ -28,13 +30,9 @@ def test_every_scheme_has_a_row() -> None:
 @needs("arm-none-eabi-gcc", "qemu-system-arm")
 def test_the_table_is_what_is_counted() -> None:
     """By the compiler that the page names; another one makes other code, within a quarter."""
-    page = flight.PAGE.read_text()
-    same = flight.tools() in page
-    shown = {
-        name: list(map(int, re.findall(r"\d+", rest))) for name, rest in re.findall(r"^\| ([^|]+?) (\|.*)$", page, re.MULTILINE)
-    }
-    assert set(shown) >= {name for name, _, _ in CASES}
-    for name, problem, controller in CASES:
+    same, shown, rows = flight.tools() in flight.PAGE.read_text(), _shown(), [*CASES, *SHELLED]
+    assert set(shown) >= {name for name, _, _ in rows}
+    for name, problem, controller in rows:
         if name not in ROWS:
             continue
         c = flight.cost(problem, controller)
@@ -42,6 +40,20 @@ def test_the_table_is_what_is_counted() -> None:
         assert (operations, state) == (c.operations, c.data)
         for was, found in ((instructions, c.instructions), (cycles, c.cycles), (code, c.code)):
             assert was == found if same else abs(was - found) < found / 4, name
+
+
+def _shown() -> dict[str, list[int]]:
+    """The page's rows: operations, instructions, cycles, rate, code, state, stack."""
+    rows = re.findall(r"^\| ([^|]+?) (\|.*)$", flight.PAGE.read_text(), re.MULTILINE)
+    return {name: list(map(int, re.findall(r"\d+", rest))) for name, rest in rows}
+
+
+def test_a_shell_costs_a_tenth_of_a_sample_at_most() -> None:
+    """As the page has it, which the test before counts again."""
+    shown = _shown()
+    for name, _, _ in SHELLED:
+        without = shown[name.removesuffix(", with a shell")][2]
+        assert shown[name][2] - without < max(SHARE * without, CYCLES), name
 
 
 TIMED = """\

@@ -24,7 +24,7 @@ from barbalat.plants import Labels, PlantInput
 from barbalat.signals import Sine, Square
 from export.examples import FREE, STATE, T, sampled_examples
 from export.slave import Slave
-from export.targets import ISO, STRICT, needs_gcc, write
+from export.targets import ISO, STRICT, needs, needs_gcc, write
 from export.units import Ensemble, write_units
 from foreign import Plain, PlainEquations
 from independent import refusal
@@ -116,7 +116,8 @@ def test_all_functions_are_there_as_the_standard_declares_them(version, tmp_path
 
     path = write_units(tmp_path, *EXAMPLES[CHOSEN[0]], SHORT, version)["loop"]
     fmpy.extract(str(path), str(tmp_path / "loop"))
-    (binary,) = (tmp_path / "loop" / "binaries").rglob("*.so")
+    here = fmpy.platform if version == 2 else fmpy.platform_tuple
+    (binary,) = (tmp_path / "loop" / "binaries" / here).glob("*.so")
     library = ctypes.CDLL(str(binary))
     names = declared(version)
     assert len(names) == {2: 44, 3: 75}[version]
@@ -129,6 +130,68 @@ def test_all_functions_are_there_as_the_standard_declares_them(version, tmp_path
     if shutil.which("nm"):
         shown = subprocess.run(["nm", "-D", "--defined-only", binary], capture_output=True, text=True, check=True).stdout
         assert {line.split()[-1] for line in shown.splitlines()} == names  # nothing else is visible
+
+
+STEPPED = """\
+#include "fmi3Functions.h"
+#include "model.h"
+#include <stdio.h>
+
+int main(void)
+{
+    fmi3Instance c = fmi3InstantiateCoSimulation("c", MODEL_TOKEN, "", false, false, false, false, NULL, 0, NULL, NULL, NULL);
+    fmi3Boolean events, end, early;
+    fmi3Float64 reached, u;
+    const fmi3ValueReference inputs[] = { X_1, X_2, R }, output[] = { U };
+    fmi3EnterInitializationMode(c, false, 0.0, 0.0, false, 0.0);
+    fmi3ExitInitializationMode(c);
+    for (int k = 0; k < 40; ++k) {
+        const fmi3Float64 given[] = { 0.01 * k, 0.3 - 0.01 * k, 1.0 };
+        fmi3SetFloat64(c, inputs, 3, given, 3);
+        fmi3DoStep(c, k * MODEL_STEP, MODEL_STEP, false, &events, &end, &early, &reached);
+        fmi3GetFloat64(c, output, 1, &u, 1);
+        printf("%a\\n", u);
+    }
+    fmi3FreeInstance(c);
+    return 0;
+}
+"""
+
+
+@needs("gcc", "aarch64-linux-gnu-gcc", "qemu-aarch64")
+@pytest.mark.full
+def test_a_unit_made_on_linux_has_a_binary_for_aarch64_too(tmp_path) -> None:
+    """By the cross compiler; in qemu it gives the bits that this machine's binary gives."""
+    import fmpy
+
+    path = write_units(tmp_path, *EXAMPLES[one("Mrac-free-midpoint")], SHORT, 3)["controller"]
+    fmpy.extract(str(path), str(tmp_path / "unit"))
+    slave = Slave(path, tmp_path)
+    (tmp_path / "main.c").write_text(STEPPED)
+    (binary,) = (tmp_path / "unit" / "binaries" / "aarch64-linux").glob("*.so")
+    at = {"X_1": "x[1]", "X_2": "x[2]", "R": "r", "U": "u"}
+    command = [
+        "aarch64-linux-gnu-gcc",
+        f"-I{Path(fmpy.__file__).parent / 'c-code'}",
+        f"-I{tmp_path / 'unit' / 'sources'}",
+        "main.c",
+    ]
+    command += [
+        *(f"-D{name}={slave.at[of]}" for name, of in at.items()),
+        str(binary),
+        f"-Wl,-rpath,{binary.parent}",
+        "-o",
+        "main",
+    ]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=60)
+    emulated = ["qemu-aarch64", "-L", "/usr/aarch64-linux-gnu", "./main"]
+    shown = subprocess.run(emulated, cwd=tmp_path, capture_output=True, text=True, check=True, timeout=60).stdout
+    for k, line in enumerate(shown.split()):
+        slave.set({"x[1]": 0.01 * k, "x[2]": 0.3 - 0.01 * k, "r": 1.0})
+        slave.step(k * T, T)
+        assert slave.get("u") == [float.fromhex(line)], k
+    assert k == 39
+    slave.close()
 
 
 RESUME = """
@@ -218,6 +281,10 @@ def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:
         lambda: slave.set({"controller[0].gamma": float("nan")}),
         lambda: slave.set({"controller[0].gamma": -5.0}),
         lambda: slave.set({"controller[0].gamma": 0.0}),
+        lambda: slave.set({"uncertainty.lower[0]": 3.0}),  # above the upper one
+        lambda: slave.set({"uncertainty.upper[1]": -2.0, "controller[0].gamma": 6.0}),
+        lambda: slave.set({"plant.input.saturation[0]": 1.0}),
+        lambda: slave.set({"controller[0].gamma": 1e9}),
         lambda: slave.step(0.0, 0.4 * T),
         lambda: slave.step(0.0, 0.0),
         lambda: slave.step(0.0, -T),
@@ -261,9 +328,17 @@ def test_parameters_are_what_enters_as_it_is() -> None:
         "plant.x0[1]",
     } <= set(names)
     assert not any("filter" in name or "sample_time" in name or "delay" in name or "A_m" in name for name in names)
-    positive = {one.name for one in opened.parameters if one.positive}
-    assert "controller[0].gamma" in positive
-    assert not positive & {"plant.theta[0]", "plant.x0[1]", "controller[0].theta_hat0[0]", *bounds}
+    bounds_of = {one.name: one.bound for one in opened.parameters}
+    assert bounds_of["controller[0].gamma"] == "> 0"
+    assert [bounds_of[name] for name in sorted(LIMITS)] == ["< 0", "> 0"]
+    pairs = {(opened.parameters[low].name, opened.parameters[high].name, strict) for low, high, strict in opened.ordered}
+    assert pairs == {(f"uncertainty.lower[{i}]", f"uncertainty.upper[{i}]", False) for i in (0, 1)}
+    assert not {name for name, bound in bounds_of.items() if bound} & {
+        "plant.theta[0]",
+        "plant.x0[1]",
+        "controller[0].theta_hat0[0]",
+        *bounds,
+    }
     assert not Opened.of(problem, controller, SHORT, tunable=False).parameters
     others = {
         "Mrac-gain": "controller[0].theta_hat0[2]",
@@ -274,6 +349,23 @@ def test_parameters_are_what_enters_as_it_is() -> None:
         opened = Opened.of(*EXAMPLES[one(example)], SHORT, tunable=True)
         assert name in [one.name for one in opened.parameters]
         assert "controller[0].theta_hat0[0]" in [one.name for one in opened.parameters]
+
+
+@needs_gcc
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.short(kept=lambda version: version == 3)
+def test_bounds_that_cross_are_refused_and_can_be_moved_past_each_other_together(version, tmp_path) -> None:
+    path = write_units(tmp_path, *EXAMPLES[one("Mrac-state-midpoint")], SHORT, version)["controller"]
+    with pytest.raises(Exception, match=r"[Ff]ail|error|status"):  # where the start is left
+        Slave(path, tmp_path, {"uncertainty.lower[0]": 3.0})
+    slave = Slave(path, tmp_path, {"uncertainty.lower[0]": 3.0, "uncertainty.upper[0]": 4.0, "controller[0].theta_hat0[0]": 3.5})
+    slave.set({"uncertainty.lower[0]": 5.0, "uncertainty.upper[0]": 6.0})
+    with pytest.raises(Exception, match=r"[Ff]ail|error|status"):
+        slave.set({"uncertainty.lower[0]": 7.0})
+    assert slave.get("uncertainty.lower[0]", "uncertainty.upper[0]") == [5.0, 6.0]
+    slave.step(0.0, T)
+    assert slave.whole("status") == 0
+    slave.close()
 
 
 @needs_gcc
@@ -366,8 +458,10 @@ def test_what_is_refused(tmp_path, monkeypatch, capsys) -> None:
     controller = Sampled(controller=Mrac(gamma=5.0), sample_time=T)
     monkeypatch.setenv("PATH", str(tmp_path))
     said = refusal(lambda: export_controller(FREE, controller, SHORT, out=tmp_path / "a", target="fmu2"))
-    assert "none of cc, gcc, clang" in said and "sources alone" in said
-    assert "sources anyway" in refusal(lambda: export_controller(FREE, controller, SHORT, out=tmp_path / "a", sources_only=True))
+    assert "none of cc, gcc, clang" in said and "export only the sources" in said
+    assert "always has sources" in refusal(
+        lambda: export_controller(FREE, controller, SHORT, out=tmp_path / "a", sources_only=True)
+    )
     asked = ["export", "first-order", "--controller", "MRAC, sampled", "--target", "fmu3", "--out", str(tmp_path / "b")]
     assert main(asked) == 2
     assert not list(tmp_path.iterdir())

@@ -10,7 +10,18 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from barbalat import L1PiecewiseConstant, LinearOutput, OutputProblem, Sampled, TransferFunction, input_filter
+from barbalat import (
+    L1PiecewiseConstant,
+    LinearOutput,
+    Mrac,
+    OutputProblem,
+    Plant,
+    Problem,
+    ReferenceModel,
+    Sampled,
+    TransferFunction,
+    input_filter,
+)
 from barbalat.cases.load import load_case
 from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
@@ -22,9 +33,10 @@ from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.lowering.c99 import DOUBLE
-from barbalat.plants import PlantInput
+from barbalat.plants import DerivativeObserver, LuenbergerObserver, PlantInput
 from barbalat.run.engine.simulate import recorded
 from barbalat.run.kernel.sampled_controller import SampledList, SampledStep, initial_acting
+from barbalat.signals import Sine
 from export.examples import OUTPUT, SEVERAL, SIMULATION, T
 from export.targets import ISO, drive, needs_gcc, run_selftest, same_bits, write
 from export.test_bit_identical import EXAMPLES, FEW, REPLAYED, SHORT
@@ -377,3 +389,25 @@ def test_one_of_two_actuators_has_limits(tmp_path) -> None:
     write(tmp_path, {"selftest.c": selftest(printed)})
     done = run_selftest(tmp_path, "gcc", *ISO, "-O1", "-Wall", "-Werror")
     assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize(
+    "design",
+    [LuenbergerObserver([-9.0, -10.0], measured=[[1.0, 0.0]]), DerivativeObserver(20.0, measured=[[1.0, 0.0]])],
+    ids=["luenberger", "derivative"],
+)
+def test_the_self_test_has_an_observer_that_predicts_through_lost_samples(design, tmp_path) -> None:
+    """With a delay in its model; the C's freeze has its own value for a lost measurement, and the test sees another."""
+    plant = Plant(A=[[0.0, 1.0], [-2.0, -0.5]], b=[0.0, 1.0], poles=[-2.0, -3.0], input=PlantInput(delay=1.5 * T))
+    problem = Problem(
+        plant=plant, reference_model=ReferenceModel(follow="x_1"), reference=Sine(amplitude=1.0, frequency=2.0), observer=design
+    )
+    printed = exported(tmp_path, problem, Sampled(controller=Mrac(gamma=3.0), sample_time=T))
+    write(tmp_path, {"selftest.c": selftest(printed)})
+    done = run_selftest(tmp_path, "gcc", *ISO, "-O1", "-Wall", "-Werror")
+    assert done.returncode == 0, done.stdout
+    text = (tmp_path / "controller.c").read_text()
+    assert text.count("in->freeze = 2;") == 1
+    write(tmp_path, {"controller.c": text.replace("in->freeze = 2;", "in->freeze = 1;")})
+    done = run_selftest(tmp_path, "gcc", *ISO, "-O1", "-Wall", "-Werror")
+    assert "a run with losses differs" in done.stdout

@@ -62,6 +62,15 @@ def test_exports_in_one_folder_are_one_component(tmp_path) -> None:
         export_controller(STATE, CONTROLLER, SIMULATION, out=tmp_path, name="Pitch")
 
 
+def test_an_export_with_a_name_and_one_without_do_not_replace_each_others_readme(tmp_path) -> None:
+    for folder, first, second in (("a", "pitch", None), ("b", None, "pitch")):
+        export_controller(STATE, CONTROLLER, SIMULATION, out=tmp_path / folder, name=first)
+        before = {file.name: file.read_text() for file in (tmp_path / folder).iterdir()}
+        with pytest.raises(InputError, match=r"this export would replace (its|their) README\.md"):
+            export_controller(STATE, CONTROLLER, SIMULATION, out=tmp_path / folder, name=second)
+        assert {file.name: file.read_text() for file in (tmp_path / folder).iterdir()} == before
+
+
 @needs_gcc
 @pytest.mark.skipif(shutil.which("cmake") is None, reason="cmake is not installed")
 def test_cmake_builds_the_component_and_runs_each_self_test(tmp_path) -> None:

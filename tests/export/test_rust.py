@@ -33,6 +33,35 @@ def test_the_crate_computes_the_simulations_bits(beginning, float32, tmp_path) -
 
 
 @needs("cargo")
+def test_a_crate_with_parameters_sets_them(tmp_path) -> None:
+    """Of all that the C takes; and a gain that is another one makes other controls."""
+    crate(KINDS[2], tmp_path, parameters=True, name="roll")
+    text = (tmp_path / "lib.rs").read_text()
+    tested = text.replace(
+        "#[test]",
+        """#[test]
+    fn another_gain_makes_other_controls() {
+        let (mut controller, mut other) = (Controller::new(), Controller::new());
+        assert_eq!(other.set(SET_GAMMA, 0.5, 0), 0);
+        assert_eq!(other.set(SET_GAMMA, -0.5, 0), 512);
+        let differ = SAMPLES.iter().filter(|row| {
+            let row = row.map(f64::from_bits);
+            let (measured, r) = (row[..MEASURED].try_into().unwrap(), row[MEASURED..MEASURED + COMMANDS].try_into().unwrap());
+            controller.step(SAMPLE_TIME, measured, r, false).u != other.step(SAMPLE_TIME, measured, r, false).u
+        });
+        assert!(differ.count() > 50);
+    }
+
+    #[test]""",
+        1,
+    )
+    (tmp_path / "lib.rs").write_text(tested)
+    done = subprocess.run(["cargo", "test", "--offline"], cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "4 passed" in done.stdout and "warning" not in done.stderr
+
+
+@needs("cargo")
 def test_a_crate_whose_fallback_acts_at_once_passes_its_test(tmp_path) -> None:
     """Its control does not stay where a measurement is lost."""
     problem, controller = surrounded(KINDS[2], SHELLS["at once"])
@@ -48,5 +77,5 @@ def test_its_functions_of_plain_arguments_compile_without_a_warning(tmp_path) ->
 
 
 def test_the_closed_loop_is_refused(tmp_path) -> None:
-    with pytest.raises(InputError, match="the target rust has the controller alone"):
+    with pytest.raises(InputError, match="the target rust exports only the controller"):
         crate(KINDS[1], tmp_path, closed_loop=True)

@@ -200,11 +200,11 @@ def test_an_export_with_a_shell_passes_its_own_test(scheme, shell, tmp_path) -> 
 
 
 PLANTED = {
-    "no miss is counted": ("            ++next.outage;", "            ;"),
+    "no miss is counted": ("            ++c->outage;", "            ;"),
     "an outage never ends": ("c->outage > {M}_LONGEST_OUTAGE; ++i", "c->outage > 2000000000L; ++i"),
     "an outage ends at once": ("c->outage > {M}_LONGEST_OUTAGE; ++i", "c->outage > 0L; ++i"),
-    "a return with a bump": ("            next.fade_left = {M}_FADE;\n", ""),
-    "misses are never forgotten": ("        next.outage = 0L;\n", ""),
+    "a return with a bump": ("            c->fade_left = {M}_FADE;\n", ""),
+    "misses are never forgotten": ("        c->outage = 0L;\n        fade", "        fade"),
     "the fallback is not told": ("        status |= {M}_FALLBACK;\n", ""),
     "a fade to another value": ("(double)less", "(double)left"),
     "no upper end": ("in->x[1] <= 0x1.4", "in->x[1] <= 0x1.4p9 && in->x[1] <= 0x1.4p9 || in->x[1] <= 0x1.4"),
@@ -262,7 +262,7 @@ sample_time = 0.01
     ("added", "sentence"),
     [
         ("[shell]\nstuck = { rate = 0.001 }", "shell.stuck.rate must be at least the sample time of 0.01 s, got 0.001 s"),
-        ("[shell]\nrange = { angel = [-1, 1] }", "shell.range.angel names no measured channel; there are angle, rate"),
+        ("[shell]\nrange = { angel = [-1, 1] }", "shell.range.angel does not name a measured channel; there are angle, rate"),
         (
             '[[faults]]\nkind = "spike"\nsize = 1.0\nshare = 0.1\nchannel = "x_1"',
             "faults 1 (spike): channel must be one of angle, rate",
@@ -274,7 +274,7 @@ sample_time = 0.01
         ('[[faults]]\nkind = "jitter"\ntime = 0.003', "a jitter's time must be at most a quarter of the sample time of 0.01 s"),
         (
             2 * '[[faults]]\nkind = "jitter"\ntime = 0.002\n',
-            "a quarter of the sample time of 0.01 s, also that of several together, got 0.004 s",
+            "a quarter of the sample time of 0.01 s, also for several jitters together, got 0.004 s",
         ),
         ('[[faults]]\nkind = "jitter"\ntime = 1e-5', "a jitter's time must be at least simulation.dt = 0.001 s, got 1e-05 s"),
         (

@@ -41,4 +41,4 @@ def test_the_header_has_the_cases_names_and_units() -> None:
     labelled = replace(STATE, labels=Labels(names=["alpha", "q"], units=["rad", "rad/s"], input_units=["deg"]))
     text = header(Printed(Contents.of(labelled, CONTROLLER, SIMULATION, DOUBLE)))
     assert "double x[L1_MEASURED]; /* measured state: alpha [rad], q [rad/s] */" in text
-    assert "double u[L1_INPUTS]; /* control [deg] as it was simulated, before the actuator */" in text
+    assert "double u[L1_INPUTS]; /* control [deg] before the actuator, as simulated */" in text

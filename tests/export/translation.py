@@ -9,8 +9,8 @@ from pathlib import Path
 from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.lowering.functions import FUNCTIONS
-from barbalat.lowering.operations import Operation
-from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, STATE
+from barbalat.lowering.operations import Operation, sources
+from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
 from export.llvm_terms import SIZES, Run
 from export.targets import ISO, write
 from export.terms import Terms
@@ -80,7 +80,13 @@ def _inputs(printed: Printed, terms: Terms, offsets: dict[int, int]) -> dict[tup
     inputs |= {(MEASURED, i): terms.input("1", size * (1 + i)) for i in range(y)}
     inputs |= {(COMMAND, i): terms.input("1", size * (1 + y + i)) for i in range(q)}
     switch = terms.input("1", size * (1 + y + q), kind="flag")  # true: 0
-    return inputs | {(FREEZE, 0): terms.chosen(switch, terms.constant(0.0), terms.constant(1.0))}
+    inputs |= {(FREEZE, 0): terms.chosen(switch, terms.constant(0.0), terms.constant(1.0))}
+    contents, behind = printed.contents, size * len(offsets)  # parameters stand behind the state
+    for at in sorted(at for kind, at in sources(contents.step) if kind == PARAMETER):
+        one = contents.fed(at)
+        place = None if isinstance(one, float) else contents.parameters.index(one)
+        inputs[PARAMETER, at] = terms.constant(one) if place is None else terms.input("0", behind + size * place)
+    return inputs
 
 
 def number(terms: Terms, value: int) -> int:

@@ -42,6 +42,7 @@ def recorded(rng, A, B, h, N, noise):
 
 
 @pytest.mark.parametrize("seed", range(12))
+@pytest.mark.short(kept=lambda seed: seed in (0, 2, 6, 11))  # one to three states, one or two inputs
 def test_the_true_plant_is_always_in_the_set(seed):
     rng = np.random.default_rng(seed)
     n, m = int(rng.integers(1, 4)), int(rng.integers(1, 3))
@@ -161,3 +162,29 @@ def test_weak_duality_needs_no_right_multipliers(monkeypatch):
     loose = enclose(windows)
     assert (loose.lower <= exact.lower + 1e-9).all() and (loose.upper >= exact.upper - 1e-9).all()
     assert (loose.upper - loose.lower < 1.1 * (exact.upper - exact.lower)).all()
+
+
+def test_outputs_that_are_not_the_whole_state_are_a_finding():
+    """A position alone of an oscillator; with its rate the same recording is predicted, and nothing is said."""
+    rng = np.random.default_rng(0)
+    recording, _, _ = recorded(rng, np.array([[0.0, 1.0], [-400.0, -0.4]]), np.array([[0.0], [30.0]]), 0.01, 800, 1e-5)
+    position = replace(recording, outputs=recording.outputs[:, :1], output_names=("x0",))
+    assert any("predicts x0 worse than their mean does: the outputs may not be" in one for one in identify(position).findings)
+    assert not any("worse than their mean" in one for one in identify(recording, derivatives={"x0": "x1"}).findings)
+
+
+def test_exact_knowledge_leaves_least_squares_for_the_rest():
+    """A coefficient known exactly is removed from the regression; one known to lie elsewhere is clipped, and said."""
+    rng = np.random.default_rng(8)
+    A, B = np.array([[0.0, 1.0], [0.0, -1.0]]), np.array([[0.0], [2.0]])
+    recording, noise, slope = recorded(rng, A, B, 0.02, 300, 1e-4)
+    exact = {("x1", "x0"): (0.0, 0.0)}
+    for bounds in ({}, {"noise": noise, "slope": slope}):
+        row = identify(recording, derivatives={"x0": "x1"}, within=exact, **bounds).rows[1]
+        assert row.nominal[0] == 0.0 and (row.nominal == row.estimate).all()
+        assert np.allclose(row.nominal, [0.0, -1.0, 2.0], atol=0.01)
+    wide = {name: 100 * bound for name, bound in noise.items()}  # with which a row that is off by some per cent explains the data
+    found = identify(recording, derivatives={"x0": "x1"}, within={("x1", "x1"): (-0.98, -0.9)}, noise=wide, slope=slope)
+    nominal = found.rows[1].nominal
+    assert any("the least squares of x1' lie outside the known set" in said for said in found.findings)
+    assert nominal[1] == pytest.approx(-0.98, abs=1e-3) and np.allclose(nominal, [0.0, -0.98, 1.97], atol=0.05)

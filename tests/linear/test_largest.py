@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from barbalat.linear.largest import geometric_mean, halvings, largest, largest_from, largest_whole
+from barbalat.linear.largest import geometric_mean, halvings, largest, largest_from, largest_of_size, largest_whole
 
 
 def up_to(limit):
@@ -34,6 +34,38 @@ def test_where_nothing_or_everything_is_borne():
     assert largest_from(lambda _: False, 1.0) == 0.0
     assert largest_from(up_to(0.4), 1.0, least=0.5) == 0.0
     assert largest_from(lambda _: True, 1.0) == math.inf
+
+
+SIZES = {
+    "a power": (lambda x: (x / 3e-5) ** 3, 3e-5),
+    "saturating": (lambda x: 1.001 * x / (0.2 + x), 200.0),
+    "a kink": (lambda x: max(x / 2, 5 * x - 9), 2.0),
+    "a jump": (lambda x: 0.5 if x < math.pi else 2.0, math.pi),
+    "unbounded beyond": (lambda x: x if x <= 0.7 else math.inf, 0.7),
+}
+
+
+@pytest.mark.parametrize("name", SIZES)
+@pytest.mark.parametrize("start", [1e-8, 1.0, 1e4])
+def test_secants_find_the_limit_that_bisection_finds(name, start):
+    size, limit = SIZES[name]
+    asked = []
+
+    def counted(value):
+        asked.append(value)
+        return size(value)
+
+    found = largest_of_size(counted, start, within=1e-6)
+    assert size(found) < 1 and size(found * (1 + 1.1e-6)) >= 1 and found == pytest.approx(limit, rel=1.1e-6)
+    steps = 1 + math.ceil(abs(math.log2(limit / start)))
+    smooth = name in ("a power", "saturating")
+    assert len(asked) - steps <= (10 if smooth else 5 * 20), "bisection from a factor of 2 takes 20"
+
+
+def test_secants_where_nothing_or_everything_is_borne():
+    assert largest_of_size(lambda _: 2.0, 1.0, within=1e-6) == 0.0
+    assert largest_of_size(lambda _: 0.5, 1.0, within=1e-6) == math.inf
+    assert largest_of_size(lambda _: 0.0, 1.0, within=1e-6) == math.inf
 
 
 def test_the_first_exit_counts_where_the_steps_are_short():

@@ -38,7 +38,7 @@ def test_the_exact_value_is_the_least_of_all_upper_bounds(entries, rho):
 
     angles = np.linspace(-np.pi / 2, np.pi / 2, 403)[1:-1]
     k = int(np.argmin([bound(angle) for angle in angles]))
-    ends = angles[max(k - 1, 0)], angles[min(k + 1, len(angles) - 1)]
+    ends = np.concatenate(([1e-6 - np.pi / 2], angles, [np.pi / 2 - 1e-6]))[[k, k + 2]]
     least = minimize_scalar(bound, bounds=ends, method="bounded", options={"xatol": 1e-12})
     value = mu_of_family(a[None], np.array([rho])).value[0]
     assert value <= least.fun * (1 + 1e-9)

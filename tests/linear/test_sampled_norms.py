@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.linalg import solve_discrete_lyapunov
 
 from barbalat.linear.sampled_norms import SampledNorms
 from independent import refusal
@@ -34,6 +35,16 @@ def test_the_bounds_are_above_the_sums_and_near(seed, far):
     for found, expected in ((norms.summed(s), total), (norms.largest(s), largest)):
         assert (found >= expected).all()
         assert (found - expected <= 1.1e-3 * found.max()).all()
+
+
+def test_the_root_of_the_sum_of_squares_is_the_stationary_deviation():
+    """Independently: by the discrete Lyapunov equation of the covariance."""
+    random = np.random.default_rng(5)
+    M, N = random.normal(size=(4, 4)), random.normal(size=(4, 2))
+    M *= 0.95 / np.abs(np.linalg.eigvals(M)).max()
+    expected = np.sqrt(np.diag(solve_discrete_lyapunov(M, N @ N.T)))
+    found = np.linalg.norm(SampledNorms(M, np.eye(4)).root_of_squares(N), axis=1)
+    assert (found >= expected * (1 - 1e-9)).all() and (found <= expected * 1.003).all()
 
 
 def test_a_loop_that_hardly_forgets_has_no_bound_rather_than_a_wrong_one():

@@ -145,7 +145,9 @@ def test_constants_are_exact() -> None:
     for value in (0.1, -1 / 3, 5e-324, 1.7976931348623157e308, -0.0, 0.0, 1e4):
         assert math.copysign(1, float.fromhex(c99.constant(value))) == math.copysign(1, value)
         assert float.fromhex(c99.constant(value)) == value
-    assert [c99.constant(value) for value in (math.inf, -math.inf, math.nan)] == ["INFINITY", "-INFINITY", "NAN"]
+    none = [math.inf, -math.inf, math.nan]
+    assert [c99.constant(value) for value in none] == ["(double)INFINITY", "-(double)INFINITY", "(double)NAN"]
+    assert [c99.constant(value, c99.FLOAT) for value in none] == ["INFINITY", "-INFINITY", "NAN"]
 
 
 def test_the_text_is_the_same_every_time() -> None:

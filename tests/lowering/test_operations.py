@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from barbalat.lowering.llvm.machine import Kernel
-from barbalat.lowering.operations import COMPARISONS, Program, read
+from barbalat.lowering.operations import COMPARISONS, Operation, Program, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 
@@ -315,3 +315,9 @@ def test_kernel_refuses_arrays_that_do_not_fit():
 def test_lanes_are_a_power_of_two(lanes):
     with pytest.raises(ValueError, match=str(lanes)):
         Kernel(read(traced(lambda x, _: [x[0]], 1)), LoopShape(1, 0, 0, 0), (), lanes)
+
+
+def test_programs_that_differ_in_the_sign_of_a_zero_are_not_equal():
+    """A kernel that is kept for one must not run in place of the other."""
+    plus, minus = (Program((Operation("constant", value=zero),), ((0,),)) for zero in (0.0, -0.0))
+    assert plus == Program(plus.operations, plus.outputs) and plus != minus

@@ -5,6 +5,8 @@ import json
 import pytest
 
 import barbalat
+from barbalat.cases.bundled import bundled
+from barbalat.cases.load import load_case
 from barbalat.papers import paper as found
 from barbalat.papers.jafari_2013.paper import PAPER
 from copies import barbalat_says, package_in, with_entry_point
@@ -58,25 +60,30 @@ def test_a_claim_is_one_file(tmp_path):
 def test_a_paper_is_one_folder_and_its_entry_point(tmp_path):
     package = tmp_path / "on_parity"
     (package / "arithmetic").mkdir(parents=True)
+    (package / "cases").mkdir()
     for file, text in {
         "__init__.py": "",
         "paper.py": PAPER_FILE,
+        "cases/even.toml": bundled()["first-order"].read_text(),
         "arithmetic/__init__.py": "",
         "arithmetic/parity.py": CLAIM,
     }.items():
         (package / file).write_text(text)
     with_entry_point(tmp_path, found.GROUP, "on_parity")
-    assert [one["name"] for one in json.loads(barbalat_says("reproduce", "--list", "--json", path=tmp_path))["papers"]] == [
+    listed = json.loads(barbalat_says("reproduce", "--list", "--json", path=tmp_path))["papers"]
+    assert [one["name"] for one in listed] == [
         "jafari_2013",
         "cao_2006",
         "cao_hovakimyan_2006",
         "on_parity",
     ]
+    assert listed[-1]["cases"] == [str(package / "cases" / "even.toml")]
     document = json.loads(barbalat_says("reproduce", "on_parity", "--json", "--out", "report", path=tmp_path))
     assert [(row["id"], row["verdict"]) for row in document["claims"]] == [("two-is-even", "confirmed")]
     assert document["figures"] == {} and document["certificates"] == {}
     page = (tmp_path / "report" / "report.html").read_text()
-    assert "On Parity" in page and "Jafari" not in page
+    assert "On Parity" in page and "Jafari" not in page and 'href="even.toml"' in page
+    assert load_case(tmp_path / "report" / "even.toml").name == load_case("first-order").name
     rows = json.loads(barbalat_says("claims", "--json", path=tmp_path))["claims"]
     assert rows[-1]["id"] == "two-is-even" and len(rows) == 1 + sum(
         len(part.names) for paper in found.papers().values() for part in paper.ledger

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from barbalat.pictures.panel_drawing import PERIODS, SHADE_AMONG_OTHERS, close_ups, draw
+from barbalat.pictures.close_ups import PERIODS, close_ups
+from barbalat.pictures.panel_drawing import SHADE_AMONG_OTHERS, draw
 from barbalat.pictures.panels import Panel, Series
 
 T = np.linspace(0, 80, 40001)

@@ -10,11 +10,12 @@ from matplotlib import rc_context
 from matplotlib.colors import to_rgb
 from PIL import Image
 
+from barbalat.pictures.palette import COLOURS, ON_DARK
 from barbalat.pictures.panel_drawing import PAGE, PHONE, draw, heading
 from barbalat.pictures.panels import Panel, Series, text_of
 from barbalat.pictures.render import on_dark, render
 from barbalat.pictures.symbols import in_symbols
-from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, GROUND, INK, ON_DARK, QUIET_INK, new_figure
+from barbalat.pictures.theme import DARK_GROUND, DARK_INK, GROUND, INK, QUIET_INK, new_figure
 
 
 def figure(**more):

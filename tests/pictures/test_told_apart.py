@@ -9,12 +9,13 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 
+from barbalat.pictures.palette import COLOURS, ON_DARK
 from barbalat.pictures.panel_drawing import draw
 from barbalat.pictures.panels import Panel, Series, width_of
 from barbalat.pictures.render import render
 from barbalat.pictures.shares import Shares
 from barbalat.pictures.shares import draw as draw_shares
-from barbalat.pictures.theme import COLOURS, ON_DARK, dash_of, mark_of
+from barbalat.pictures.theme import dash_of, mark_of
 from barbalat.vehicles.picture import paths_figure
 from barbalat.vehicles.scene import Mover, Scene
 

@@ -69,7 +69,7 @@ def test_a_fault_is_a_signal_like_others() -> None:
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [
-        (Dropout, "a dropout needs share or times, which say when it is there"),
+        (Dropout, "a dropout needs share or times, which determine when it is present"),
         (lambda: Dropout(share=1.5), "share must be at most 1, got 1.5"),
         (lambda: Dropout(share=0.1, times=[[0, 1]]), "give either share or times, got both"),
         (lambda: Dropout(times=[[2, 1]]), "times must be intervals [start, end] with 0 <= start < end, got [2, 1]"),
@@ -79,8 +79,16 @@ def test_a_fault_is_a_signal_like_others() -> None:
         (lambda: Shell(range={"a": [2, 1]}), "shell.range.a must be [lowest, highest], got [2, 1]"),
         (lambda: Shell(rate={"a": -1}), "shell.rate.a must be positive, got -1"),
         (lambda: Shell(fallback="zero"), "shell.fallback goes with shell.longest_outage, which is missing"),
-        (lambda: Shell(jitter=0.6, longest_outage=1.0), "shell.jitter must be a part of the sample time from 0.001 to below 0.5"),
-        (lambda: Shell(fallback="baseline", longest_outage=1.0), "shell.fallback = 'baseline' needs a case with a baseline"),
+        (
+            lambda: Shell(jitter=0.6, longest_outage=1.0),
+            "shell.jitter must be a share of the sample time from 0.001 to below 0.5",
+        ),
+        (
+            lambda: Shell(fallback="baseline", longest_outage=1.0).require(
+                ("x_1",), without_baseline="needs a case with a baseline controller, and this one has none"
+            ),
+            "shell.fallback = 'baseline' needs a case with a baseline",
+        ),
         (lambda: Shell(fallback="stop"), "shell.fallback must be hold, zero, baseline or fade, got 'stop'"),
     ],
 )

@@ -6,8 +6,10 @@ import pytest
 
 from barbalat import InputError, Plant, Problem, ReferenceModel
 from barbalat.plants import Parameter, PhysicalPlant
+from barbalat.problem import from_ranges
 from barbalat.problem.from_ranges import TIGHTNESS
 from barbalat.problem.laurent import products_of
+from barbalat.run.results.findings import of_problem
 from barbalat.signals import Constant
 
 J_eq, B_eq, K_u = 0.00208, 0.0838, 0.1284
@@ -71,6 +73,26 @@ def test_the_set_holds_what_sampling_finds_and_is_little_wider(plant):
         largest = np.abs(seen).max(axis=0)
         assert (largest <= bound + 1e-9 * size).all()
         assert (bound <= largest + (TIGHTNESS - 1) * (seen.max(axis=0) - seen.min(axis=0)) + 1e-9 * size).all()
+    assert found.too_wide is None
+
+
+def test_bounds_that_remain_too_wide_say_so(monkeypatch):
+    """sin(k) cos(k) is at most 1/2, and 1 if the two factors are bounded one by one."""
+    monkeypatch.setattr(from_ranges, "MOST_CELLS", 2)
+    problem = Problem(
+        plant=Plant(
+            physical=PhysicalPlant(
+                A=[[0, 1], [0, "sin(k)*cos(k)"]], b=[0, 1], parameters=[Parameter("k", 10.0, between=(0.0, 20.0))]
+            ),
+            poles=[-1, -2],
+        ),
+        reference_model=ReferenceModel(),
+        reference=Constant(),
+    )
+    found = problem.derived
+    assert found.cells == 2 and found.width_ratio == pytest.approx(2, rel=1e-3)
+    assert found.sentences[-1].startswith("a bound from the parameters' ranges is 2 times as wide as the values found at points")
+    assert [one.sentence for one in of_problem(problem, 1.0) if one.kind == "wide ranges"] == [found.sentences[-1]]
 
 
 def test_the_nominal_plant_lies_in_its_own_set():

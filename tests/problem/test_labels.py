@@ -7,7 +7,7 @@ import pytest
 
 from barbalat import Mrac, Plant, Problem, ReferenceModel, Simulation, load_case, simulate
 from barbalat.plants import Labels
-from barbalat.report.page import figure_columns
+from barbalat.report.rendering import figure_columns
 from barbalat.report.terminal import runs as terminal
 from barbalat.report.terminal.layout import Screen
 from barbalat.run.results.picture import panels

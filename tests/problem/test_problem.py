@@ -11,7 +11,8 @@ from scipy.integrate import solve_ivp
 
 from barbalat import Mrac, Simulation, simulate
 from barbalat.cases.load import load_case
-from barbalat.problem.command_gain import gains_at_rest
+from barbalat.plants import LqiBaseline
+from barbalat.problem.command_gain import commanded, gains_at_rest
 from barbalat.problem.labels import Labels
 from barbalat.problem.state_feedback import Known, ParameterBox, Plant, Problem, ReferenceModel
 from barbalat.signals import Constant, Sine
@@ -186,3 +187,15 @@ def test_what_cannot_be_followed_is_refused():
         ReferenceModel(k_0=1.0, follow="x_1")
     with pytest.raises(InputError, match=r"reference_model.follow"):
         ReferenceModel(follow=3)
+
+
+def test_the_state_that_is_declared_to_follow_is_the_commanded_one():
+    """Two masses with a spring come to rest at the same place, and the second one is to follow."""
+    A = [[0.0, 1.0, 0.0, 0.0], [-4.0, -1.0, 4.0, 0.0], [0.0, 0.0, 0.0, 1.0], [4.0, 0.0, -4.0, -1.0]]
+    plant = Plant(A=A, b=[0.0, 1.0, 0.0, 0.0], poles=[-1.0, -2.0, -3.0, -4.0])
+    followed = Problem(plant=plant, reference_model=ReferenceModel(follow="x_3"))
+    np.testing.assert_allclose(gains_at_rest(followed)[[0, 2], 0], 1.0, rtol=1e-9)
+    assert commanded(followed) == [(2, [0])]
+    assert commanded(Problem(plant=plant, reference_model=ReferenceModel(followed.k_0))) == [(0, [0])]
+    around = Plant(A=A, b=[0.0, 1.0, 0.0, 0.0], baseline=LqiBaseline(Q=[1.0] * 5, R=1.0, output=[0.0, 0.0, 1.0, 0.0]))
+    assert commanded(Problem(plant=around)) == [(2, [0])]

@@ -255,7 +255,7 @@ def test_place_of_poles_that_coincide():
         (lambda: replace(two_inputs(), input_gain=(0.0, 1.0)), ["input_gain", "0 < lower"]),
         (lambda: replace(two_inputs(), input_gain=((0.5, 1.0), (2.0, 1.0))), ["input_gain", "0 < lower", "[2, 1]"]),
         (lambda: replace(two_inputs(), input_gain=((0.5, 1.0),) * 3), ["input_gain", "2 x 2"]),
-        (lambda: Plant(A=np.eye(3), A_m=A_M, b=B), ["matched", "out of the reach"]),
+        (lambda: Plant(A=np.eye(3), A_m=A_M, b=B), ["matched", "outside the range"]),
         (lambda: MracClosedLoop(gamma=1.0, model_feedback=-np.eye(2)).bind(two_inputs().known), ["one input", "2"]),
         (lambda: LinearFeedback(controller=TransferFunction([1.0], [1.0, 1.0])).bind(two_inputs().known), ["one input"]),
         (

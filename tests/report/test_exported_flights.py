@@ -25,10 +25,10 @@ WHOLE = "compiled on this machine: every bit of u and of the state equals the si
             {"a": EQUAL, "b": WRONG, "c": EQUAL, "d": HELD, "e": BROKEN},
             [
                 f"the C of 2 of 5 controllers flew, {WHOLE} 12,000 samples of 4 flights",
-                "the C of b is not the simulated list: x_hat[1] differs from sample 3 of a flight on",
-                "the C of d is not the simulated list: held_u[0] differs from sample 90 of a flight on, "
+                "the C of b does not equal the simulated list: x_hat[1] differs from sample 3 of a flight on",
+                "the C of d does not equal the simulated list: held_u[0] differs from sample 90 of a flight on, "
                 "and it refused 7 of 1,200 samples",
-                "nothing is known of the C of e: the simulator broke in every flight",
+                "nothing is known about the C of e: the simulator failed in every flight",
             ],
         ),
     ],

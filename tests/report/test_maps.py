@@ -80,7 +80,7 @@ def test_files_page_and_link(tmp_path):
     assert "map-gain-step.svg" not in card  # the page holds its only picture
     contract, beside = (
         {"id", "where", "statement", "verdict", "finding", "source", "quote", "headline", "readings", "measured", "how"},
-        {"condition", "would_change", "sharpened", "listings", "code"},
+        {"condition", "would_change", "sharpened", "listings", "code", "equation", "changed"},
     )
     assert set(claim.as_json()) == contract | beside
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from barbalat.report.notation import mathematics
+from barbalat.report.notation import mathematics, naming
 
 
 @pytest.mark.parametrize(
@@ -44,3 +44,10 @@ def test_any_text_stays_text(text):
     assert "&" not in re.sub(r"&(?:amp|lt|gt|#39|#34);", "", shown)
     if re.fullmatch(r"[^\^_=<>|('-]*", text) and not re.search(r"[a-zA-Z]{2}|\d[ e]", text):
         assert html.unescape(shown) == text
+
+
+def test_names_of_rows_are_set_as_they_are_typed():
+    """Those that are given, whole; what only begins like one is mathematics."""
+    shown = naming("tau-error and tau-limit-delay, no tau-errors; tau", ["tau-error", "tau-limit-delay"])
+    assert shown == ("<code>tau-error</code> and <code>tau-limit-delay</code>, no <var>τ</var>-errors; <var>τ</var>")
+    assert naming("tau", []) == "<var>τ</var>"

@@ -1,6 +1,8 @@
 """Pages: what they hold themselves, what lies beside them, and what a phone is shown of a table."""
 
 import re
+import subprocess
+import sys
 import xml.etree.ElementTree as ET
 from html import unescape
 from urllib.parse import unquote
@@ -13,10 +15,11 @@ from barbalat.certificates.certificates import Table1
 from barbalat.certificates.certify import Certified
 from barbalat.certificates.picture import distinct
 from barbalat.folders import Folder
-from barbalat.report import page, write
+from barbalat.report import page, rendering
 from barbalat.report.drawings import DrawnFile, ReportFigure
 from barbalat.report.notation import mathematics
-from barbalat.report.page import fits_a_phone
+from barbalat.report.rendering import fits_a_phone
+from barbalat.report.run_pages import loops_data, write_certificates, write_comparison
 from barbalat.report.sweep import in_symbols
 
 
@@ -28,14 +31,18 @@ def results():
 SVG = '<svg xmlns="http://www.w3.org/2000/svg">\n<style>a { fill: #102030; width: 50% }</style><g id="a&lt;b"/></svg>'
 
 
-def shown(results, svg):
+def shown(svg):
+    page = rendering.templates().from_string(
+        '{% extends "page.html" %}{% from "macros.html" import image with context %}'
+        '{% block title %}A page{% endblock %}{% block content %}{{ image(picture, "a picture") }}{% endblock %}'
+    )
     picture = ReportFigure(DrawnFile("wide.svg", svg), DrawnFile("narrow.svg", svg))
-    return page.comparison("a case", list(results.values()), Certified({}, Table1(())), picture)
+    return rendering.render(page, {"picture": picture})
 
 
-def test_a_small_page_holds_its_pictures(results):
+def test_a_small_page_holds_its_pictures():
     """What a browser reads from the address is the picture: the same tags, colours and texts."""
-    found = shown(results, SVG)
+    found = shown(SVG)
     addresses = [unescape(one) for one in re.findall(r'src="([^"]*)"', found)]
     assert len(addresses) == 2 and "srcset" not in found and "://" not in found
     for address in addresses:
@@ -45,10 +52,10 @@ def test_a_small_page_holds_its_pictures(results):
         assert read == meant
 
 
-def test_a_large_page_has_them_beside_it(results):
-    found = shown(results, SVG.replace("<g", f"<!--{'x' * page.LARGEST_PAGE_BYTES}--><g"))
-    assert len(found) < page.LARGEST_PAGE_BYTES
-    assert 'src="wide.svg"' in found and 'srcset="narrow.svg"' in found and page.PICTURES_BESIDE in found
+def test_a_large_page_has_them_beside_it():
+    found = shown(SVG.replace("<g", f"<!--{'x' * rendering.LARGEST_PAGE_BYTES}--><g"))
+    assert len(found) < rendering.LARGEST_PAGE_BYTES
+    assert 'src="wide.svg"' in found and 'srcset="narrow.svg"' in found and rendering.PICTURES_BESIDE in found
 
 
 def test_loops_are_drawn_once(tmp_path):
@@ -58,12 +65,12 @@ def test_loops_are_drawn_once(tmp_path):
     found = distinct(certificates)
     assert [loop.name.partition(":")[0] for loop in found].count("slow; fast") == 1
     assert len(found) == sum(len(one.loops) for one in certificates.values()) - 1
+    (data,) = loops_data(certificates)
+    assert len(data["loops"]) == len(found)
     folder = Folder(tmp_path)
-    (picture,) = write.loop_pictures(certificates)
-    write.keep(folder, [picture])
+    write_certificates(folder, "a case", Certified(certificates, Table1(())), "{}", pictures=True)
     folder.commit()
-    assert {path.name for path in tmp_path.iterdir()} == {"loops.svg", "loops-narrow.svg"}
-    assert picture.narrow is not None and picture.narrow.svg != picture.wide.svg
+    assert {path.name for path in tmp_path.iterdir()} == {"certify.json", "report.html", "loops.png", "loops.svg"}
 
 
 def test_what_fits_a_phone():
@@ -90,12 +97,20 @@ def test_a_sweeps_page_names_figures_by_symbols(name, shown):
     assert in_symbols(name) == shown
 
 
-def test_progress_of_drawing_rises_to_its_end(results, tmp_path):
-    """In as many steps as there are pictures, where there are no loops to draw too."""
-    for certificates in ({}, certify(next(iter(results.values())).problem, [Mrac(gamma=5)], Simulation(t_end=1, dt=1e-2))):
-        told = []
-        write.write_comparison(
-            Folder(tmp_path), "a case", list(results.values()), Certified(certificates, Table1(())), told.append
-        )
-        assert told == sorted(told) and told[0] < 0.8 and told[-1] == pytest.approx(1.0)
-        assert len(told) >= 2
+def test_a_page_of_runs_is_drawn_where_it_is_read(tmp_path):
+    """In a process of its own, which has not imported Matplotlib afterwards; with pictures there are files as well."""
+    (tmp_path / "case.py").write_text(
+        "import sys\n"
+        "from barbalat.cli import main\n"
+        "code = main(['run', 'first-order', '--out', 'out'])\n"
+        "sys.exit(code or 10 * ('matplotlib' in sys.modules))\n"
+    )
+    assert subprocess.run([sys.executable, "case.py"], cwd=tmp_path, check=False, capture_output=True).returncode == 0
+    assert not [*(tmp_path / "out").glob("*.png"), *(tmp_path / "out").glob("*.svg")]
+
+
+def test_pictures_of_runs_are_files_where_they_are_asked_for(results, tmp_path):
+    folder = Folder(tmp_path)
+    write_comparison(folder, "a case", list(results.values()), Certified({}, Table1(())), pictures=True)
+    folder.commit()
+    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "comparison.png", "comparison.svg"}

@@ -102,12 +102,12 @@ def test_an_artefact_of_the_solver_is_settled_by_a_finer_step():
     assert len(set(found.audit.members)) == FEWEST_AUDITED
     changed = {name: by["L1"].changed for name, by in found.audit.verdicts.items() if by["L1"].changed}
     assert found.audit.changed <= 1 and set(changed) <= {"estimates ring"}
-    assert found.audit.sentences[0].startswith("of 30 members run again at half the step, ")
+    assert found.audit.sentences[0].startswith("of 30 members repeated at half the step, ")
     again, plain = (run_study(study(STIFF, {"plant.theta": "known-set"}, 128), bounds=False, audit=n) for n in (None, 0))
     assert again.as_json() == found.as_json()
     assert plain.as_json() | {"audit": None} == found.as_json() | {"audit": None}
     assert plain.audit.sentences == [
-        "no member was run again at half its step, so that any share may be the solver's: none was asked for"
+        "no member was repeated at half its step, so any share may be due to the solver: none was requested"
     ]
 
 
@@ -136,8 +136,8 @@ def test_the_audits_share_is_of_members_that_were_run_again(unsettled):
     found = audit(settling, rows, members=64, run=done_here)
     assert found.members == tuple(range(unsettled, 64)) and found.drawn == 64
     if found.members:
-        assert found.share.judged == 48 and found.sentences[0].startswith("of 48 members run again at half the step")
-        assert "16 members drawn beside them could not be run again: no step settles them" in found.sentences
+        assert found.share.judged == 48 and found.sentences[0].startswith("of 48 members repeated at half the step")
+        assert "16 members also drawn could not be repeated: no step settles them" in found.sentences
     else:
         assert found.share is None
         assert "no step settles any of the 64 members drawn" in found.sentences[0]
@@ -250,8 +250,8 @@ def test_why_members_are_not_settled_is_said():
     for part in found.rows.parts:
         part["L1/settled"][:], part["L1/finer_by"][:] = 0.0, np.repeat([4.0, 16.0, np.inf, np.nan], 16)
     assert found.unsettled == {
-        "L1": "32 need a step 4 to 16 times smaller, which was not afforded, or settled nothing either, 16 have an oscillation "
-        "that no step that is tried resolves, 16 have too many states for their oscillations to be watched"
+        "L1": "32 need a step 4 to 16 times smaller, which was too expensive or did not settle them, 16 have an oscillation "
+        "that no step tried resolves, 16 have too many states for monitoring their oscillations"
     }
     assert found.as_json()["unsettled"] == found.unsettled
     assert f"Not settled of L1: {found.unsettled['L1']}" in meanings(found)
@@ -293,7 +293,7 @@ def test_what_has_no_estimates_is_not_examined():
     found = run_study(joint, bounds=False, audit=0).as_json()
     assert found["shares"][OSCILLATED].keys() == {"MRAC"}
     assert found["examined"][OSCILLATED]["not_examined"] == {"ADRC": "it has no estimates"}
-    assert found["examined"][OSCILLATED]["what"].startswith("the estimates alone")
+    assert found["examined"][OSCILLATED]["what"].startswith("only the estimates")
 
 
 @pytest.mark.parametrize(

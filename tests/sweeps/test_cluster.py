@@ -79,9 +79,9 @@ def test_a_worker_that_would_make_other_bits_refuses():
     sent, tables = WorkerTask.of(part), Tabulated.of(part)
     assert len(figures(sent, tables)) == 3
     other = replace(sent, made_by=sent.made_by | {"numpy": "1.0"})
-    assert "a worker has other versions than the client: numpy" in refusal(lambda: figures(other, tables))
+    assert "a worker's versions differ from the client's: numpy" in refusal(lambda: figures(other, tables))
     changed = replace(sent, made_by=sent.made_by | {SOURCES: "0123456789abcdef"})
-    assert f"other versions than the client: {SOURCES} {versions()[SOURCES]}, not 0123" in refusal(
+    assert f"versions differ from the client's: {SOURCES} {versions()[SOURCES]}, not 0123" in refusal(
         lambda: figures(changed, tables)
     )
 
@@ -101,7 +101,7 @@ def test_a_worker_whose_sources_differ_refuses(tmp_path):
     assert changed != metrics.read_text()
     metrics.write_text(changed)
     done = subprocess.run(command, input=given, capture_output=True, env=environment, check=False)
-    assert done.returncode and "other versions than the client: barbalat's sources" in done.stderr.decode()
+    assert done.returncode and "versions differ from the client's: barbalat's sources" in done.stderr.decode()
 
 
 def test_sources_are_the_same_whatever_the_ends_of_their_lines(tmp_path):
@@ -224,4 +224,4 @@ def test_an_interrupt_ends_a_local_cluster_within_two_seconds(tmp_path):
         time.sleep(0.1)
     process.send_signal(signal.SIGINT)
     said = process.communicate(timeout=60)[1]
-    assert process.returncode == 130 and "the same command goes on" in said
+    assert process.returncode == 130 and "the same command continues" in said

@@ -162,7 +162,8 @@ def test_paths_that_name_no_number(path, message):
 
 
 @pytest.mark.parametrize(
-    ("path", "message"), [("plant.thet[0]", "has no 'thet'"), ("controller[5].gamma", "3 entries"), ("name", "not one")]
+    ("path", "message"),
+    [("plant.thet[0]", "has no 'thet'"), ("controller[5].gamma", "3 entries"), ("name", "not a single number")],
 )
 def test_fields_that_are_no_number(path, message):
     plan = Plan({FieldPath.parse(path): Axis(1.0, 2.0, 2)})
@@ -213,7 +214,7 @@ def test_draws_over_a_ball_are_even_and_inside():
         assert kstest(distance**3, "uniform").pvalue > 1e-3
         for direction in np.random.default_rng(0).normal(size=(5, 3)):  # Archimedes: even along any axis of the sphere
             assert kstest(away @ direction / distance / np.linalg.norm(direction), "uniform", (-1, 2)).pvalue > 1e-3
-    with pytest.raises(InputError, match="independent of each other"):
+    with pytest.raises(InputError, match="independent"):
         Plan({}, draws, 16, Design.SALTELLI)
 
 

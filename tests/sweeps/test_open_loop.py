@@ -69,7 +69,7 @@ def test_an_entry_alone_leaves_the_other_as_it_follows():
 
 @pytest.mark.parametrize("other", ["plant.A[1][0]", "reference_model.A_m[1][0]"])
 def test_what_theta_follows_from_does_not_vary_beside_it(other):
-    with pytest.raises(InputError, match=r"can't both vary: with plant\.A given, theta is what follows"):
+    with pytest.raises(InputError, match=r"cannot both vary: with plant\.A given, theta follows"):
         study(BY_A_M, [*KNOWN, (other, "uniform:-1:1")])
 
 

@@ -76,7 +76,7 @@ def test_a_damaged_chunk_is_found_and_made_again(place, tmp_path):
     file.write_bytes(content if place == "rows" else content[:100])
     again = run(folder, told=told.append)
     assert again.resumed == 14 and again.as_json() | {"resumed": 0} == expected
-    assert told == ["damaged in the store and made again: members-000000000012.parquet"]
+    assert told == ["damaged in the store and repeated: members-000000000012.parquet"]
 
 
 @pytest.mark.parametrize(
@@ -322,7 +322,7 @@ def test_a_second_writer_is_refused(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of resources")
-def test_a_full_disk_keeps_what_is_stored(tmp_path):
+def test_a_full_disk_keeps_what_is_stored(tmp_path, monkeypatch):
     """A limit on the size of files stands for the disk: ./dev store-faults fills a tmpfs."""
     import resource
 
@@ -330,6 +330,7 @@ def test_a_full_disk_keeps_what_is_stored(tmp_path):
     with opened(folder, prepared.identity(), 20, 6) as store:
         store.add(store.chunks[0], prepared.run(*store.chunks[0]))
     before = {file.name: file.read_bytes() for file in folder.iterdir()}
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)  # Python would leave half of a module's code for the next process
     given = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, given[1]))
     try:

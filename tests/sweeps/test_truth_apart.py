@@ -122,7 +122,7 @@ def test_a_sweep_over_all_ranges_stays_below_the_bound_for_the_whole_set():
         (["--sample", "parameters.K=between"], "there are k, m, d; did you mean 'k'?"),
         (["--sample", "parameters.d=between"], "known exactly"),
         (["--sample", "plant.theta=known-set"], "theta follows from the parameters"),
-        (["--sample", "plant.input.gain=between"], "goes with a physical parameter"),
+        (["--sample", "plant.input.gain=between"], "needs a physical parameter"),
         (["--vary", "plant.A[1][0]=1:2:3"], "truth.A[1][0] is '-k/m', not a number"),
     ],
 )

@@ -159,15 +159,15 @@ def test_the_command_says_losses_first_and_leaves_page_and_json(tmp_path, capsys
     assert document["lost"] == {"LQR": {"count": 2, "flights": 2}, "LQR with PI": {"count": 2, "flights": 2}}
     assert document["failures"]["reversed"]["LQR"]["rms_e"]["median"] is None
     assert "lost to lost" not in shown  # two draws bound no median
-    assert "such comparisons" not in shown  # where both lose all there is nothing to compare
+    assert "comparisons that some draw decides" not in shown  # where both lose all there is nothing to compare
     assert "lose every flight" in (tmp_path / "out" / "report.html").read_text()
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--store", "somewhere"], "--store goes with --dispersions"),
-        (["--dispersions", "4", "--mach", "0.5"], "--mach does not go with --dispersions"),
+        (["--store", "somewhere"], "--store needs a campaign"),
+        (["--dispersions", "4", "--mach", "0.5"], "--mach cannot be combined with --dispersions"),
         (["--dispersions", "0"], "--dispersions must be a whole number from 1"),
     ],
 )

@@ -8,8 +8,8 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from barbalat.pictures.palette import COLOURS
 from barbalat.pictures.render import render
-from barbalat.pictures.theme import COLOURS
 from barbalat.vehicles import film as films
 from barbalat.vehicles.film import film
 from barbalat.vehicles.picture import frame, inside, paths_figure

@@ -115,7 +115,7 @@ def test_a_small_roll_is_the_linear_loop():
 
 
 def test_an_observer_leaves_what_the_model_s_own_row_makes_of_sideslip_and_an_integral_does_not():
-    """As docs/guides/aircraft.md says of lateral gusts: p' = A_m's row of what was measured, integrated here."""
+    """As docs/laboratory/f16.md says of lateral gusts: p' = A_m's row of what was measured, integrated here."""
     axis = Axis(trim=trimmed(FlightCondition()), followed=ROLL)
     gusts, row = next(one for one in OF_ROLL if one.name == "gusts"), axis.A_m[1]
     assert (row[0], axis.model[0][1, 0]) == pytest.approx((-21, -27), abs=0.5)
@@ -179,7 +179,7 @@ def test_a_controller_that_overflows_loses_its_aircraft_and_says_so():
             return None
 
     one = fly_once(axis, Overflowing(), OF_PITCH[0])
-    assert (one.lost, one.lost_at) == ("its controller gave a command that is no number", 2.0)
+    assert (one.lost, one.lost_at) == ("its controller gave a command that is not a number", 2.0)
 
 
 def test_a_flight_that_breaks_is_lost_alone(monkeypatch):

@@ -160,7 +160,7 @@ def test_what_makes_it_fly_is_no_switch():
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["f16-pitch", "--dispersions", "2", "--sil"], "--sil does not go with --dispersions"),
+        (["f16-pitch", "--dispersions", "2", "--sil"], "--sil cannot be combined with --dispersions"),
         (["f16-pitch", "--schemes", "lqr", "--sil", "--controllers", "own.py"], "own is continuous"),
     ],
 )

@@ -25,9 +25,12 @@ def test_it_says_what_to_install(name, what, monkeypatch, capsys, tmp_path):
     ("arguments", "sentence"),
     [
         (["quadrotor", "--dispersions", "0"], "--dispersions must be a whole number from 1 to 1000000, got 0"),
-        (["f16-roll", "--dispersions", "2", "--delays"], "in a campaign leave --delays out, each draw has a delay of its own"),
-        (["quadrotor", "--dispersions", "2", "--sil"], "is compared with the simulated list in single flights"),
-        (["quadrotor", "--dispersions", "2", "--mach", "0.5"], "the draws take turns at conditions of their own; leave it out"),
+        (["f16-roll", "--dispersions", "2", "--delays"], "omit --delays in a campaign: each draw has its own delay"),
+        (["quadrotor", "--dispersions", "2", "--sil"], "single flights compare the exported C with the simulated list"),
+        (
+            ["quadrotor", "--dispersions", "2", "--mach", "0.5"],
+            "omit it in a campaign: the draws have their own flight conditions",
+        ),
         (["quadrotor", "--schemes", "linear"], "got 'linear'; here it is geometric-integral"),
         (["quadrotor", "--dispersions", "2", "--schemes", "adrc,l1-piecewize"], "'l1-piecewize'; did you mean l1-piecewise?"),
     ],

@@ -1,1 +1,1 @@
-"""What the schemes share: laws, their modifications, normalisation; ``laws`` has the registry."""
+"""Adaptive laws, their modifications and normalisation, which the schemes share; the registry is in ``laws``."""

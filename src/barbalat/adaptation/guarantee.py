@@ -1,4 +1,4 @@
-"""What is guaranteed of a scheme with an adaptive law: data; the certificates make sentences of it."""
+"""Guarantees of a scheme with an adaptive law, as data; the certificates turn them into sentences."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from barbalat.problem.known_set.cone import EXACT_FACES
 
 
 class Estimates(Enum):
-    """What the estimates do."""
+    """The behaviour of the estimates."""
 
     SETTLE = "V of the law never grows"
     PULLED = "a leakage pulls them to zero"
-    UNKNOWN = "nothing is guaranteed of them"
+    UNKNOWN = "nothing is guaranteed for them"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,10 +25,10 @@ class Guarantee:
 
     bounded        all signals, theta_hat and epsilon m_s among them
     error_to_zero  the tracking error converges to zero
-    estimates      what they do
-    leaks          whether a leakage keeps them bounded beside a modelling error as well
-    why            where not ``bounded``, the sentence that says so; where not ``error_to_zero``, what keeps it from zero
-    M_0            the bound of |theta| that is provided; None where none is needed
+    estimates      the behaviour of the estimates
+    leaks          whether a leakage keeps them bounded also under a modelling error
+    why            if not ``bounded``, the sentence that says so; if not ``error_to_zero``, what prevents convergence to zero
+    M_0            the bound of |theta| that the user supplies; None if none is needed
     """
 
     bounded: bool = True
@@ -39,12 +39,12 @@ class Guarantee:
     M_0: float | None = None
 
 
-SMALL_ENOUGH = "with a normalised law {} must be small enough for x to stay bounded, and how small is not known"
-CORNERS = "nothing is guaranteed where the projection cuts corners"
+SMALL_ENOUGH = "with a normalised law {} must be small enough for x to stay bounded; the limit is not known"
+CORNERS = "nothing is guaranteed if the projection cuts corners"
 
 
 def nothing(why: str, *, leaks: bool = False) -> Guarantee:
-    """What is said where a law guarantees nothing, and why it does not."""
+    """The guarantee of a law that guarantees nothing, with the reason."""
     return Guarantee(bounded=False, error_to_zero=False, estimates=Estimates.UNKNOWN, leaks=leaks, why=why)
 
 
@@ -57,7 +57,7 @@ class ModifiedLaw(ABC):
     @property
     @abstractmethod
     def metric(self) -> Gain:
-        """Gamma of V; of a covariance only that it is a matrix is meant."""
+        """Gamma of V; for a covariance only its being a matrix matters."""
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
         return with_modifications(self.metric, known_set, self.leakage, self.dead_zone)
@@ -68,9 +68,9 @@ def with_modifications(
 ) -> Guarantee:
     """The guarantee of a normalised scheme whose law has a V' that is not positive without leakage and dead zone.
 
-    What a leakage or a dead zone leaves of epsilon m_s is not square integrable, only small in the mean; the proof that x stays
-    bounded then asks that it be small enough, and no number is known: with a dead zone wider than epsilon m_s can get, nothing
-    is learnt, and an unstable loop stays so. Source: Ioannou and Sun, section 9.3.
+    With a leakage or a dead zone, epsilon m_s is not square integrable, only small in the mean; the proof that x stays bounded
+    then requires it to be small enough, and no threshold is known: with a dead zone wider than the largest epsilon m_s nothing is
+    learnt, and an unstable loop stays unstable. Source: Ioannou and Sun, section 9.3.
     """
     leaks = leakage is not None
     if metric.is_matrix and known_set is not None and known_set.cuts_corners:

@@ -1,7 +1,7 @@
-"""Adaptive laws over one sample, such that the estimate's Lyapunov function never grows: docs/sampled.md has the proofs.
+"""Steps of laws over one sample for which the estimate's Lyapunov function never grows; docs/sampled.md has the proofs.
 
-Each is solved for the end of the sample, in closed form, with regressor and normalising signal taken in the sample's middle. Each
-law has its ``sampled_step``; this is what they share.
+Each step is solved for the end of the sample, in closed form, with regressor and normalising signal at the middle of the sample.
+Each law has its own ``sampled_step``; this file has what they share.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from barbalat.protocols import Value
 from barbalat.validate import InputError
 
 NO_FORGETTING_RATE = 1e-150
-"""A rate of forgetting [1/s] that stands for none where it is divided by."""
+"""A rate of forgetting [1/s] that replaces zero in a division."""
 
 
 def require_sampled(law: AdaptiveLaw, known_set: EstimateSet | None) -> SampledLaw:
-    """The law, which has a step over a sample; InputError for one that has none, or none in this set."""
+    """Return the law if it has a step over a sample; InputError if it has none, or none for this set."""
     if not isinstance(law, SampledLaw):
         raise InputError(
             f"discretization = 'midpoint' takes laws with a sampled_step (adaptation.law), and {type(law).__name__} has none; "
@@ -33,13 +33,14 @@ def require_sampled(law: AdaptiveLaw, known_set: EstimateSet | None) -> SampledL
 
 
 def require_projectable(gain: Gain, known_set: EstimateSet | None) -> None:
-    """InputError for a set that has no implicit step for such a gain."""
+    """InputError for a set that has no implicit step with such a gain."""
     if known_set is not None and (why := known_set.why_no_step(gain)) is not None:
         raise InputError(why)
 
 
 def forgotten(beta: Value, T: float) -> tuple[Value, Value]:
-    """What is kept after T, and the weight of what came in meanwhile: exp(-beta T) and its integral over [0, T]; beta >= 0."""
+    """The share that is kept after T, and the weight of the data in between: exp(-beta T) and its integral over [0, T]; beta
+    >= 0."""
     half = np.tanh(
         np.maximum(beta, NO_FORGETTING_RATE) * T / 2
     )  # 1 - exp(-a) = 2 tanh(a/2)/(1 + tanh(a/2)), without cancellation
@@ -51,7 +52,7 @@ def correct(
 ) -> tuple[Value, Value]:
     """theta_next with Gamma^-1 (theta_next - theta_hat) = T (a epsilon_next phi - w theta_next), and the dead zone's share a.
 
-    ``weight`` stands for T, which it is without forgetting.
+    ``weight`` takes the place of T; it equals T without forgetting.
     """
     _, z, phi, m_s_squared = data
 
@@ -79,7 +80,7 @@ def at_rest(
 ) -> tuple[Gain, Value]:
     """G = (Gamma^-1 + T (w I + R))^-1 and G (Gamma^-1 theta_hat + T Q).
 
-    The second is where leakage and memory alone lead within T; what else moves the estimates does it with the gain G.
+    The second is the estimate after T by leakage and memory alone; any other term moves it with the gain G.
     """
     if R is None and not gain.is_matrix:
         shrink = 1 / (1 + T * w * gain.value)
@@ -97,20 +98,20 @@ def at_rest(
 
 
 def into(theta_hat: Value, known_set: EstimateSet | None, gain: Gain) -> Value:
-    """The estimate brought into the set without taking V = theta_tilde'Gamma^-1 theta_tilde up."""
+    """The estimate brought into the set without an increase of V = theta_tilde'Gamma^-1 theta_tilde."""
     return theta_hat if known_set is None else known_set.nearest(theta_hat, gain)
 
 
 def step_within(theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value, known_set: KnownSet | None) -> Value:
-    """theta_next = proj(theta + Gamma phi s), s = error - K phi'(theta_next - theta): of a law whose error answers to the
-    estimates within that very step.
+    """theta_next = proj(theta + Gamma phi s), s = error - K phi'(theta_next - theta): the step of a law whose error depends on
+    the estimates within the same step.
 
-    ``error`` is what would remain were the estimates to rest, ``coupling`` K > 0 says how much of it their motion takes away.
-    Where no closed form is known, with a gain matrix, the step is that without a set.
+    ``error`` is the error if the estimates did not move; ``coupling`` K > 0 is its decrease per motion of the estimates. With a
+    gain matrix, for which no closed form is known, the step ignores the set.
 
     theta, phi  (p,), theta in the set; with m inputs phi is (p, m), coupling (m, m) and error (m,)
     gain        times the sample time
-    known_set   one that steps keep to
+    known_set   the set that the step respects
     """
     if gain.is_matrix or known_set is None:
         return gain.implicit_step(theta, phi, coupling, error)

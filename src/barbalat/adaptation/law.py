@@ -1,7 +1,7 @@
-"""What an adaptive law for the linear parametric model z = theta'phi is. The registry is ``laws``.
+"""The protocols of adaptive laws for the linear parametric model z = theta'phi. The registry is ``laws``.
 
-``AdaptiveLaw`` is what every law has. What else may be known of it are protocols of their own, which a law from outside may
-leave out: ``SampledLaw``, ``RatedLaw``, ``GainLimitedLaw``, ``GuaranteedLaw``.
+Every law implements ``AdaptiveLaw``. Further properties are protocols of their own, which a law from outside may leave out:
+``SampledLaw``, ``RatedLaw``, ``GainLimitedLaw``, ``GuaranteedLaw``.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ def gram(phi: Value) -> Value:
 
 
 class Rates(NamedTuple):
-    """Time derivatives of what a law integrates."""
+    """Time derivatives of a law's state."""
 
     theta_hat: Value  # (n,)
-    memory: Any  # as ``AdaptiveLaw.initial`` has it
+    memory: Any  # in the form of ``AdaptiveLaw.initial``
 
 
 class SampleData(NamedTuple):
-    """The parametric model over one sample, in its middle; all of it is measured."""
+    """The parametric model over one sample, taken at its middle; all of it is measured."""
 
     T: float  # length of the sample [s]
     z: Value
@@ -63,7 +63,7 @@ class SampleData(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """What a law integrates, one sample later."""
+    """A law's state one sample later."""
 
     theta_hat: Value  # (n,)
     memory: Any
@@ -71,16 +71,16 @@ class Moved(NamedTuple):
 
 @runtime_checkable
 class AdaptiveLaw(Protocol):
-    """A law gives the rates of the estimate and of its own memory: a NamedTuple of arrays, or () for a law without one."""
+    """A law gives the rates of the estimate and of its memory, a NamedTuple of arrays, or () for a law without memory."""
 
     def initial(self, n: int) -> Any:
-        """The memory at t = 0 for n parameters; InputError where the settings don't fit n."""
+        """The memory at t = 0 for n parameters; InputError if the settings don't fit n."""
         ...
 
     def rates(self, theta_hat: Value, memory: Any, estimation: Estimation, known_set: EstimateSet | None) -> Rates: ...
 
     def limit(self, memory: Any) -> Any:
-        """The memory as it is used at every stage of every solver: resets and bounds stand here."""
+        """The memory as it is used at every stage of every solver, after resets and bounds."""
         ...
 
 
@@ -89,7 +89,7 @@ class OutputErrorLaw(Protocol):
     """A law of an output-feedback scheme that is driven by the tracking error itself: it needs no parametric model."""
 
     def require_size(self, n: int) -> None:
-        """InputError where the settings don't fit n parameters."""
+        """InputError if the settings don't fit n parameters."""
         ...
 
     def rate(self, theta_hat: Value, omega: Value, e: Value, sign: float, estimate_set: EstimateSet | None) -> Value:
@@ -99,7 +99,7 @@ class OutputErrorLaw(Protocol):
 
 @runtime_checkable
 class FreezableLaw(OutputErrorLaw, Protocol):
-    """A law of output feedback whose modifications are known, so that its loop can be looked at with the regressor frozen."""
+    """A law of output feedback whose modifications are known, so that its loop can be analysed with a frozen regressor."""
 
     @property
     def gamma(self) -> float | Array:
@@ -116,7 +116,7 @@ class FreezableLaw(OutputErrorLaw, Protocol):
 
     @property
     def drifts(self) -> bool:
-        """Whether nothing keeps the estimates bounded beside a modelling error."""
+        """Whether the estimates may drift without bound under a modelling error."""
         ...
 
 
@@ -126,36 +126,36 @@ class SampledLaw(Protocol):
 
     @property
     def metric(self) -> Gain:
-        """Gamma of V = theta_tilde'Gamma^-1 theta_tilde; of a covariance only that it is a matrix is meant."""
+        """Gamma of V = theta_tilde'Gamma^-1 theta_tilde; for a covariance only its being a matrix matters."""
         ...
 
     def sampled_step(self, theta_hat: Value, memory: Any, data: SampleData, known_set: EstimateSet | None) -> Moved:
-        """The estimate and the memory at the sample's end."""
+        """The estimate and the memory at the end of the sample."""
         ...
 
 
 @runtime_checkable
 class RatedLaw(Protocol):
-    """A law of which is known how fast it can be."""
+    """A law with a known bound on its rate."""
 
     @property
     def fastest_rate(self) -> float | None:
-        """The largest rate [1/s] at which estimates and memory decay, from |phi|^2 < m_s^2; None where nothing bounds it."""
+        """The largest rate [1/s] at which estimates and memory decay, from |phi|^2 < m_s^2; None if nothing bounds it."""
         ...
 
 
 @runtime_checkable
 class GainLimitedLaw(Protocol):
-    """A law of which is known which gain makes it how fast."""
+    """A law that knows the gain for a given rate."""
 
     def gain_of_rate(self, rate: float) -> float | None:
-        """The gain, a number, for which ``fastest_rate`` would be ``rate`` [1/s]; None where there is no such number."""
+        """The gain, a number, for which ``fastest_rate`` would be ``rate`` [1/s]; None if there is no such number."""
         ...
 
 
 @runtime_checkable
 class GuaranteedLaw(Protocol):
-    """A law of which is known what a normalised scheme with it guarantees."""
+    """A law that knows what a normalised scheme with it guarantees."""
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
         """The guarantee with projection onto ``known_set``, on the plant without modelling error."""
@@ -163,7 +163,7 @@ class GuaranteedLaw(Protocol):
 
 
 def require_room(n: int) -> None:
-    """InputError where a law's matrix for n parameters is beyond the budget: each entry of it is a state of the loop."""
+    """InputError if a law's matrix for n parameters exceeds the budget: each of its entries is a state of the loop."""
     budget.require(
         "law", n, lambda parameters: budget.of_kernel(parameters**2), given=f"has a matrix for {n} parameters, which",
         fits=lambda most: f"at most {most} parameters", what=f"a law with a matrix for {n} parameters",
@@ -171,7 +171,7 @@ def require_room(n: int) -> None:
 
 
 def require_law(law: object) -> None:
-    """InputError for what is no law."""
+    """InputError for an object that is no law."""
     if not isinstance(law, AdaptiveLaw) or isinstance(law, type):
         raise InputError(
             f"law must be a law on the parametric model (Gradient, LeastSquares, ... of adaptation.laws, or a class with "
@@ -183,7 +183,7 @@ def require_law(law: object) -> None:
 class Normalization(Settings):
     """m_s^2 = 1 + phi'phi + alpha_0 n_d, n_d' = -delta_0 n_d + u^2, n_d(0) = 0.
 
-    alpha_0  weight of the dynamic part; 0 is enough without modelling error
+    alpha_0  weight of the dynamic part; 0 is sufficient without modelling error
     delta_0  its forgetting rate [1/s], > 0: Delta(s) must be analytic in Re s >= -delta_0/2
     """
 
@@ -195,12 +195,12 @@ class Normalization(Settings):
         validate.freeze(self, delta_0=validate.positive("normalization.delta_0", self.delta_0))
 
     def m_s_squared(self, phi: Value, n_d: Value) -> Value:
-        """At least 1, also where n_d comes from a memory that was hit: what is divided by it in flight stays finite."""
+        """At least 1, even if a bit flip has hit the memory of n_d, so that divisions in flight stay finite."""
         return np.maximum(1 + phi @ phi + self.alpha_0 * n_d, 1)  # (16)
 
     def n_d_dot(self, n_d: Value, u: Value) -> Value:
         return self.driven(n_d, u * u)
 
     def driven(self, n_d: Value, squared: Value) -> Value:
-        """n_d' for u^2, or |u|^2 of several inputs."""
+        """n_d' for u^2, or for |u|^2 of several inputs."""
         return -self.delta_0 * n_d + squared  # (16)

@@ -1,4 +1,4 @@
-"""Composite learning: the Lyapunov laws of MRAC and L1-AC with a memory of past data beside the present error."""
+"""Composite learning: the Lyapunov laws of MRAC and L1-AC with a memory of past data in addition to the present error."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from barbalat.validate import Array
 
 
 class Memory(NamedTuple):
-    """What the memory integrates."""
+    """The states of the memory."""
 
     zeta: Value  # scalar, the part of b^+ x that the known dynamics explain, through the filter
     phi: Value  # (p,) phi(x)/(tau_f s + 1)
@@ -27,21 +27,20 @@ class Memory(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class CompositeLearning(Settings):
-    """theta_hat' = proj(Gamma (x e'P b + gamma_c (Q - R theta_hat))): the data seen so far pull the estimates to theta.
+    """theta_hat' = proj(Gamma (x e'P b + gamma_c (Q - R theta_hat))): past data pull the estimates towards theta.
 
-    gamma_c        weight of the memory against the tracking error, > 0
+    gamma_c        weight of the memory relative to the tracking error, > 0
     time_constant  tau_f of the regressor's filter [s], > 0
-    forgetting     beta of the memory [1/s], >= 0; none by default: what was learnt stays
-    capacity       of the memory [s], > 0: data count by 1 - trace(R)/capacity. Unlimited by default; then, without
-                   forgetting, R grows like t, and with it the law's own rate Gamma gamma_c R, which the step must resolve
+    forgetting     beta of the memory [1/s], >= 0; by default 0, so that nothing is forgotten
+    capacity       capacity of the memory [s], > 0: new data have the weight 1 - trace(R)/capacity. Unlimited by default; then,
+                   without forgetting, R grows like t, and so does the law's own rate Gamma gamma_c R, which the step must resolve
 
-    With b^+ = b'/(b'b), x' = A_m x + b (theta'x + u) gives z = theta'phi for z = (b^+ x - zeta)/tau_f,
-    zeta' = z + b^+ A_m x + u, zeta(0) = b^+ x(0); phi' = (phi(x) - phi)/tau_f, phi(0) = 0; no derivative of x is needed. With
-    m^2 = 1 + phi'phi and the weight a: R' = a phi phi'/m^2 - beta R, Q' = a z phi/m^2 - beta Q, so that Q = R theta, and
-    V = e'P e + theta_tilde'Gamma^-1 theta_tilde has V' = -|e|^2 - 2 gamma_c theta_tilde'R theta_tilde. Without forgetting
-    lambda_min(R) never falls: once the data have excited all directions for a finite time, e and theta_tilde converge
-    exponentially, without persistent excitation. What disturbs the plant is remembered as well: the memory's bias is not
-    removed by a dead zone or an epsilon-modification.
+    With b^+ = b'/(b'b), x' = A_m x + b (theta'x + u) gives z = theta'phi for z = (b^+ x - zeta)/tau_f, zeta' = z + b^+ A_m x + u,
+    zeta(0) = b^+ x(0); phi' = (phi(x) - phi)/tau_f, phi(0) = 0; no derivative of x is needed. With m^2 = 1 + phi'phi and the
+    weight a: R' = a phi phi'/m^2 - beta R, Q' = a z phi/m^2 - beta Q, so that Q = R theta, and V = e'P e + theta_tilde'Gamma^-1
+    theta_tilde has V' = -|e|^2 - 2 gamma_c theta_tilde'R theta_tilde. Without forgetting lambda_min(R) never falls: once the data
+    have excited all directions for a finite time, e and theta_tilde converge exponentially, without persistent excitation.
+    Disturbances of the plant are remembered as well: neither a dead zone nor an epsilon-modification removes the memory's bias.
 
     Source: Slotine and Li (1989), composite adaptation; Chowdhary and Johnson (2010), concurrent learning (CDC); the
     memory in this form: Cho, Shin, Kim and Kim (2018), IEEE TAC 63(3); Pan and Yu (2016), IEEE TAC 61(6).
@@ -86,9 +85,10 @@ class CompositeLearning(Settings):
         )
 
     def advance(self, memory: Memory, T: float, A_m: Array, b: Array, x: Value, regressor: Value, u: Value) -> Memory:
-        """The memory one sample of length T [s] later; ``x`` and ``regressor`` in its middle. Q = R theta is kept exactly.
+        """The memory one sample of length T [s] later; ``x`` and ``regressor`` are taken at its middle. Q = R theta is kept
+        exactly.
 
-        The filters go by the midpoint rule; forgetting is exact; the capacity is never exceeded.
+        The filters use the midpoint rule; forgetting is exact; the capacity is never exceeded.
         """
         zeta, phi, R, Q = memory
         b_plus, half = _left_inverse(b), T / 2 / self.time_constant

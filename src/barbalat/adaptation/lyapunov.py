@@ -52,13 +52,13 @@ class Modifications:
         accept_leakage(self.leakage, "composite learning", Borne.BOUNDED, "its V' is not proportional to the present error")
         if self.dead_zone is not None:
             raise InputError(
-                "a dead zone can't go with composite learning: the memory keeps adapting inside the zone, on data that hold "
-                "what the zone is to keep out"
+                "a dead zone cannot be combined with composite learning: the memory keeps adapting inside the zone, on data "
+                "that the zone should exclude"
             )
 
     @classmethod
     def of(cls, settings: ModifiedSettings) -> Modifications:
-        """InputError for what can't go together."""
+        """InputError for parts that can't be combined."""
         return cls(leakage=settings.leakage, dead_zone=settings.dead_zone, learning=settings.learning)
 
     @property
@@ -71,11 +71,11 @@ class Modifications:
         return () if self.learning is None else self.learning.initial(b, x0, parameters)
 
     def memory_rates(self, memory: Any, A_m: Array, b: Array, x: Value, phi: Value, u: Value) -> Any:
-        """``u`` is what enters besides theta'phi."""
+        """The memory's derivative; ``u`` is the input in addition to theta'phi."""
         return memory if self.learning is None else self.learning.rates(memory, A_m, b, x, phi, u)
 
     def require_fit(self, inputs: int) -> None:
-        """InputError for a modification that is known for one input only."""
+        """InputError for a modification that is defined for one input only."""
         leakage = self.leakage if self.leakage is not None and self.leakage.one_input_only else None
         for part in (self.learning, leakage):
             if inputs > 1 and part is not None:
@@ -84,7 +84,7 @@ class Modifications:
     def rate(
         self, gamma: Gain, e: Value, P: Array, b: Array, phi: Value, theta_hat: Value, memory: Any, known_set: EstimateSet | None
     ) -> Value:
-        """theta_hat' for the error ``e``: of tracking for MRAC, of prediction for L1-AC."""
+        """theta_hat' for the error ``e``: the tracking error of MRAC, the prediction error of L1-AC."""
         error = e @ (P @ b)
         if self.dead_zone is not None:
             error = error * self.dead_zone.weight(e @ (P @ e))
@@ -96,7 +96,7 @@ class Modifications:
         return project(rate, theta_hat, known_set, gamma)
 
 
-ON_THE_OUTPUT = "a dead zone on the output's error guarantees nothing: V is of the whole state's, and may grow inside"
+ON_THE_OUTPUT = "a dead zone on the output's error guarantees nothing: V depends on the whole state's error, and may grow inside"
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +107,7 @@ class LyapunovLaw(Settings):
     leakage    w; none by default
     dead_zone  on |e|; none by default
 
-    Without modelling error e converges to zero for a strictly positive real W_m; with it, and without a modification, the
+    Without modelling error, e converges to zero if W_m is strictly positive real; with it, and without a modification, the
     estimates may drift until the loop bursts (Rohrs et al.). Source: Ioannou and Sun, section 6.4.1; Narendra and Annaswamy,
     section 5.3; with sigma: Ioannou and Kokotovic (1983).
     """

@@ -1,4 +1,4 @@
-"""Modifications of a law: leakage terms -Gamma w theta_hat and dead zones, and the refusal where a law does not bear one."""
+"""Modifications of a law: leakage terms -Gamma w theta_hat and dead zones, and the error if a law does not admit one."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from barbalat.validate import InputError, show
 
 @dataclass(frozen=True, eq=False)
 class DeadZone(Settings):
-    """Continuous dead zone of half-width g_0 > 0: an error of size E counts as E - g_0, and as nothing inside.
+    """Continuous dead zone of half-width g_0 > 0: an error of size E counts as E - g_0 outside the zone and as zero inside it.
 
     g_0  half-width of the zone: a bound of the modelling error
 
-    For the laws on the parametric model E = |epsilon m_s|, so that epsilon becomes epsilon + g with g = -g_0/m_s for
-    epsilon m_s > g_0, g_0/m_s for epsilon m_s < -g_0, -epsilon between. With |eta|/m_s <= g_0 for the modelling error eta,
-    V = theta_tilde'Gamma^-1 theta_tilde does not grow. The price: the error converges to the zone, not to zero.
+    For the laws on the parametric model E = |epsilon m_s|, so that epsilon becomes epsilon + g with g = -g_0/m_s for epsilon m_s
+    > g_0, g_0/m_s for epsilon m_s < -g_0, -epsilon between. With |eta|/m_s <= g_0 for the modelling error eta, V =
+    theta_tilde'Gamma^-1 theta_tilde does not grow. The price: the error converges to the zone and not to zero.
 
     For the Lyapunov laws of MRAC and L1-AC E = sqrt(e'P e). With a matched disturbance |d| <= d_0,
     g_0 >= 2 d_0 |P b| sqrt(lambda_max(P)) makes V = max(0, E - g_0)^2 + theta_tilde'Gamma^-1 theta_tilde non-increasing:
@@ -46,13 +46,13 @@ class DeadZone(Settings):
         return 1 - self.g_0 / np.sqrt(np.maximum(squared_error, self.g_0 * self.g_0))
 
     def share(self, squared_error: Value, speed: Value) -> Value:
-        """a = 1 - g_0/|E_next| of the error E_next = E/(1 + a speed) that an implicit step leaves: linear in a, so solved."""
+        """a = 1 - g_0/|E_next|, where an implicit step leaves the error E_next = E/(1 + a speed): a linear equation in a."""
         E = np.sqrt(np.maximum(squared_error, self.g_0 * self.g_0))
         return (E - self.g_0) / (E + speed * self.g_0)
 
 
 def accept_dead_zone(dead_zone: DeadZone | None) -> None:
-    """InputError for what is no dead zone."""
+    """InputError for an object that is no dead zone."""
     if dead_zone is not None:
         validate.instance("dead_zone", dead_zone, DeadZone)
 
@@ -67,17 +67,17 @@ class Leakage(Protocol):
 
     @property
     def largest(self) -> float:
-        """The largest w there can be [1/s per unit of gain]; infinite where nothing bounds it."""
+        """The largest possible w [1/s per unit of gain]; infinite without a bound."""
         ...
 
     @property
     def per_error(self) -> float | None:
-        """nu of a leakage w = nu |error|, which bounds the estimates whatever drives them; None for any other."""
+        """nu of a leakage w = nu |error|, which bounds the estimates whatever drives them; None for any other leakage."""
         ...
 
     @property
     def harmless_within(self) -> float | None:
-        """The bound of |theta|_2 up to which V decreases as without it; None where it takes convergence to zero."""
+        """The bound of |theta|_2 up to which the leakage never increases V'; None if it prevents convergence to zero."""
         ...
 
     @property
@@ -86,12 +86,12 @@ class Leakage(Protocol):
         ...
 
     def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
-        """w for one sample, held; ``error`` is that before the estimates move, ``solve(w)`` the estimate at the end."""
+        """w for one sample, held; ``error`` is taken before the estimates move, and ``solve(w)`` is the estimate at the end."""
         ...
 
 
 class Borne(Enum):
-    """Which leakages a law bears, with the package's own that are of the kind."""
+    """The leakages that a law admits, with the package's own leakages of that kind."""
 
     ALL = "FixedSigma, SwitchingSigma or EpsilonModification"
     BOUNDED = "FixedSigma or SwitchingSigma"
@@ -103,23 +103,24 @@ class Borne(Enum):
 
 
 def accept_leakage(leakage: Leakage | None, law: str, borne: Borne = Borne.ALL, reason: str = "") -> None:
-    """InputError for what is no leakage, and, with the reason, for one that the law does not bear."""
+    """InputError for an object that is no leakage, and, with the reason, for a leakage that the law does not admit."""
     if leakage is None:
         return
     if not isinstance(leakage, Leakage) or isinstance(leakage, type):  # type: ignore[redundant-expr]
         raise InputError(f"leakage must be a {Borne.ALL.value}, got {show(leakage)}")
     if not borne.includes(leakage):
-        raise InputError(f"{type(leakage).__name__} can't go with {law}: {reason}; {borne.value} can")
+        raise InputError(f"{type(leakage).__name__} cannot be combined with {law}: {reason}; {borne.value} can")
 
 
 class PullingLeakage(ABC):
-    """A leakage that takes convergence to zero for every theta; over a sample it is held as before the estimates move."""
+    """A leakage that prevents convergence to zero for every theta; over a sample it is held at its value before the estimates
+    move."""
 
     harmless_within: ClassVar[float | None] = None
 
     @abstractmethod
     def coefficient(self, theta_hat: Value, error: Value) -> Value:
-        """w, as ``Leakage`` has it."""
+        """w, as defined in ``Leakage``."""
 
     def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
         return self.coefficient(theta_hat, error)
@@ -131,8 +132,8 @@ class FixedSigma(PullingLeakage, Settings):
 
     sigma  the leakage
 
-    The price: V' = ... - sigma theta_tilde'theta_hat may be positive, so also without modelling error the tracking error does
-    not converge to zero, only to a set of the order of sqrt(sigma) |theta|.
+    The price: V' = ... - sigma theta_tilde'theta_hat may be positive, so that even without modelling error the tracking error
+    converges only to a set of the order of sqrt(sigma) |theta|.
 
     Source: Ioannou and Kokotovic (1983); Ioannou and Sun, section 8.4.1.
     """
@@ -150,7 +151,7 @@ class FixedSigma(PullingLeakage, Settings):
 
     @property
     def largest(self) -> float:
-        """The largest leakage w: sigma, always."""
+        """The largest leakage w, which is always sigma."""
         return self.sigma
 
 
@@ -158,11 +159,11 @@ class FixedSigma(PullingLeakage, Settings):
 class SwitchingSigma(Settings):
     """w = 0 for |theta_hat| <= M_0, sigma (|theta_hat|/M_0 - 1) up to 2 M_0, sigma beyond; Euclidean norm.
 
-    sigma  the leakage far out
-    M_0    where it begins: a bound of |theta|
+    sigma  the leakage for large estimates
+    M_0    the norm at which it begins: a bound of |theta|
 
-    Where |theta| <= M_0, w theta_tilde'theta_hat >= w |theta_hat| (|theta_hat| - M_0) >= 0: what holds without modelling error
-    holds with it as well, for every law. M_0 must be a bound of |theta|.
+    For |theta| <= M_0, w theta_tilde'theta_hat >= w |theta_hat| (|theta_hat| - M_0) >= 0: every guarantee without modelling error
+    also holds with this leakage, for every law. M_0 must be a bound of |theta|.
 
     Source: Ioannou and Tsakalis (1986); Ioannou and Sun, section 8.4.1, with q_0 = 1.
     """
@@ -184,19 +185,19 @@ class SwitchingSigma(Settings):
 
     @property
     def largest(self) -> float:
-        """The largest leakage w: sigma, once the estimate is large."""
+        """The largest leakage w, which is sigma, for large estimates."""
         return self.sigma
 
     @property
     def harmless_within(self) -> float | None:
-        """The norm M_0 of the estimate below which nothing leaks."""
+        """The norm M_0 of the estimate below which there is no leakage."""
         return self.M_0
 
     def over_sample(self, theta_hat: Value, error: Value, solve: Callable[[Value], Value]) -> Value:
-        """w for a sample, held: evaluated where the full sigma would lead.
+        """w for a sample, held: evaluated at the estimate to which the full sigma would lead.
 
-        A larger leakage leaves a smaller estimate, so that w never exceeds what it is at the end, and is zero where the
-        estimate ends below M_0.
+        A larger leakage leaves a smaller estimate, so that w never exceeds its value at the end, and is zero if the estimate ends
+        below M_0.
         """
         return self.coefficient(solve(self.sigma), error)
 
@@ -225,7 +226,7 @@ class EpsilonModification(PullingLeakage, Settings):
 
     @property
     def largest(self) -> float:
-        """The largest w: nothing bounds it."""
+        """The largest w, which is unbounded."""
         return math.inf
 
     @property
@@ -234,4 +235,4 @@ class EpsilonModification(PullingLeakage, Settings):
 
 
 LEAKAGES = (FixedSigma, SwitchingSigma, EpsilonModification)
-"""What case files choose from."""
+"""The modifications that case files can select."""

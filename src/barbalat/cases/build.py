@@ -32,11 +32,11 @@ from barbalat.validate import InputError, printable, show
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Case:
-    """A problem, the controllers to compare on it, and how to simulate.
+    """A problem, the controllers to compare on it, and the settings of the simulation.
 
-    equations  of each controller on the problem, where they are known already
-    judge      what counts as following, as lost and as a limit cycle
-    specification  what ``design`` asks of a controller
+    equations  of each controller on the problem, if they are already known
+    judge      the criteria for following, for being lost and for a limit cycle
+    specification  the requirements of ``design``
     """
 
     problem: TrackingProblem
@@ -51,7 +51,7 @@ class Case:
         return self.problem.name
 
     def member(self, i: int) -> tuple[Any, ...]:
-        """The i-th controller on the problem, with its equations where they are known, as readers of many members take it."""
+        """The i-th controller on the problem, with its equations if they are known, in the form that readers of members take."""
         return self.problem, self.controllers[i], *self.equations[i : i + 1]
 
     def __repr__(self) -> str:
@@ -70,7 +70,7 @@ class Case:
 
 @contextmanager
 def within(place: str) -> Iterator[None]:
-    """An InputError whose sentence does not begin with ``place``, or with a field in it, gets it in front."""
+    """Prefixes ``place`` to an InputError whose sentence does not begin with it or with a field in it."""
     try:
         yield
     except InputError as error:
@@ -84,9 +84,9 @@ Bound = tuple[Controller, Any]
 
 @dataclass(eq=False)
 class Parts:
-    """What the first case was made of that is built with them: a later one, some of whose tables are others, takes the rest.
+    """The parts of the first of several cases built together: a later one, with some changed tables, reuses the rest.
 
-    What is kept is known by the identity of the tables from which it was made, which are kept with it.
+    Parts are identified by the tables from which they were made, which are kept with them.
     """
 
     objects: Mapping[int, tuple[Any, Any]] = field(default_factory=dict)
@@ -96,7 +96,7 @@ class Parts:
     complete: bool = False
 
     def problem_of(self, posed: list[Any], make: Callable[[], TrackingProblem]) -> TrackingProblem:
-        """The problem that follows from these values of the case's keys."""
+        """The problem for these values of the case's keys."""
         if self.problem is not None and all(one is other for one, other in zip(posed, self.problem[0], strict=True)):
             return self.problem[1]
         problem = make()
@@ -112,11 +112,11 @@ def build(
     parts: Parts | None = None,
     raw: dict[str, Any] | None = None,
 ) -> Case:
-    """Everything validated, controllers bound once; ``folder`` is where relative paths start.
+    """Validate and build everything, binding each controller once; ``folder`` is the base of relative paths.
 
-    joining  controllers beside the case's own
-    parts    of the first case that was built with them: what its tables were made into is not made again
-    raw      the file's tables, where they have parameters or a truth
+    joining  controllers in addition to the case's own
+    parts    parts of the first case that was built with them, which are not built again
+    raw      the file's tables, if they have parameters or a truth
     """
     parts = Parts() if parts is None else parts
     base = Context(folder, objects=parts.objects)
@@ -148,7 +148,7 @@ def _controllers(case: Table, context: Context, problem: TrackingProblem, parts:
     asked = False
 
     def others(settings: type) -> dict[str, Callable[[], Any]]:
-        """The case's controllers of a class, by name, each with what makes it."""
+        """The case's controllers of a class, by name, each with a function that makes it."""
         nonlocal asked
         asked = True
         chosen = [table for table in tables if table.recipe.settings is settings]
@@ -178,7 +178,7 @@ def _controllers(case: Table, context: Context, problem: TrackingProblem, parts:
 
 
 def _baseline_alone(problem: TrackingProblem, controllers: Sequence[Controller]) -> Controller | None:
-    """The baseline without adaptation, sampled as the first sampled controller is; None without one, or where it is there."""
+    """The baseline without adaptation, sampled like the first sampled controller; None without one, or if it is already there."""
     inner = [one.controller if isinstance(one, Sampled) else one for one in controllers]
     if problem.fixed is None or any(isinstance(one, BaselineAlone) for one in inner):
         return None
@@ -189,19 +189,19 @@ def _baseline_alone(problem: TrackingProblem, controllers: Sequence[Controller])
 
 
 def _name(table: Table) -> str:
-    """A controller's name: as given, or its settings' default."""
+    """A controller's name: the given one, or its settings' default."""
     return str(vars(table)["name"])
 
 
 def made(table: Table, context: Context, place: str) -> Any:
-    """The object of a table; ``place`` is where it stands, for messages."""
+    """The object that a table describes; ``place`` is its position, for messages."""
     given = _given(table, context, place)
     with in_the_files_words(given):
         return table.recipe.make(given, context)
 
 
 def _given(table: Table, context: Context, place: str) -> Given:
-    """What a table's keys say, with the tables in it made; keys that were not given are absent."""
+    """The values of a table's keys, with inner tables built; keys that were not given are absent."""
     found = {key: value for key, value in table if key in table.model_fields_set and key in table.recipe.keys}
     return {key: _value(value, context, f"{place}.{key}" if place else key) for key, value in found.items()}
 
@@ -216,45 +216,46 @@ def _value(value: Any, context: Context, place: str) -> Any:
     if (known := context.objects.get(id(value))) is not None:
         found = known[1]
     else:
-        with within(place):  # of its own keys alone, whatever the problem is
+        with within(place):  # about its own keys only, whatever the problem is
             found = made(value, Context(context.folder, objects=context.objects), place)
         if isinstance(context.objects, dict):
             context.objects[id(value)] = value, found
-    return dict(found) if isinstance(found, dict) else found  # the tables of a problem are given as they are, and taken apart
+    return dict(found) if isinstance(found, dict) else found  # the tables of a problem are kept as they are and combined later
 
 
 def _controller(table: Table, context: Context) -> Controller:
-    """The controller as it is in continuous time, or at samples by nature."""
+    """The controller in continuous time, or the sampled one if the scheme is always sampled."""
     given, sampling = _given(table, context, ""), sampling_of(table.recipe.keys)
     controller: Controller = table.recipe.make({key: value for key, value in given.items() if key not in sampling}, context)
     return controller
 
 
 def _bound(table: Table, context: Context, problem: TrackingProblem) -> Bound:
-    """The controller and its equations, sampled if asked, after it was bound to the problem once to see that the two fit."""
+    """The controller and its equations, sampled if requested, after a first binding that checks that problem and controller
+    fit."""
     with in_the_files_words({key: vars(table)[key] for key in table.model_fields_set}):
         controller = _controller(table, context)
         sampling = {key: vars(table)[key] for key in sampling_of(table.recipe.keys) if key in table.model_fields_set}
         if "sample_time" in sampling:
             controller = Sampled(controller=controller, **sampling)
         elif sampling:
-            raise InputError("discretization goes with sample_time, which is missing")
+            raise InputError("discretization needs sample_time, which is missing")
         return controller, bound(problem, controller)
 
 
 def _already_bound(equations: Any, _problem: TrackingProblem, _controller: Controller) -> Any:
-    """Equations that were bound before, in place of binding the controller again."""
+    """Equations that were bound before, instead of binding the controller again."""
     return equations
 
 
 def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Simulation, parts: Parts) -> Case:
-    """The case, after what its parts must agree on was checked."""
+    """The case, after a check of what its parts must agree on."""
     controllers = tuple(controller for controller, _ in found)
     require_controllers(controllers)
     if simulation.tolerance is not None:
         return Case(problem, controllers, simulation, tuple(equations for _, equations in found))
     if problem.delay > 0:
-        delay.lag(problem.delay, simulation.dt)  # refuses a delay that this step can't carry
+        delay.lag(problem.delay, simulation.dt)  # refuses a delay that this step can't represent
     if problem.noise is not None:
         whole_steps("sensor.noise.sample_time", problem.noise.sample_time, simulation)
     for controller, equations in found:
@@ -263,7 +264,7 @@ def _assembled(problem: TrackingProblem, found: Sequence[Bound], simulation: Sim
             continue
         with within(controller.name):
             loop = ClosedLoop.of(problem, controller, bind=partial(_already_bound, equations))
-            Rhythm.of(loop, None, simulation)  # likewise what happens between steps
+            Rhythm.of(loop, None, simulation)  # refuses events between steps
         if not parts.complete:
             parts.fitting[id(controller)] = fits
     return Case(problem, controllers, simulation, tuple(equations for _, equations in found))

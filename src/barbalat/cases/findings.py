@@ -1,4 +1,4 @@
-"""What pydantic finds in a case file: a sentence each, with the field, the value as it was typed, and what would be right."""
+"""Pydantic's findings in a case file as sentences, each with the field, the value as typed, and what would be right."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from barbalat.cases.table_models import TAGS, Table
 from barbalat.validate import InputError
 
 SHOWN_AT_ONCE = 3
-"""Findings that are told at once: who mends these has often mended the others."""
+"""Largest number of findings reported together: correcting these often corrects the others."""
 MISSPELT_KEYS = 20
-"""One inside the other, after which nobody looks for more."""
+"""Depth of nesting up to which findings are searched."""
 LONGEST_MESSAGE = 540
-"""Characters of all that is told at once: with what a terminal shows around it 600."""
+"""Characters of all findings reported together: with their surroundings 600."""
 LONGEST_SENTENCE = 400
 """Characters of one finding."""
 LONGEST_VALUE = 60
 """Characters of a value in a message."""
 MOST_BITS = 14_000
-"""Of a whole number that is shown in decimal: Python writes no more than 4300 digits, and 0xff... may have more."""
+"""Largest number of digits of a whole number shown in decimal: Python writes at most 4300 digits, and 0xff... may have more."""
 DEEPEST_VALUE = 4
-"""Tables or lists inside each other that are shown of a value."""
+"""Depth of nested tables or lists that is shown of a value."""
 BEYOND_RANGE = f"is beyond the range of floating-point numbers, {sys.float_info.max:.2g}"
 BARE_KEY = re.compile(r"[\w-]+")
-"""A key that is written without quotes, or could be but for its script."""
+"""A key that is written without quotes, or could be except for its script."""
 SYMMETRIC_LIMITS = ("saturation",)
-"""Keys whose value is a pair of limits, for which one number may be meant as both."""
+"""Keys whose value is a pair of limits, for which a single number may stand for both."""
 
 KEYS_OF_ONE_NUMBER = {"filter": "kappa"}
-"""Tables for which one number may be given, by the key that it is then meant to have."""
+"""Tables for which a single number may be given, with the key of that number."""
 
 _ORDER = {"unknown_key": 0, "extra_forbidden": 2}
-"""A misspelt key is also a missing one: speak of the spelling. A key that means nothing here comes after one that is missing."""
+"""A misspelt key is also a missing one: report the spelling. A key without meaning is reported after a missing one."""
 
 
 class Typed(str):
@@ -48,7 +48,7 @@ class Typed(str):
 
 
 def several(found: Iterable[str]) -> InputError:
-    """One error that tells the first few of what was found, and how many more there are."""
+    """One error with the first few findings, and the number of the others."""
     different = [one if len(one) <= LONGEST_SENTENCE else f"{one[: LONGEST_SENTENCE - 3]}..." for one in dict.fromkeys(found)]
     told = different[:SHOWN_AT_ONCE]
     while sum(map(len, told)) > LONGEST_MESSAGE:
@@ -58,12 +58,12 @@ def several(found: Iterable[str]) -> InputError:
 
 
 def findings(root: type[Table], data: dict[str, Any], as_typed: dict[str, Any]) -> list[str]:
-    """What keeps ``data``, which this changes, from being a table of ``root``: a sentence each, misspelt keys first.
+    """The reasons why ``data``, which is modified, is not a table of ``root``: a sentence each, misspelt keys first.
 
-    as_typed  the same with its numbers as they were typed
+    as_typed  the same data with its numbers as they were typed
     """
     told: list[str] = []
-    for _ in range(MISSPELT_KEYS):  # a table is looked into when its keys are known: put right what is misspelt and look again
+    for _ in range(MISSPELT_KEYS):  # a table is examined once its keys are known: correct what is misspelt and look again
         try:
             root.model_validate(data)
         except ValidationError as error:
@@ -71,7 +71,8 @@ def findings(root: type[Table], data: dict[str, Any], as_typed: dict[str, Any]) 
                 error.errors(include_url=False), key=lambda one: (_ORDER.get(one["type"], 1), _position(one["loc"], data))
             )
             unknown = [finding for finding in found if finding["type"] == "unknown_key"]
-            told += [" ".join(_sentence(one, as_typed, root).split()) for one in unknown or found]  # a key may hold line breaks
+            # a key may contain line breaks
+            told += [" ".join(_sentence(one, as_typed, root).split()) for one in unknown or found]
             for finding in unknown:
                 place = _place((*finding["loc"], finding["ctx"]["key"]), as_typed)
                 for tree in (data, as_typed):
@@ -83,7 +84,7 @@ def findings(root: type[Table], data: dict[str, Any], as_typed: dict[str, Any]) 
 
 
 def _put_right(table: dict[str, Any], context: dict[str, Any], further_in: list[str]) -> None:
-    """An unknown key's value where it is meant to be; gone where no such place is, or where that is taken."""
+    """Move an unknown key's value to the intended place; remove it if there is no such place, or if it is taken."""
     value = table.pop(context["key"])
     *outer, last = further_in[0].split(".") if further_in else _near(context) or [""]
     for key in outer:
@@ -108,7 +109,7 @@ def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
             return _choice_missing(_place(location, data), context["discriminator"].strip("'"), given)
         case "union_tag_invalid":
             key = context["discriminator"].strip("'")
-            otherwise = "; a class of your own comes with --controllers FILE.py" if key == "scheme" else ""
+            otherwise = "; give your own class with --controllers FILE.py" if key == "scheme" else ""
             return _one_of(f"{_place(location, data)}.{key}", context["expected_tags"], context["tag"], otherwise)
         case "model_attributes_type" if isinstance(given, str) and not isinstance(given, Typed):
             return f"{_place(location, data)} must be a table: write {location[-1]} = {{ kind = {typed(given)} }}"
@@ -134,7 +135,7 @@ def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
 
 
 def _choice_missing(place: str, key: str, given: dict[str, Any]) -> str:
-    """Return the finding on a table without its ``kind`` or ``scheme``; the key that is spelt most like it may be meant."""
+    """Return the finding on a table without its ``kind`` or ``scheme``; the key with the closest spelling may be meant."""
     near = next((one for one in given if difflib.get_close_matches(key, [one.lower()])), None)
     return f"{place}.{key} is missing" if near is None else f"unknown key {place}.{near}; did you mean {key!r}?"
 
@@ -144,7 +145,7 @@ def _known(context: dict[str, Any]) -> str:
 
 
 def _meant(context: dict[str, Any], place: str, root: type[Table]) -> str:
-    """The key of that name in a table further in, else the nearest spelling here, else that name elsewhere."""
+    """The key of that name in an inner table, or else the closest spelling here, or else that name elsewhere."""
     start = _start(place)
     meant = [*(start + path for path in _further_in(context, place, root)), *_near(context), *_named(context["key"], root)]
     return f"did you mean {meant[0]!r}?" if meant else _known(context)
@@ -156,24 +157,24 @@ def _named(key: str, root: type[Table]) -> list[str]:
 
 
 def _further_in(context: dict[str, Any], place: str, root: type[Table]) -> list[str]:
-    """The keys of that name in tables inside the one in which it is unknown, by their paths in there."""
+    """The keys of that name in tables inside the one in which it is unknown, by their relative paths."""
     start = _start(place)
     return [path.removeprefix(start) for path in _named(context["key"], root) if path.startswith(start)]
 
 
 def _start(place: str) -> str:
-    """What comes before a place's own name."""
+    """The part before a place's own name."""
     return place[: place.rfind(".") + 1]
 
 
 def _near(context: dict[str, Any]) -> list[str]:
-    """The known key that an unknown one may be meant for, if any: spelt much like it or beginning with it, and not given."""
+    """The known key that an unknown one may stand for, if any: closely spelt or beginning with it, and not given."""
     key, free = context["key"], [one for one in context["known"] if one not in context["given"]]
     return difflib.get_close_matches(key, free, n=1) or [one for one in free if len(key) > 2 and one.startswith(key)][:1]
 
 
 def _paths(table: type[Table], start: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
-    """The names of all keys of a table and of the tables in it; not of those that a kind or a scheme chooses."""
+    """The names of all keys of a table and of its inner tables, except those that a kind or a scheme selects."""
     for name, field in table.model_fields.items():
         yield (*start, name)
         for inner in _tables_in(field.annotation):
@@ -182,7 +183,7 @@ def _paths(table: type[Table], start: tuple[str, ...] = ()) -> Iterator[tuple[st
 
 
 def _tables_in(hint: Any) -> Iterator[type[Table]]:
-    """The tables that a field may hold."""
+    """The tables that a field may contain."""
     if isinstance(hint, type) and not get_args(hint) and issubclass(hint, Table):
         yield hint
     for part in get_args(hint):
@@ -190,7 +191,7 @@ def _tables_in(hint: Any) -> Iterator[type[Table]]:
 
 
 def _one_of(place: str, expected: str, given: str, otherwise: str = "") -> str:
-    """``expected`` as pydantic writes it, every name in quotes; ``otherwise`` where none of them is near."""
+    """``expected`` as pydantic writes it, with every name in quotes; ``otherwise`` if none of them is close."""
     known = re.findall("'([^']*)'", expected)
     near = difflib.get_close_matches(given.lower(), known, n=1) or difflib.get_close_matches(given, known, n=1)
     hint = f"; did you mean {near[0]!r}?" if near else otherwise
@@ -198,7 +199,7 @@ def _one_of(place: str, expected: str, given: str, otherwise: str = "") -> str:
 
 
 def typed(value: Any) -> str:
-    """A value as TOML writes it, and a number as it was typed: short, on one line."""
+    """A value as TOML writes it, with numbers as they were typed: short, on one line."""
     text = " ".join(_as_toml(value, DEEPEST_VALUE).split())
     return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 3]}..."
 
@@ -220,9 +221,9 @@ def _as_toml(value: Any, depth: int) -> str:
 
 
 def _keys(location: tuple[int | str, ...], data: Any) -> list[int | str]:
-    """A place without the tags that pydantic puts in it: a form's name, and a table's own kind or scheme behind the table.
+    """A place without the tags that pydantic inserts: a form's name, and a table's own kind or scheme after the table.
 
-    A key of that table may have the same name as the tag, which is why the tag is looked for once, right behind its table.
+    A key of that table may have the same name as the tag, so the tag is looked for only once, right after its table.
     """
     here, entered, found = data, False, list[int | str]()
     for key in location:
@@ -237,14 +238,14 @@ def _keys(location: tuple[int | str, ...], data: Any) -> list[int | str]:
 
 
 def _inside(here: Any, key: int | str) -> Any:
-    """What stands under a key of a table or at a place of a list; None where nothing does."""
+    """The value of a key of a table or at an index of a list; None if there is none."""
     if isinstance(here, dict):
         return here.get(key)
     return here[key] if isinstance(here, list) and isinstance(key, int) and key < len(here) else None
 
 
 def _value(location: tuple[int | str, ...], data: Any) -> Any:
-    """What stands at a place; of what is missing, the table that should have it."""
+    """The value at a place; for a missing key, the table that should have it."""
     here = data
     for key in _keys(location, data):
         here = here.get(key, here) if isinstance(here, dict) else _inside(here, key) if isinstance(here, list) else here
@@ -252,7 +253,7 @@ def _value(location: tuple[int | str, ...], data: Any) -> Any:
 
 
 def _position(location: tuple[int | str, ...], data: Any) -> list[int]:
-    """Where a place stands in the file, to be compared with others'; what is missing stands at the end of its table."""
+    """The position of a place in the file, for comparison with others; a missing key is at the end of its table."""
     found: list[int] = []
     for key in _keys(location, data):
         if isinstance(data, dict):
@@ -269,7 +270,7 @@ def _place(location: tuple[int | str, ...], data: Any) -> str:
     here = data
     for key in _keys(location, data):
         if isinstance(here, dict):
-            parts.append(str(key) if BARE_KEY.fullmatch(str(key)) else json.dumps(key))  # a key in quotes may hold anything
+            parts.append(str(key) if BARE_KEY.fullmatch(str(key)) else json.dumps(key))  # a quoted key may contain anything
         elif isinstance(here, list) and isinstance(key, int):
             parts[-1] += f" {key + 1}"
         here = _inside(here, key)

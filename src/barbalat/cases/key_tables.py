@@ -1,6 +1,6 @@
 """The tables of keys in docs/cases.md, from the registries and the settings' docstrings.
 
-``python -m barbalat.cases.key_tables docs/cases.md`` writes them anew between the page's marks.
+``python -m barbalat.cases.key_tables docs/cases.md`` rewrites them between the page's marks.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from barbalat.controllers.windup import ModifiedError
 from barbalat.linear.systems import TransferFunction
 from barbalat.problem.baseline import BASELINES, Baseline
 from barbalat.problem.faults import FAULTS, Fault
+from barbalat.problem.observer import OBSERVERS, Observer
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.regressors import REGRESSORS, Regressor
 from barbalat.problem.state_feedback import Problem
@@ -47,11 +48,12 @@ WORDS: dict[Any, str] = {
     Signal: "signal",
     Fault: "fault",
     Baseline: "baseline",
+    Observer: "observer",
     Regressor: "regressor",
     AdaptiveLaw: "law",
     OutputErrorLaw: "law",
 }
-"""What the types of fields are called on the page; other settings are a table."""
+"""The names of the types of fields on the page; other settings are a table."""
 
 PARTS = {
     "filter": LowPass,
@@ -60,7 +62,7 @@ PARTS = {
     "normalization": Normalization,
     "modified_error": ModifiedError,
 }
-"""The tables within a controller's that are no law."""
+"""The tables within a controller's table that are not laws."""
 
 
 def tables() -> dict[str, str]:
@@ -73,6 +75,7 @@ def tables() -> dict[str, str]:
         "signals": _registry(SIGNALS, "kind"),
         "faults": _registry(FAULTS, "kind"),
         "baselines": _registry(BASELINES, "kind"),
+        "observers": _registry(OBSERVERS, "kind"),
         "schemes": _registry(SCHEMES, "scheme"),
         "parts": _markdown("key", "type", "default", "meaning", rows=parts),
         "laws": _registry(LAWS, "kind"),
@@ -86,7 +89,7 @@ def tables() -> dict[str, str]:
 
 
 def page(text: str) -> str:
-    """The page with its tables as they are now."""
+    """The page with its tables updated."""
     for name, table in tables().items():
         before, mark, rest = text.partition(f"<!-- keys: {name} -->\n")
         _, end, after = rest.partition("<!-- end -->")
@@ -97,7 +100,7 @@ def page(text: str) -> str:
 
 
 def _rows(keys: Mapping[str, Key], prefix: str = "") -> list[tuple[str, ...]]:
-    """A row for each key; those of a table that only one key can hold, under that key."""
+    """A row for each key; the keys of an inner table that only one key can contain follow under that key."""
     rows: list[tuple[str, ...]] = []
     for name, key in keys.items():
         first = members_of(key.type)[0]
@@ -109,7 +112,7 @@ def _rows(keys: Mapping[str, Key], prefix: str = "") -> list[tuple[str, ...]]:
 
 
 def _registry(registry: Mapping[str, type], choice: str) -> str:
-    """What each name stands for, and a row for each key of it; the keys that all have alike come last."""
+    """The meaning of each name, and a row for each of its keys; keys that all have in common come last."""
     keys = {name: table_of(settings, choice, name).recipe.keys for name, settings in registry.items()}
     first = next(iter(keys.values()))
     at_samples = [name for name, one in keys.items() if choice == "scheme" and not sampling_of(one)]
@@ -132,7 +135,7 @@ def _registry(registry: Mapping[str, type], choice: str) -> str:
 
 
 def _plants_of_schemes() -> str:
-    """Return, by schemes, which plants they take and whether they say what is tuned of them, as they declare it."""
+    """Return, by scheme, which plants it takes and whether it declares its tuned settings."""
     rows = [
         (f"`{name}`", *(_mark(feature not in beyond_of(scheme)) for feature in PLANT_FEATURES), _mark(is_tunable(scheme)))
         for name, scheme in SCHEMES.items()
@@ -176,7 +179,7 @@ def _plain(default: object) -> str:
 
 
 def words(hint: Any) -> str:
-    """What stands for a key, in words."""
+    """The words for a key's values."""
     found = list(dict.fromkeys(word for one in members_of(hint) for word in _word(one).split(" or ")))
     return " or ".join([*[", ".join(found[:-1])] * (len(found) > 1), found[-1]])
 

@@ -1,4 +1,4 @@
-"""The keys of a table of a case file: the fields of the settings that it makes, and where it differs from them."""
+"""The keys of a case file's tables: the fields of the settings that they make, with the differences."""
 
 from __future__ import annotations
 
@@ -12,47 +12,47 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, get_type_hints
 
 REQUIRED = MISSING
-"""Stands for a default where there is none."""
+"""Represents a missing default."""
 
 Given = dict[str, Any]
-"""What the keys of one table say, tables among them already built; keys that were not given are absent."""
+"""The values of the keys of one table, with tables already built; keys that were not given are absent."""
 
 
 class Key(NamedTuple):
     """One key of a table."""
 
-    type: Any  # as a field of settings would have it
+    type: Any  # the type as a field of settings would declare it
     meaning: str
-    default: Any = REQUIRED  # None where the settings' own default is no plain value
-    alias: str | None = None  # a second spelling that is understood
+    default: Any = REQUIRED  # None if the settings' own default is no plain value
+    alias: str | None = None  # an accepted second spelling
 
 
 class Context(NamedTuple):
-    """What building a table needs beside the table itself."""
+    """What building a table needs in addition to the table itself."""
 
-    folder: Path  # where relative paths start
+    folder: Path  # the base of relative paths
     known: Any = None  # the problem's known part, for controllers
     others: Callable[[type], dict[str, Callable[[], Any]]] = lambda _: {}
-    """The case's controllers of a class, by name, each with what makes it."""
+    """The case's controllers of a class, by name, each with its builder."""
     objects: Mapping[int, tuple[Any, Any]] = MappingProxyType({})
-    """What tables were made into before, with the tables, by their identity; a dictionary takes further ones."""
-    raw: dict[str, Any] | None = None  # the file's tables, where formulas of parameters stand in them
-    judge: Any = None  # the case's, for the scales of states
+    """Objects already built, with their tables, by the tables' ids; new ones are added to the dictionary."""
+    raw: dict[str, Any] | None = None  # the file's tables, if they contain formulas of parameters
+    judge: Any = None  # the case's judge, for the scales of states
     t_end: float = 0.0  # [s]
 
 
 Make = Callable[[Given, Context], Any]
-"""Makes a table's object from what was given."""
+"""Makes a table's object from the given values."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Differences:
-    """How the keys that make an object differ from the fields of its class.
+    """The differences between the keys that make an object and the fields of its class.
 
-    keys       those that are no fields, or not of the field's type
-    required   fields that have a default in Python but must be given here; ``optional`` the other way round
-    without    fields that no key gives
-    make       the object from what was given; by default the class with that as keyword arguments
+    keys       keys that are not fields, or have another type than the field
+    required   fields that have a default in Python but must be given here; ``optional`` is the opposite
+    without    fields without a key
+    make       makes the object from the given values; by default the class is called with them as keyword arguments
     """
 
     keys: Mapping[str, Key] = field(default_factory=dict)
@@ -64,10 +64,11 @@ class Differences:
 
 @cache  # a sweep makes thousands of cases of one file
 def _types_of(settings: type) -> dict[str, Any]:
-    """The fields' types; what a class says of itself beside its fields may name types that are imported for checkers only."""
+    """The types of the fields only, because other annotations of the class may use names that are imported only for type
+    checkers."""
     names = {one.name for one in fields(settings)}
     found: dict[str, Any] = {}
-    for kind in reversed(settings.__mro__):  # a field's type is named in the module of the class that has it
+    for kind in reversed(settings.__mro__):  # a field's type is resolved in the module of the class that declares it
         own = {name: given for name, given in vars(kind).get("__annotations__", {}).items() if name in names}
         found |= get_type_hints(
             type(kind.__name__, (), {"__annotations__": own, "__module__": kind.__module__}), include_extras=True
@@ -91,7 +92,7 @@ def keys_of(settings: type, differences: Differences) -> dict[str, Key]:
 
 @cache
 def meanings_of(settings: type) -> dict[str, str]:
-    """What the docstrings of a class, and of those it is made from, say of its fields: name -> meaning."""
+    """The meanings of fields in the docstrings of a class and of its bases: name -> meaning."""
     found: dict[str, str] = {}
     for kind in reversed(settings.__mro__):
         found |= _meanings_in(kind.__doc__ or "")
@@ -99,12 +100,12 @@ def meanings_of(settings: type) -> dict[str, str]:
 
 
 def summary(settings: type) -> str:
-    """The first paragraph of a docstring: what a kind, a law or a scheme is."""
+    """The first paragraph of a docstring, which says what a kind, a law or a scheme is."""
     return inspect.cleandoc(settings.__doc__ or "").split("\n\n")[0]
 
 
 def _meanings_in(docstring: str) -> dict[str, str]:
-    """A docstring's lines "name  meaning", with their continuations further in."""
+    """A docstring's lines "name  A docstring's lines "name :: meaning", with their indented continuations."""
     found: dict[str, str] = {}
     names: list[str] = []
     for line in inspect.cleandoc(docstring).splitlines():

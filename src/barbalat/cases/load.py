@@ -48,16 +48,17 @@ DECIMAL_COMMA = re.compile(r"^\s*([\w.-]+)\s*=\s*([-+]?\d+),(\d+)\s*(?:#.*)?$", 
 """A key whose value is a number with a decimal comma, alone on its line."""
 DIGITS = re.compile(r"[0-9_]+")
 SINGLE_BRACKETS = re.compile(r"^\s*\[\s*controller\s*\]", re.MULTILINE)
-"""The head of the only controller of a case: a second one makes it no TOML."""
+"""The header of a case's only controller in single brackets: with a second one it is not valid TOML."""
 
 
 Keys = tuple[str | int, ...]
-"""Where a number stands in tables: keys of tables and indices of lists."""
+"""The place of a number in tables: keys of tables and indices of lists."""
 
 
 @dataclass(frozen=True, eq=False)
 class Variants:
-    """Cases that differ from a first one in some numbers: what follows from none of them is not checked or made again."""
+    """Cases that differ from a first one in some numbers: parts that don't depend on these are neither checked nor built
+    again."""
 
     table: Table
     folder: Path
@@ -66,8 +67,8 @@ class Variants:
     with_formulas: bool = False
 
     def at(self, numbers: Mapping[Keys, float]) -> Case | None:
-        """The case with these numbers, refused as any other; None where one of them is no plain number of the first case."""
-        if self.with_formulas:  # numbers follow from formulas: the tables are evaluated anew
+        """The case with these numbers, checked like any other; None if one of them is no plain number of the first case."""
+        if self.with_formulas:  # numbers follow from formulas: the tables are evaluated again
             return None
         table: Any = self.table
         for keys, value in numbers.items():
@@ -78,7 +79,7 @@ class Variants:
 
 
 def _with_number(part: Any, keys: Keys, value: float) -> Any:
-    """A copy of checked tables with another number at one place; None where no such number stands there."""
+    """A copy of checked tables with another number at one place; None if there is no such number."""
     if not keys:
         return float(value) if type(part) is float and math.isfinite(value) else None
     first, rest = keys[0], keys[1:]
@@ -93,10 +94,10 @@ def _with_number(part: Any, keys: Keys, value: float) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class CaseText:
-    """The text of a case file with what is needed to make the case of it, as it stands or with other numbers.
+    """The text of a case file and everything needed to build the case, as it is or with other numbers.
 
-    folder  where relative paths in it start
-    source  what it is called in messages
+    folder  the base of relative paths
+    source  its name in messages
     own     a file with the user's controllers
     """
 
@@ -127,37 +128,37 @@ class CaseText:
         return cls(text, folder=path.parent, source=str(path), own=own)
 
     def data(self) -> dict[str, Any]:
-        """The tables as TOML has them, a new copy each time; InputError for text that is not TOML, or is nested too deeply."""
+        """The tables as TOML gives them, a new copy each time; InputError for text that is not TOML, or is nested too deeply."""
         require_readable(self.text, self.source)
         try:
             return tomllib.loads(self.text)
         except RecursionError:
-            raise InputError(f"{self.source} has tables or lists inside each other, too many to be read") from None
+            raise InputError(f"{self.source} has too many nested tables or lists") from None
         except ValueError as error:
-            if not isinstance(error, tomllib.TOMLDecodeError):  # Python reads no whole number of so many digits
+            if not isinstance(error, tomllib.TOMLDecodeError):  # Python refuses whole numbers with so many digits
                 raise InputError(f"{self.source}{self._too_long()} {BEYOND_RANGE}") from None
             twice = len(SINGLE_BRACKETS.findall(self.text)) > 1
-            meant = "; each controller stands under [[controller]], with two brackets" if twice else ""
+            meant = "; each controller needs [[controller]], with two brackets" if twice else ""
             comma = DECIMAL_COMMA.search(self.text)
             if comma is not None and not twice:
                 meant = f"; a number has a decimal point: {comma[1]} = {comma[2]}.{comma[3]}"
             raise InputError(f"{self.source} is not valid TOML: {error}{meant}") from None
 
     def _too_long(self) -> str:
-        """Where the number stands that has more digits than Python reads, and how many those are."""
+        """The position of the number with more digits than Python reads, and the number of its digits."""
         found = max(DIGITS.finditer(self.text), key=lambda one: len(one[0]))
         line = self.text.count("\n", 0, found.start()) + 1
         return f", line {line}: a number of {len(found[0].replace('_', ''))} digits"
 
     def variants(self, data: dict[str, Any]) -> Variants:
-        """Cases that differ from the one with these tables in some numbers; InputError where there is no such case."""
+        """Cases that differ in some numbers from the one with these tables; InputError if there is no such case."""
         table, joining, raw = self._checked(data, changed=True)
         parts = Parts()
         build(table, self.folder, joining, parts, raw)
         return Variants(table, self.folder, joining, parts, with_formulas=raw is not None)
 
     def case(self, data: dict[str, Any] | None = None) -> Case:
-        """The case, or the one that the text would be with these tables instead of its own."""
+        """The case, or the case with these tables in place of the text's own."""
         changed = data is not None
         data = self.data() if data is None else data
         table, joining, raw = self._checked(data, changed=changed)
@@ -167,12 +168,12 @@ class CaseText:
             if changed:
                 raise
             echo(table, tomllib.loads(self.text, parse_float=Typed))
-            return build(table, self.folder, joining, raw=raw)  # is refused once more, in the words of the file
+            return build(table, self.folder, joining, raw=raw)  # raises the error again, in the words of the file
 
     def _checked(self, data: dict[str, Any], *, changed: bool) -> tuple[Table, tuple[Controller, ...], dict[str, Any] | None]:
-        """The tables with their types checked, the controllers that join the case's, and the tables as they were.
+        """The tables with their types checked, the controllers that join the case's, and the original tables.
 
-        The last is None where they have neither parameters nor a truth.
+        The last is None if they have neither parameters nor a truth.
         """
         problem = problem_posed(data)
         data, raw = with_numbers(data)
@@ -194,10 +195,11 @@ class CaseText:
 def load_case(case: str | Path, controllers: str | Path | None = None) -> Case:
     """Load a case file, or a bundled case by its name.
 
-    controllers  a Python file whose controllers join the case's and whose classes the case may name: see ``outside``. It is run
+    controllers  a Python file whose controllers join the case's and whose classes the case may name: see ``user_controllers``. It
+                 is run
 
-    Raises InputError, with one sentence, for a missing or unreadable file, text that is not TOML, unknown keys (with the
-    nearest known one), and everything that the objects' constructors refuse.
+    Raises InputError, with one sentence, for a missing or unreadable file, text that is not TOML, unknown keys (with the closest
+    known one), and everything that the objects' constructors refuse.
     """
     return CaseText.read(case, controllers).case()
 
@@ -208,13 +210,14 @@ def parse_case(text: str, folder: Path = Path(), source: str = "the case", own: 
 
 
 TEXT_BYTE = Estimate(memory=100.0, seconds=5e-6)
-"""Of a case file: the parser takes 0.1 to 1.1 us and up to 27 bytes, and the tables are read three times and checked."""
+"""Largest size of a case file: the parser takes 0.1 to 1.1 us and up to 27 bytes, and the tables are read three times and
+checked."""
 PART_PAIR = Estimate(memory=4.0, seconds=5e-8)
-"""Of a dotted key, times the square of its parts, since each part remembers those before it: 35 MB and 0.1 s for
+"""Largest total for dotted keys, times the square of their parts, since each part stores those before it: 35 MB and 0.1 s for
 3,000, and it is read three times."""
 MOST_NESTED = 200
-"""Lists or tables inside each other, also by a key of so many parts: each takes two calls of the parser, and Python allows a
-thousand."""
+"""Largest depth of nested lists or tables, also by keys with this number of parts: each takes two calls of the parser, and
+Python allows a thousand."""
 
 TOKEN = re.compile(
     r"""
@@ -230,7 +233,8 @@ TOKEN = re.compile(
 
 @dataclass(frozen=True)
 class TomlSize:
-    """longest  parts of a key; squares: the sum of their squares; equals: keys with a value; nested: levels of brackets"""
+    """longest  largest number of parts of a key; squares: the sum of their squares; equals: keys with a value; nested: levels of
+    brackets"""
 
     longest: int
     squares: int
@@ -239,9 +243,9 @@ class TomlSize:
 
     @classmethod
     def of(cls, text: str) -> TomlSize:
-        """Counted in one pass; a number with a point counts as two parts, which changes nothing."""
+        """Count in one pass; a number with a point counts as two parts, which makes no difference."""
         longest = squares = equals = nested = deepest = parts = 0
-        after, joined = -1, False  # where a key that may go on ended, and whether a point followed
+        after, joined = -1, False  # the end of a key that may continue, and whether a point followed
         for found in TOKEN.finditer(text):
             kind, begin = found.lastgroup, found.start()
             if kind == "dot":
@@ -260,16 +264,15 @@ class TomlSize:
 
     @property
     def pairs(self) -> int:
-        """Count the parts that a parser goes through: those of each key, and for each value those of the table in which it
-        stands."""
+        """Count the steps of a parser: the parts of each key, and for each value the parts of its table."""
         return self.squares + self.equals * self.longest
 
 
 def require_readable(text: str, source: str) -> None:
-    """InputError for text whose keys or nesting take more than the budget, or more than Python's calls."""
+    """InputError for text whose keys or nesting exceed the budget or Python's recursion limit."""
     size = TomlSize.of(text)
     if size.nested > MOST_NESTED:
-        raise InputError(f"{source} has {size.nested} lists or tables inside each other; at most {MOST_NESTED} can be read")
+        raise InputError(f"{source} has {size.nested} nested lists or tables; at most {MOST_NESTED} can be read")
     if size.longest > MOST_NESTED:
         raise InputError(
             f"{source} has a key of {size.longest} parts with points between them; at most {MOST_NESTED} can be read"

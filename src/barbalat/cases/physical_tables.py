@@ -1,4 +1,4 @@
-"""Formulas of physical parameters in a case file's tables: replaced by their numbers before anything is checked."""
+"""Formulas of physical parameters in a case file's tables: they are replaced by their numbers before anything is checked."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.judge.settings import Judge
 from barbalat.linear.driven_response import driven_response
-from barbalat.problem.labels import Labels
+from barbalat.problem.labels import UNLABELLED, Labels
 from barbalat.problem.parameters import Parameter, evaluated, require_parameter_name
 from barbalat.problem.physical import PhysicalPlant
 from barbalat.problem.plant import Model, Plant, ReferenceModel
@@ -17,31 +17,32 @@ from barbalat.validate import Array, InputError
 
 Tables = dict[str, Any]
 OF_PLANT = ("A", "b", "C", "x0", "input")
-"""Keys of [plant] in which a text is a formula."""
+"""Keys of [plant] whose texts are formulas."""
 OF_TRUTH = (*OF_PLANT, "sensor")
-"""Keys of [truth] likewise."""
+"""Keys of [truth] whose texts are formulas."""
 MOTION_INSTANTS = 2000
-"""At which the model's motion is looked at for the scales of its states."""
+"""Number of instants at which the model's motion is evaluated for the scales of its states."""
 
 
 def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
-    """The tables with each formula's number, and themselves where they have parameters or a truth; else as they are, and None.
+    """The tables with each formula replaced by its number, and the original tables if they have parameters or a truth; otherwise
+    unchanged, and None.
 
-    The plant's formulas are taken at the nominal parameters, the truth's at its own. InputError for what is no formula, and for
-    parameters where the plant is not given by A and b.
+    The plant's formulas are evaluated at the nominal parameters, the truth's at its own. InputError for an invalid formula, and
+    for parameters if the plant is not given by A and b.
     """
     if "parameters" not in tables and "truth" not in tables:
         return tables, None
     given, plant, truth = tables.get("parameters", {}), tables.get("plant"), tables.get("truth", {})
     if not isinstance(plant, dict) or not isinstance(given, dict) or not isinstance(truth, dict):
-        return tables, tables  # is refused when the tables are checked
+        return tables, tables  # refused when the tables are checked
     if "transfer_function" in plant:
         which = "parameters" if "parameters" in tables else "truth"
         raise InputError.of(
-            which, "goes with a plant in state space, plant.A and plant.b; plant.transfer_function is what is simulated"
+            which, "needs a plant in state space, plant.A and plant.b; plant.transfer_function is simulated directly"
         )
     if given and "A" not in plant:
-        raise InputError.of("parameters", "goes with plant.A and plant.b, whose entries are formulas; plant.A is missing")
+        raise InputError.of("parameters", "needs plant.A and plant.b with formulas as entries; plant.A is missing")
     for name in given:
         require_parameter_name(name)
     nominal = {name: _value(value) for name, value in given.items()}
@@ -56,7 +57,7 @@ def with_numbers(tables: Tables) -> tuple[Tables, Tables | None]:
 
 
 def _value(given: Any) -> float:
-    """A parameter's value; 1 for what is none, which is refused when the tables are checked."""
+    """A parameter's value; 1 for an invalid one, which is refused when the tables are checked."""
     value = given.get("value") if isinstance(given, dict) else given
     return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else 1.0
 
@@ -66,7 +67,7 @@ def _numbers(name: str, table: Tables, keys: tuple[str, ...], values: Mapping[st
 
 
 def physical_plant(tables: Tables, parameters: Mapping[str, Any]) -> PhysicalPlant:
-    """The plant of a case file as formulas; ``tables`` are the file's own, ``parameters`` its checked ones by name."""
+    """The plant of a case file as formulas; ``tables`` are the file's own, ``parameters`` the checked ones by name."""
     declared = [Parameter(name, **(one if isinstance(one, dict) else {"value": one})) for name, one in parameters.items()]
     plant = tables["plant"]
     more = {key: plant.get(key) for key in ("x0", "input")}
@@ -76,9 +77,9 @@ def physical_plant(tables: Tables, parameters: Mapping[str, Any]) -> PhysicalPla
 def scale_of_states(
     plant: Plant, model: ReferenceModel, commands: Any, labels: Labels | None, judge: Judge, t_end: float
 ) -> tuple[Array, str]:
-    """By whose squares the plant's states are weighted, and where they come from: the judge's bands, else the model's motion."""
+    """The scales whose inverse squares weight the plant's states, and their origin: the judge's bands, or the model's motion."""
     n = plant.states
-    names = (labels or Labels()).of_states(n)
+    names = (labels or UNLABELLED).of_states(n)
     if all(name in judge.follows for name in names):
         return np.array([judge.follows[name] for name in names]), "the bands of judge.follows"
     k_0 = model.gain(plant, names) if plant.baseline is None else plant.baseline.feedforward

@@ -1,4 +1,4 @@
-"""Where the keys of plant, model, known set and signals are not the fields of what they make, and how to make it then."""
+"""Differences between the keys of plant, model, known set and signals and the fields of their classes, and their builders."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.baseline import BASELINES, Baseline, SystemBaseline
 from barbalat.problem.known_set import ParameterBall, ParameterBox
-from barbalat.problem.labels import Labels
+from barbalat.problem.labels import UNLABELLED
 from barbalat.problem.measurement import Sensor
+from barbalat.problem.observer import OBSERVERS, Observer
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem
 from barbalat.problem.parameters import Parameter
 from barbalat.problem.physical import PhysicalPlant
@@ -41,24 +42,27 @@ _BOX, _BALL = (keys_of(kind, Differences()) for kind in (ParameterBox, Parameter
 
 
 def _beside(given: Given, context: Context) -> Path:
-    """The file that a table names; a relative path starts where the case file is."""
+    """The file that a table names; a relative path starts at the case file's folder."""
     return context.folder / local_path("file", given.pop("file"))
 
 
 def _as_given(given: Given, _: Context) -> Given:
-    """For a table that makes nothing by itself: the problem is made of several."""
+    """For a table that makes no object of its own, because the problem combines several tables."""
     return given
 
 
 def _problem(given: Given, context: Context) -> Problem:
-    """The disturbances stand with the plant, the input gain with the known set, what A becomes with the model."""
+    """The disturbances are keys of the plant, the input gain one of the known set, and A is combined with the model."""
     plant, model, known = given.pop("plant"), given.pop("reference_model"), given.pop("uncertainty", {})
     disturbances = {key: plant.pop(key) for key in ("disturbance", "unmatched") if key in plant}
     baseline = given.pop("baseline", None)
+    given = _with_measured(given, plant)
     if baseline is not None:
         return _around_baseline(baseline, given | {"plant": plant, "reference_model": model}, disturbances, known, context)
     if "k_0" not in model and "follow" not in model:
-        raise InputError.of("reference_model.k_0", "is missing (or give reference_model.follow, the state that is to follow)")
+        raise InputError.of(
+            "reference_model.k_0", "is missing (or give reference_model.follow, the state that follows the command)"
+        )
     reference_model = ReferenceModel(k_0=model.get("k_0"), follow=model.get("follow"))
     parameters = given.pop("parameters", None)
     if parameters and context.raw is not None:
@@ -69,14 +73,27 @@ def _problem(given: Given, context: Context) -> Problem:
     return Problem(plant=made, reference_model=reference_model, **disturbances, **known, **given)
 
 
+def _with_measured(given: Given, plant: Given) -> Given:
+    """The given values with plant.C removed from the plant and used as what the observer measures."""
+    C, observer = plant.pop("C", None), given.get("observer")
+    if C is None:
+        return given
+    if observer is None:
+        raise InputError.of("plant.C", "declares the measurement, so state feedback needs [observer], which is missing")
+    if observer.measured is not None:
+        raise InputError.of("observer.measured", "and plant.C are both given; give one of them")
+    return given | {"observer": replace(observer, measured=C)}
+
+
 def _around_baseline(baseline: Baseline, given: Given, disturbances: Given, known: Given, context: Context) -> Problem:
-    """The problem whose model is what the baseline gives on the nominal plant; ``known`` is of the departure from that plant."""
+    """The problem whose model is the baseline's closed loop with the nominal plant; ``known`` describes the deviation from
+    that plant."""
     plant, model = given.pop("plant"), given.pop("reference_model")
     for table, keys, at in ((model, ("A_m", "poles", "k_0"), "reference_model"), (plant, ("A_m", "theta", "regressor"), "plant")):
         for key in keys:
             if key in table:
                 raise InputError.of(
-                    f"{at}.{key}", "and baseline are both given; the model is what the baseline gives on plant.A and plant.b"
+                    f"{at}.{key}", "and baseline are both given; the model is the plant of plant.A and plant.b with the baseline"
                 )
     if "A" not in plant:
         raise InputError.of("plant.A", "is missing; the baseline acts on x' = A x + b u")
@@ -85,7 +102,7 @@ def _around_baseline(baseline: Baseline, given: Given, disturbances: Given, know
         raise InputError.of("reference_model.follow", "is missing: the state that the baseline makes follow the command")
     parameters, labels = given.pop("parameters", None), given.get("labels")
     of_states = len(plant["A"])
-    rows = _rows_of(follow, (labels or Labels()).of_states(of_states))
+    rows = _rows_of(follow, (labels or UNLABELLED).of_states(of_states))
     if len(rows) != (inputs := len(plant["b"][0]) if isinstance(plant.get("b", [0])[0], (list, tuple)) else 1):
         raise InputError.of(
             "reference_model.follow",
@@ -107,19 +124,20 @@ def _around_baseline(baseline: Baseline, given: Given, disturbances: Given, know
         if departure.size != wanted:
             raise InputError.of(
                 f"uncertainty.{departure.first_field}",
-                f"must have {counted(wanted, 'entry')} beside a baseline, of what the plant may differ by, got {departure.size}",
+                f"must have {counted(wanted, 'entry')} with a baseline, for the plant's possible deviation, got {departure.size}",
             )
         known["uncertainty"] = made.baseline.around_nominal(departure)
     return Problem(plant=made, reference_model=reference_model, **disturbances, **known, **given)
 
 
 def _rows_of(follow: str | tuple[str, ...], names: tuple[str, ...]) -> list[list[float]]:
-    """Of C, one for each followed state."""
+    """The rows of C, one for each followed state."""
     followed = (follow,) if isinstance(follow, str) else tuple(follow)
     for state in followed:
         if state not in names:
             raise InputError.of(
-                "reference_model.follow", f"names no state, got {show(state)}; there are {', '.join(names)}{hint(state, names)}"
+                "reference_model.follow",
+                f"does not name a state, got {show(state)}; there are {', '.join(names)}{hint(state, names)}",
             )
     return [[float(name == state) for name in names] for state in followed]
 
@@ -142,7 +160,7 @@ def _nominal_plant(
     for key in ("A_m", "theta", "regressor"):
         if key in plant:
             raise InputError.of(
-                f"plant.{key}", "and parameters are both given; with parameters plant.A and plant.b say what the plant is"
+                f"plant.{key}", "and parameters are both given; with parameters plant.A and plant.b define the plant"
             )
     if ("A_m" in model) == ("poles" in model):
         raise InputError("give either reference_model.A_m or reference_model.poles with plant.A")
@@ -162,14 +180,14 @@ def _plant(plant: Given, model: Given) -> Plant:
         if "theta" not in plant:
             raise InputError.of("plant.theta", "is missing")
         if "poles" in model:
-            raise InputError.of("reference_model.poles", "goes with plant.A, which is missing")
+            raise InputError.of("reference_model.poles", "needs plant.A, which is missing")
         if model.get("A_m", plant["A_m"]) != plant["A_m"]:
             raise InputError.of(
                 "reference_model.A_m", "differs from plant.A_m; give one of them, or plant.A with reference_model.A_m"
             )
         return Plant(**plant)
     if "A_m" in plant:
-        raise InputError.of("plant.A", "and plant.A_m are both given; plant.A goes with reference_model.A_m")
+        raise InputError.of("plant.A", "and plant.A_m are both given; use plant.A with reference_model.A_m")
     if "theta" in plant:
         raise InputError.of("plant.A", "and plant.theta are both given; theta follows from plant.A and reference_model.A_m")
     if "regressor" in plant:
@@ -198,13 +216,21 @@ def _output_problem(given: Given, _: Context) -> OutputProblem:
 
 
 _NAME = Key(str, "of the case")
-_JUDGE = Key(Judge, "what counts as following, as lost and as a limit cycle; by default derived from the model's motion", None)
-_SPECIFICATION = Key(Specification, "what `barbalat design` asks of a controller; no other command reads it", None)
-_DISTURBANCE = Key(Signal | None, "matched: it enters with u; none by default", None)
+_JUDGE = Key(Judge, "the limits for following, loss and limit cycles; by default derived from the model's motion", None)
+_SPECIFICATION = Key(Specification, "the requirements of `barbalat design` on a controller; no other command reads it", None)
+_DISTURBANCE = Key(Signal | None, "matched disturbance, which enters with u; none by default", None)
 
+MEASURED = chosen(
+    {"labels": GenericAlias(list, (str,)), "matrix": FORMS["matrix"]},
+    lambda value: "matrix" if isinstance(value, list) and value and isinstance(value[0], list) else "labels",
+)
 STATES = chosen(
     {"names of states": GenericAlias(list, (str,)), "matrix": FORMS["matrix"]},
     lambda value: "matrix" if isinstance(value, list) and value and isinstance(value[0], list) else "names of states",
+)
+
+OF_OBSERVERS = Key(
+    MEASURED, "y = C x: the labels of the measured states, or C, (p, n), which may be given as `plant.C` instead", None
 )
 
 DIFFERENCES: dict[type, Differences] = {
@@ -214,14 +240,15 @@ DIFFERENCES: dict[type, Differences] = {
             "A": Key(Matrix, "(N, N): other dynamics, also with more states than the plant", None),
             "b": Key(Array, "(N,), or (N, m)", None),
             "x0": Key(Vector, "(N,) initial state; the plant's by default", None),
-            "input": Key(PlantInput | tuple[PlantInput, ...], "what lies before the input, in place of `plant.input`", None),
-            "sensor": Key(Sensor, "in place of the case's `sensor`", None),
+            "input": Key(PlantInput | tuple[PlantInput, ...], "the input dynamics, instead of `plant.input`", None),
+            "sensor": Key(Sensor, "the sensor, instead of the case's `sensor`", None),
             "states": Key(
                 STATES,
-                "names of its states, the first may be enough: the plant's are those of the same names; or a matrix (n, N)",
+                "names of its states, of which the first may be sufficient: the plant's states are those with the same "
+                "names; or a matrix (n, N)",
                 None,
             ),
-            "disturbance": Key(Signal | None, "matched, in place of the plant's", None),
+            "disturbance": Key(Signal | None, "matched disturbance, instead of the plant's", None),
         },
     ),
     Problem: Differences(
@@ -234,14 +261,20 @@ DIFFERENCES: dict[type, Differences] = {
             ),
             "baseline": Key(
                 Baseline | None,
-                "the fixed controller that is already there, to whose control adaptive laws add theirs; its loop on `plant.A` "
-                "and `plant.b` is the model, and `reference_model` has `follow` alone",
+                "the existing fixed controller, to whose control adaptive laws add theirs; its loop on `plant.A` and "
+                "`plant.b` is the model, and `reference_model` has only `follow`",
+                None,
+            ),
+            "observer": Key(
+                Observer | None,
+                "the estimator of the state if it is not measured: a part of every controller, designed for the nominal "
+                "plant; without one the state is measured",
                 None,
             ),
             "uncertainty": Key(
                 Uncertainty,
-                "the known set Omega; without one nothing is projected. Beside `baseline` it is that of the plant's departure "
-                "from the nominal one",
+                "the known set Omega; without one there is no projection. With `baseline` it is the set of the plant's "
+                "deviation from the nominal one",
                 None,
             ),
             "simulation": Key(Simulation, "how to simulate"),
@@ -266,14 +299,16 @@ DIFFERENCES: dict[type, Differences] = {
                 "instead of A_m and theta: x' = A x + b u; theta follows from A = A_m + b theta' with `reference_model.A_m`",
                 None,
             ),
+            "C": Key(Matrix | None, "(p, n): the measurement y = C x for `observer`, which then does not need `measured`", None),
             "disturbance": _DISTURBANCE,
             "unmatched": Key(tuple[Disturbance, ...], "others: direction (n,) times the signal is added to x'", None),
         },
         optional=("A_m", "theta"),
-        without=("physical", "scale", "scale_from", "baseline"),
+        without=("physical", "scale", "scale_from", "baseline", "nominal_A"),
         make=_as_given,
     ),
     **{kind: Differences(without=("output",)) for kind in BASELINES.values()},
+    **{kind: Differences(keys={"measured": OF_OBSERVERS}) for kind in OBSERVERS.values()},
     SystemBaseline: Differences(
         keys={
             "num": Key(Vector | None, "of K(s), highest power first; with `den`", None),
@@ -309,8 +344,9 @@ DIFFERENCES: dict[type, Differences] = {
             **{name: key._replace(default=None) for name, key in (_BOX | _BALL).items()},
             "input_gain": Key(
                 Array,
-                "[lower, upper] > 0: the input gain is unknown, estimated and always projected; beside a box, a ball or neither. "
-                "A list of pairs for several inputs",
+                "[lower, upper] > 0: "
+                "the input gain is unknown, estimated and always projected; with a box, a ball or neither. A list of pairs "
+                "for several inputs",
                 None,
             ),
         },
@@ -327,8 +363,8 @@ DIFFERENCES: dict[type, Differences] = {
             ),
             "separator": Key(
                 str,
-                "between the columns: comma, semicolon, tab or space; found out by default. Beside any but the comma, "
-                "numbers may have a decimal comma",
+                "between the columns: comma, semicolon, tab or space"
+                "; detected by default. With separators other than the comma, numbers may have a decimal comma",
                 None,
             ),
         },

@@ -1,4 +1,4 @@
-"""The case file's tables, made from the registries and from the fields of the settings that stand in them."""
+"""The case file's tables as pydantic models, made from the registries and from the fields of the settings."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from barbalat.controllers import SCHEMES
 from barbalat.controllers.output import OUTPUT_SCHEMES
 from barbalat.problem.baseline import BASELINES, Baseline
 from barbalat.problem.faults import FAULTS, Fault
+from barbalat.problem.observer import OBSERVERS, Observer
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.regressors import REGRESSORS, Regressor
 from barbalat.problem.state_feedback import Problem
@@ -40,10 +41,11 @@ REGISTRY_OF_TYPE: dict[Any, Mapping[str, type]] = {
     OutputErrorLaw: OUTPUT_LAWS,
     Fault: FAULTS,
     Baseline: BASELINES,
+    Observer: OBSERVERS,
 }
-"""By the type that a field asks for, the registry of what it may be: a table whose key ``kind`` says which."""
+"""The registry for each type of field: a table whose key ``kind`` selects the entry."""
 NAMES_OF_TYPE: dict[Any, Mapping[str, Any]] = {Tableau: SOLVERS | {AUTO.name: AUTO}}
-"""The same for what a case file only names."""
+"""The registries for objects that a case file only names."""
 CASES: dict[type, Mapping[str, type]] = {Problem: SCHEMES, OutputProblem: OUTPUT_SCHEMES}
 """The problems that a case file can pose, and the schemes that solve them."""
 DIFFERENCES = PROBLEM_DIFFERENCES | SCHEME_DIFFERENCES
@@ -53,13 +55,13 @@ _FORMS: dict[Any, set[str]] = {float: {"number"}, Vector: {"vector"}, Matrix: {"
 
 
 def problem_posed(data: Mapping[str, Any]) -> type:
-    """The class of the problem that a case file poses: output feedback where the plant is a transfer function."""
+    """The class of the problem that a case file poses: output feedback if the plant is a transfer function."""
     plant = data.get("plant")
     return OutputProblem if isinstance(plant, dict) and "transfer_function" in plant else Problem
 
 
 def json_schema() -> dict[str, Any]:
-    """The JSON Schema of case files, for editors: that of the problem that the file poses."""
+    """The JSON Schema of case files, for editors; the problem decides which tables apply."""
     tables = {problem: case_table(problem) for problem in CASES}
     references, schema = models_json_schema([(table, "validation") for table in tables.values()])
     for name in WITH_FORMULAS:
@@ -77,11 +79,11 @@ def json_schema() -> dict[str, Any]:
 
 
 WITH_FORMULAS = ("Plant", "PlantInput", "TransferFunction", "Sensor", "Noise", "Truth")
-"""Tables in which a text in a number's place is a formula of physical parameters; it is evaluated before a table is checked."""
+"""Tables in which a text in place of a number is a formula of physical parameters; it is evaluated before a table is checked."""
 
 
 def _allow_formulas(part: Any) -> None:
-    """Let texts stand for numbers in a JSON schema."""
+    """Allow texts in place of numbers in a JSON schema."""
     if isinstance(part, dict):
         if part.get("type") == "number":
             part["type"] = ["number", "string"]
@@ -94,25 +96,25 @@ def _allow_formulas(part: Any) -> None:
 def case_table(problem: type, further: tuple[tuple[str, type], ...] = (), *, alone: bool = True) -> type[Table]:
     """The table of a whole case, by the problem that it poses.
 
-    further  schemes beside the registered ones: names and settings
-    alone    no controllers join the case's, which then has at least one
+    further  schemes in addition to the registered ones: names and settings
+    alone    whether no other controllers join the case's, which then needs at least one
     """
     schemes = {**CASES[problem], **dict(further)}
     controllers = GenericAlias(list, (_one_of(schemes, "scheme"),))
-    meaning = "those that are compared on the problem, a table [[controller]] for each"
+    meaning = "the controllers that are compared on the problem, a table [[controller]] for each"
     how = Field(min_length=1, description=meaning) if alone else Field(default_factory=list, description=meaning)
     return _model(_recipe(problem), controller=(controllers, how))
 
 
 @cache
 def table_of(settings: type, key: str = "", choice: str = "") -> type[Table]:
-    """The table that makes an object of a class; it may be one of several, of which ``key`` = "``choice``" chooses it."""
+    """The table that makes an object of a class; it may be one of several, selected by ``key`` = "``choice``"."""
     more = {key: (Literal[choice], Field(description=_about(settings, key)))} if key else {}
     return _model(_recipe(settings, choice, is_scheme=key == "scheme"), **more)
 
 
 def _about(settings: type, key: str) -> str:
-    """What a kind or a scheme is, and with what it does not go."""
+    """What a kind or a scheme is, and what it can't be combined with."""
     further = left_out(settings) if key == "scheme" else ""
     if settings in SIGNALS.values():
         further = f"A page of explore keeps {IN_PAGES[in_pages(settings)]}."
@@ -120,7 +122,7 @@ def _about(settings: type, key: str) -> str:
 
 
 def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Recipe:
-    """A field that holds a modification becomes the keys of its settings: in a law's table, or in a scheme's ``modification``."""
+    """A field for a modification becomes the keys of its settings: in a law's table, or in a scheme's ``modification``."""
     differences = DIFFERENCES.get(settings, Differences())
     keys = keys_of(settings, differences)
     make: Make = differences.make or (lambda given, _: settings(**given))
@@ -130,13 +132,13 @@ def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Rec
     choices = choices_of(keys)
     if not choices:
         return Recipe(settings, keys, make, choice)
-    meaning = "of the law, by its keys; none by default"
+    meaning = "the modification of the law, by its keys; none by default"
     keys |= {name: Key(_modification_of(name, kinds), meaning, None) for name, kinds in choices.items()}
     if not is_scheme:
         keys |= modification_keys(choices)
         return Recipe(settings, keys, lambda given, context: make(named_or_modified(given, choices), context), choice)
     table = _model(Recipe(Modification, modification_keys(choices), lambda given, _: modified(given, choices)))
-    keys |= {"modification": Key(table, "of the law, instead of the keys that name one; none by default", None)}
+    keys |= {"modification": Key(table, "the modification of the law, instead of the keys that name one; none by default", None)}
 
     def make_modified(given: Given, context: Context) -> Any:
         modifications = given.pop("modification", {})
@@ -146,13 +148,13 @@ def _recipe(settings: type, choice: str = "", *, is_scheme: bool = False) -> Rec
 
 
 def _modification_of(name: str, kinds: tuple[type, ...]) -> type[Table]:
-    """The table that stands under the name of a law's or scheme's own field."""
+    """The table under the name of a law's or scheme's own field."""
     choice = {name: kinds}
     return _model(Recipe(Modification, modification_keys(choice), lambda given, _: modified(given, choice)[name]))
 
 
 def _model(recipe: Recipe, **more: Any) -> type[Table]:
-    """The pydantic model of a table; ``more`` are keys that its object does not see."""
+    """The pydantic model of a table; ``more`` are keys that are not passed to its object."""
     definitions: dict[str, Any] = {key: _definition(key, given) for key, given in recipe.keys.items()}
     model = create_model(recipe.settings.__name__, __base__=Table, **more, **definitions)
     model.recipe = recipe
@@ -166,12 +168,12 @@ def _definition(name: str, key: Key) -> tuple[Any, Any]:
     if isinstance(key.default, (bool, int, float, str)):
         details["default"] = key.default
     elif key.default is not REQUIRED:
-        details["default_factory"] = lambda: None  # the settings have their own; a JSON Schema then speaks of none
+        details["default_factory"] = lambda: None  # the settings have their own defaults; the JSON Schema then states none
     return form(key.type), Field(**details)
 
 
 def members_of(hint: Any) -> list[Any]:
-    """What a field may hold besides ``None``."""
+    """The types that a field may have other than ``None``."""
     return [one for one in (get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)) if one is not NoneType]
 
 
@@ -205,13 +207,13 @@ def form(hint: Any) -> Any:
     if get_origin(member) is Mapping:
         key, value = get_args(member)
         return GenericAlias(dict, (key, form(value) if any(map(is_dataclass, members_of(value))) else value))
-    unknown = TypeError(f"no form in a case file is known for {hint}")
-    unknown.add_note("cases/scheme_keys.py can say which keys give it")
+    unknown = TypeError(f"no case file form is known for {hint}")
+    unknown.add_note("cases/scheme_keys.py can define its keys")
     raise unknown
 
 
 def _one_of(registry: Mapping[str, type], key: str) -> Any:
-    """One of the tables of a registry, chosen by ``key``."""
+    """One of the tables of a registry, selected by ``key``."""
     tables = [table_of(settings, key, name) for name, settings in registry.items()]
     for table in tables:
         table.recipe.elsewhere.update(name for other in tables for name in other.recipe.keys)
@@ -219,14 +221,14 @@ def _one_of(registry: Mapping[str, type], key: str) -> Any:
 
 
 MODIFICATIONS: dict[Any, tuple[type, ...]] = {Leakage: LEAKAGES, DeadZone: (DeadZone,)}
-"""What a field may hold, by its type: one of these, chosen by the keys that are given."""
+"""The values of a field, by its type: one of these, selected by the given keys."""
 
 Choices = dict[str, tuple[type, ...]]
-"""The fields of a law or a scheme that hold a modification, each with what it may be."""
+"""The fields of a law or a scheme for a modification, each with its possible values."""
 
 
 class Modification:
-    """modification = { ... }: the same keys stand in a law's own table."""
+    """modification = { ... }: the same keys are part of a law's own table."""
 
 
 @cache
@@ -236,13 +238,13 @@ def _keys_of(kind: type) -> dict[str, Key]:
 
 
 def choices_of(keys: dict[str, Key]) -> Choices:
-    """Which of these fields hold a modification."""
+    """The fields that contain a modification."""
     types = {name: {key.type, *get_args(key.type)} for name, key in keys.items()}
     return {name: kinds for name, found in types.items() for asked, kinds in MODIFICATIONS.items() if asked in found}
 
 
 def modification_keys(choices: Choices) -> dict[str, Key]:
-    """The keys that choose and set the modifications; none is required."""
+    """The keys that select and set the modifications; none is required."""
     found: dict[str, Key] = {}
     for kind in (kind for kinds in choices.values() for kind in kinds):
         keys = _keys_of(kind)
@@ -261,7 +263,7 @@ def modified(given: Given, choices: Choices) -> Given:
 
 
 def named_or_modified(given: Given, choices: Choices) -> Given:
-    """Return the modification, which may also have been made already, under the name of its field."""
+    """Return the modification, which may already have been made, under the name of its field."""
     named = {name: given.pop(name) for name in choices if name in given}
     return joined(
         named, {key: value for key, value in modified(given, choices).items() if key not in choices or value is not None}
@@ -276,7 +278,7 @@ def joined(given: Given, more: Given) -> Given:
 
 
 def _chosen(given: Given, kinds: tuple[type, ...]) -> Any:
-    """The one whose keys are given; ``None`` where none are."""
+    """The modification whose keys are given; ``None`` if none are."""
     keys = {kind: set(_keys_of(kind)) for kind in kinds}
     found = {key for kind in kinds for key in keys[kind] if key in given}
     if not found:

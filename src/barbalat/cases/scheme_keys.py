@@ -1,4 +1,4 @@
-"""Where a controller's keys are not the fields of its settings, and how to make it then."""
+"""Differences between a controller's keys and the fields of its settings, and its builder."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from barbalat.validate import Array, InputError
 
 SAMPLING = keys_of(Sampled, Differences(optional=("sample_time",), without=("controller",)))
 SAMPLING["discretization"] = SAMPLING["discretization"]._replace(type=Literal[DISCRETIZATIONS])
-"""The keys with which any controller runs as on a flight computer."""
+"""The keys with which any controller runs in sampled form, as on a flight computer."""
 
 
 def sampling_of(keys: Mapping[str, Key]) -> dict[str, Key]:
-    """Return the keys of sampling that a scheme has; none where it acts at samples by nature and has a sample time of its own."""
+    """Return a scheme's keys for sampling; none if it is always sampled and has its own sample time."""
     common = SAMPLING["sample_time"]
     return SAMPLING if keys.get("sample_time", common) is common else {}
 
@@ -60,7 +60,7 @@ def _linear(given: Given, context: Context) -> LinearFeedback:
     if (controller is None) == (design is None):
         raise InputError('give either controller = { num, den } or design = "hinf" or "pi"')
     if bandwidth is not None and design != "hinf":
-        raise InputError('bandwidth goes with design = "hinf"')
+        raise InputError('bandwidth needs design = "hinf"')
     if controller is not None:
         return LinearFeedback(controller=controller, unmodelled=None if delay is None else delay_weight(delay), **given)
     if design == "pi":
@@ -72,13 +72,13 @@ def _mrac_output(given: Given, _: Context) -> MracOutput:
     projection, known_set = given.pop("projection", None), ("lower", "upper", "c_0_min")
     unnormalized = isinstance(given["law"], OutputErrorLaw)
     if unnormalized and "normalization" in given:
-        raise InputError('normalization goes with a law on the parametric model; law.kind = "lyapunov" is unnormalised')
+        raise InputError('normalization needs a law on the parametric model; law.kind = "lyapunov" is unnormalised')
     if projection and not any(key in given for key in known_set):
         raise InputError("projection needs lower and upper, or c_0_min")
     if projection is False and not unnormalized:
         raise InputError(
-            "projection must stay on for a law on the parametric model: it keeps c_0 from zero; "
-            "with c_0_min alone nothing else is projected"
+            "projection must stay on for a law on the parametric model"
+            ": it keeps c_0 away from zero; with only c_0_min nothing else is projected"
         )
     without = known_set if projection is False else ()
     return MracOutput(**{key: value for key, value in given.items() if key not in without})
@@ -97,13 +97,13 @@ def _linear_output(given: Given, context: Context) -> LinearOutput:
     if "equivalent_of" in given:
         return _equivalent(given, context)
     if given.pop("limit", False):
-        raise InputError("limit goes with equivalent_of")
+        raise InputError("limit needs equivalent_of")
     if ("controller" in given) == ("design" in given):
         raise InputError('give either controller = { num, den } or design = "hinf" or "pi"')
     if "design" in given:
         return _designed(given, context)
     if given.keys() & {"design_plant", "unmodelled_delay", "bandwidth"}:
-        raise InputError("design_plant, unmodelled_delay and bandwidth go with design")
+        raise InputError("design_plant, unmodelled_delay and bandwidth need design")
     return LinearOutput(loop=given.pop("controller"), **given)
 
 
@@ -114,20 +114,21 @@ def _designed(given: Given, context: Context) -> LinearOutput:
     if delay is None:
         raise InputError(f'unmodelled_delay is missing; design = "{design}" needs it')
     if "feedforward" in given:
-        raise InputError("feedforward goes with controller")
+        raise InputError("feedforward needs controller")
     model = context.known.plant if model is None else strictly_proper("design_plant", model)
     if design == "hinf":
         return LinearOutput(loop=mixed_sensitivity(model, delay, bandwidth).controller.transfer_function(), **given)
     if bandwidth is not None:
-        raise InputError('bandwidth goes with design = "hinf"')
+        raise InputError('bandwidth needs design = "hinf"')
     return LinearOutput(loop=pi_controller(model, delay), **given)
 
 
 def _equivalent(given: Given, context: Context) -> LinearOutput:
-    """What an l1-output controller of the case is inside the bounds of sigma; with ``limit`` for gamma -> infinity."""
+    """The linear equivalent of one of the case's l1-output controllers inside the bounds of sigma; with ``limit`` for gamma ->
+    infinity."""
     name, limit = given.pop("equivalent_of"), given.pop("limit", False)
     if further := given.keys() - {"name"}:
-        raise InputError(f"{min(further)} does not go with equivalent_of")
+        raise InputError(f"{min(further)} cannot be combined with equivalent_of")
     others = context.others(L1Output)
     if name not in others:
         known = ", ".join(repr(other) for other in others) or "none"
@@ -139,13 +140,13 @@ def _equivalent(given: Given, context: Context) -> LinearOutput:
 _DESIGN = {
     "controller": Key(TransferFunction, "K(s), proper; or a design", None),
     "design": Key(Literal["hinf", "pi"], "makes K(s) for `unmodelled_delay`; `hinf` needs the extra `barbalat[robust]`", None),
-    "unmodelled_delay": Key(float, "[s] that the loop must bear at the plant's input", None),
+    "unmodelled_delay": Key(float, "[s] that the loop must tolerate at the plant's input", None),
     "bandwidth": Key(float, "[rad/s] of the `hinf` design, instead of the largest that the delay allows, less a tenth", None),
 }
 
 DIFFERENCES: dict[type, Differences] = {
     L1Adaptive: Differences(keys={"filter": Key(LowPass, "C(s): stable, strictly proper, C(0) = 1; starts at rest")}),
-    L1PiecewiseConstant: Differences(keys={"filter": Key(LowPass, "C(s): as of `l1`, by the trapezoidal rule")}),
+    L1PiecewiseConstant: Differences(keys={"filter": Key(LowPass, "C(s): as for `l1`, by the trapezoidal rule")}),
     L1OutputPiecewiseConstant: Differences(
         keys={
             "filter": Key(
@@ -168,17 +169,17 @@ DIFFERENCES: dict[type, Differences] = {
     ),
     LinearFeedback: Differences(keys=_DESIGN, without=("unmodelled",), make=_linear),
     MracOutput: Differences(
-        keys={"projection": Key(bool | None, "onto the known set; by default on where one is given", None)}, make=_mrac_output
+        keys={"projection": Key(bool | None, "onto the known set; by default on if there is one", None)}, make=_mrac_output
     ),
     L1Output: Differences(
-        keys={"projection": Key(bool | None, "onto |sigma| <= sigma_bound; by default on where that is given", None)},
+        keys={"projection": Key(bool | None, "onto |sigma| <= sigma_bound; by default on if that is given", None)},
         make=_l1_output,
     ),
     LinearOutput: Differences(
         keys={
             **_DESIGN,
             "design_plant": Key(TransferFunction, "G(s) that the design assumes; the plant by default", None),
-            "equivalent_of": Key(str, "the name of an `l1-output` controller: what it is inside its bounds", None),
+            "equivalent_of": Key(str, "the name of an `l1-output` controller, whose equivalent inside its bounds this is", None),
             "limit": Key(bool, "with `equivalent_of`: its limit for gamma -> infinity", False),
         },
         without=("loop",),

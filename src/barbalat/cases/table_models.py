@@ -13,26 +13,26 @@ from pydantic_core import PydanticCustomError
 from barbalat.cases.keys import REQUIRED, Key, Make
 
 FORMS = {"number": float, "vector": list[float], "matrix": list[list[float]]}
-"""The forms of numbers, by the names that tell them apart in the places of pydantic's findings."""
+"""The forms of numbers, by their names in the locations of pydantic's findings."""
 TAGS = (*FORMS, "one", "several", "a table", "names of states")
-"""All names of forms in such a place."""
+"""All names of forms in such a location."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recipe:
-    """What a table is made of, and what is made of it."""
+    """The composition of a table, and the object made from it."""
 
     settings: type
     keys: dict[str, Key]
     make: Make
     choice: str = ""
-    """The kind or scheme that chooses this table among others."""
+    """The kind or scheme that selects this table among others."""
     elsewhere: set[str] = field(default_factory=set)
-    """The keys of all of those."""
+    """The keys of all of these tables."""
 
 
 class Table(BaseModel):
-    """A table of a case file: unknown keys are refused, and so is a text where a number is meant."""
+    """A table of a case file: unknown keys are refused, and so is a text in place of a number."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
@@ -41,7 +41,7 @@ class Table(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _refuse_unknown_keys(cls, given: Any) -> Any:
-        """A misspelt key is often also a missing one: the finding speaks of the spelling, and of nothing else in this table."""
+        """A misspelt key is often also a missing one: only the spelling is reported for this table."""
         if not isinstance(given, dict):
             return given
         keys = cls.recipe.keys
@@ -79,6 +79,6 @@ def one_or_several(one: Any) -> Any:
 
 
 def chosen(forms: dict[str, Any], choose: Callable[[Any], str]) -> Any:
-    """One of several types, by a look at the value: so that findings speak of that one only."""
+    """One of several types, chosen by the value, so that findings are only about that one."""
     tagged = tuple(Annotated[form, Tag(name)] for name, form in forms.items())
     return Annotated[Union[tagged], Discriminator(choose)]  # noqa: UP007  # made at run time

@@ -1,4 +1,4 @@
-"""Numbers that remember how they were typed: what a constructor refuses is then told as it stands in the case file."""
+"""Numbers that remember how they were typed, so that errors of constructors quote them as in the case file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class TypedNumber(float):
 
 
 def echo(table: Table, as_typed: dict[str, Any]) -> None:
-    """Give a table's numbers, and those of the tables in it, the texts that ``as_typed`` has of them."""
+    """Give the numbers of a table, and of its inner tables, the texts that they have in ``as_typed``."""
     for key in table.model_fields_set & vars(table).keys():
         own = table.recipe.keys.get(key)
         given = as_typed.get(key, None if own is None else as_typed.get(own.alias or ""))
@@ -52,8 +52,8 @@ def _echoed(value: Any, given: Any) -> Any:
 
 @contextmanager
 def in_the_files_words(given: Given) -> Iterator[None]:
-    """An InputError on what a table's keys say has its numbers as they were typed there, also where it shows them converted."""
-    whole = dict(given)  # what makes an object takes keys out
+    """Rewrites an InputError about a table's keys with the numbers as they were typed, even if it shows them converted."""
+    whole = dict(given)  # the builder removes keys
     try:
         yield
     except InputError as error:
@@ -63,7 +63,7 @@ def in_the_files_words(given: Given) -> Iterator[None]:
 
 
 def _at(field: str, given: Given) -> Any:
-    """What stands at a field, as far in as ``given`` has it: what was made of a table has no typed numbers."""
+    """The value of a field, as far in as ``given`` has it: an object built from a table has no typed numbers."""
     here: Any = given
     for key in field.split("."):
         here = here[key] if isinstance(here, dict) and key in here else here
@@ -71,7 +71,7 @@ def _at(field: str, given: Given) -> Any:
 
 
 def _texts(value: Any) -> dict[str, str]:
-    """Return how numbers and lists are shown -> how they were typed, where all of them were typed alike."""
+    """Return a map from displayed numbers and lists to their typed form, if that is unique."""
     found: dict[str, set[str]] = {}
     for plain, typed in _shown(value):
         found.setdefault(plain, set()).add(typed)
@@ -96,7 +96,7 @@ def _plain(value: Any) -> Any:
 
 
 def _in_these(texts: dict[str, str], sentence: str) -> str:
-    """Lists first, then numbers that stand alone."""
+    """Replace lists first, then single numbers."""
     for plain, typed in texts.items():
         if plain.startswith("["):
             sentence = sentence.replace(plain, typed)

@@ -1,7 +1,7 @@
-"""Controllers from outside the package: a file that the user names, and installed packages that say what they have.
+"""Controllers from outside the package: a file that the user names, and installed packages that declare them.
 
-Nothing of a case file is run. A Python file is run where the user gives it (``--controllers``); an installed package's class is
-imported where a case names it, after the package has registered it in the entry-point group ``barbalat.controllers``.
+No part of a case file is executed. A Python file is executed if the user gives it (``--controllers``); an installed package's
+class is imported if a case names it and the package has registered it in the entry-point group ``barbalat.controllers``.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ ENTRY_POINT_GROUP = "barbalat.controllers"
 LIST_NAME = "CONTROLLERS"
 """The name of a file's list of controllers."""
 SOURCE_BYTE = Estimate(memory=200.0, seconds=2e-6)
-"""Of a Python file that is compiled; what it does when it is run is its own affair."""
+"""Largest size of a Python file that is compiled; its own run has no limit."""
 
 
 @dataclass(frozen=True, eq=False)
 class OwnFile:
-    """A file of the user's, after it was run.
+    """A user's file after its execution.
 
-    kept  which of its controllers join a case, by their places; None: all
+    kept  the indices of its controllers that join a case; None: all
     """
 
     path: Path
@@ -45,20 +45,20 @@ class OwnFile:
     kept: tuple[int, ...] | None = None
 
     def alone(self, i: int) -> OwnFile:
-        """Return the file with its i-th controller alone joining a case, or none where i is negative."""
+        """Return the file with only its i-th controller joining a case, or none if i is negative."""
         return replace(self, kept=(i,) if i >= 0 else ())
 
     @property
     def classes(self) -> dict[str, type]:
-        """The classes of controllers that are written there, by their names."""
+        """The classes of controllers defined there, by name."""
         found = {name: kind for name, kind in vars(self.module).items() if isinstance(kind, type) and "bind" in dir(kind)}
         return {name: kind for name, kind in found.items() if kind.__module__ == self.module.__name__}
 
     def controllers(self, named: Mapping[str, type]) -> tuple[Controller, ...]:
-        """Return the controllers that join a case: the list, or all that were made at the file's top; ``named`` are classes
-        in the case.
+        """Return the controllers that join a case: the list, or all that were made at module level; ``named`` are classes in the
+        case.
 
-        Where neither is there and the case names none, those of the classes that need no settings.
+        If there are none and the case names none, instances of the classes that need no settings.
         """
         if self.kept is None:
             return self._all(named)
@@ -75,7 +75,7 @@ class OwnFile:
         found = tuple(self._made(kind) for kind in self.classes.values() if _needs_nothing(kind))
         if not found:
             known = f', or name one of its classes in the case file: scheme = "{min(self.classes)}"' if self.classes else ""
-            raise InputError(f"{str(self.path)!r} has no controllers: give it a list {LIST_NAME} = [MyLaw(...), ...]{known}")
+            raise InputError(f"{str(self.path)!r} contains no controllers: give it a list {LIST_NAME} = [MyLaw(...), ...]{known}")
         return found
 
     def _listed(self, given: Any) -> tuple[Controller, ...]:
@@ -98,20 +98,20 @@ def _needs_nothing(kind: type) -> bool:
 
 
 def run(path: str | Path) -> OwnFile:
-    """Run a Python file; InputError where it can't be read, or where its own lines fail, with the line."""
+    """Execute a Python file; InputError if it can't be read, or if its own code fails, with the line."""
     path = local_path("--controllers", path)
     if not path.is_file():
-        raise InputError(f"--controllers: {str(path)!r} is no file")
+        raise InputError(f"--controllers: {str(path)!r} is not a file")
     size = path.stat().st_size
     name = f"--controllers: {str(path)!r}"
     budget.require(name, size, SOURCE_BYTE.times, given=f"has {size} bytes and", fits=lambda n: f"at most {n} bytes")
-    name = f"controllers_in_{path.stem}"  # a module of its own, not to be taken for an installed one of the same name
+    name = f"controllers_in_{path.stem}"  # a separate module name, not that of an installed module
     loader = SourceFileLoader(name, str(path))
     spec = spec_from_loader(name, loader)
     assert spec is not None
     module = sys.modules[name] = module_from_spec(spec)
     folder = str(path.resolve().parent)
-    sys.path.append(folder)  # for files beside it; last, so that none stands in the place of an installed package
+    sys.path.append(folder)  # for files in the same folder; last, so that none replaces an installed package
     try:
         with telling_user_errors(Subject(f"--controllers: {str(path)!r}")):
             loader.exec_module(module)
@@ -121,7 +121,7 @@ def run(path: str | Path) -> OwnFile:
 
 
 def named_in(case: Mapping[str, Any]) -> set[str]:
-    """The schemes that a case file names, before anything of it was checked."""
+    """The schemes that a case file names, before anything in it is checked."""
     tables = case.get("controller")
     given = [table.get("scheme") for table in tables if isinstance(table, dict)] if isinstance(tables, list) else []
     return {name for name in given if isinstance(name, str)}
@@ -140,7 +140,7 @@ def schemes(names: Set[str], own: OwnFile | None) -> dict[str, type]:
 
 
 def require_spelling(unknown: Set[str], own: OwnFile, known: Iterable[str]) -> None:
-    """InputError for a scheme that is spelt like a class of the user's file, and like none that is known besides."""
+    """InputError for a scheme whose spelling is close to a class of the user's file, and to no other known scheme."""
     for name in sorted(unknown):
         near = get_close_matches(name, own.classes, n=1)
         if near and not get_close_matches(name.lower(), known, n=1):

@@ -1,1 +1,1 @@
-"""What is known before any run: conditions, bounds, norms, limits of the numerics, margins, and Table 1."""
+"""Certificates, computed before any run: conditions, bounds, norms, limits of the numerics, margins, and Table 1."""

@@ -1,4 +1,4 @@
-"""The truth held against what certificates rest on: which of their guarantees do not speak of what is simulated."""
+"""Compares the truth with the assumptions of certificates: which of their guarantees don't hold for the simulated plant."""
 
 from __future__ import annotations
 
@@ -20,17 +20,18 @@ Compute = Callable[[TrackingProblem, Controller], Certificate]
 
 
 def speaks_of_the_motion(entry: Entry) -> bool:
-    """A norm or a condition follows from the case's numbers alone, and no run can contradict it."""
+    """Whether an entry is a statement about the motion: norms and conditions follow from the case's numbers, and no run can
+    contradict them."""
     return entry.kind == "guaranteed" and entry.value is not None and entry.rests_on != (NUMBERS_ALONE,)
 
 
 @dataclass(frozen=True)
 class Apart:
-    """What a case's truth means for its certificates.
+    """The effect of a case's truth on its certificates.
 
-    departures  from the plant and the declared sets
-    voids       by controllers the keys whose guarantees do not speak of the truth
-    cells       the same of the cells of Table 1
+    departures  the differences from the plant and the declared sets
+    voids       by controller, the keys whose guarantees don't hold for the truth
+    cells       the same for the cells of Table 1
     """
 
     departures: tuple[Departure, ...]
@@ -39,19 +40,19 @@ class Apart:
 
     @property
     def sentence(self) -> str:
-        """Where the truth departs from the design; empty where it does not."""
+        """The differences between truth and design; empty if there are none."""
         return apart_sentence(self.departures)
 
     def note(self, name: str) -> str:
-        """What that means for one controller."""
+        """The consequence for one controller."""
         rows = ", ".join(PROPERTIES[key] for key in self.cells[name])
         voided = [", ".join(self.voids[name]), rows and f"in Table 1 {rows}"]
         if any(voided):
-            return f"the truth voids of what is guaranteed of the design: {'; '.join(filter(None, voided))}"
-        return "the truth voids nothing that is guaranteed of the motion"
+            return f"the truth invalidates these guarantees of the design: {'; '.join(filter(None, voided))}"
+        return "the truth invalidates no guarantee of the motion"
 
     def as_json(self) -> dict[str, Any]:
-        """The differences and, by controllers, the keys that they void."""
+        """The differences and, by controller, the keys that they void."""
         return {
             "departures": [{"sentence": one.sentence, "within": one.within} for one in self.departures],
             "voids": {name: list(keys) for name, keys in self.voids.items()},
@@ -66,11 +67,11 @@ def apart_sentence(found: Sequence[Departure]) -> str:
 def apart(
     problem: TrackingProblem, controllers: Sequence[Controller], certificates: Mapping[str, Certificate], compute: Compute
 ) -> Apart | None:
-    """The check of a problem's truth; None where nothing is simulated apart from the plant.
+    """The check of a problem's truth; None if the simulated plant is the design plant.
 
-    What lies outside the declared sets voids every guarantee of the motion. Where theta and the gain lie in the sets, but not
-    where the plant's are, a guarantee stays if the same certificate for the truth's numbers guarantees the same value: it was
-    computed for the whole set.
+    A truth outside the declared sets voids every guarantee about the motion. If theta and the gain are inside the sets but differ
+    from the plant's, a guarantee stays if the certificate for the truth's numbers guarantees the same value: it was then computed
+    for the whole set.
     """
     if not isinstance(problem, Problem) or problem.simulated is None:
         return None
@@ -88,7 +89,7 @@ def apart(
 
 
 class _Claims(NamedTuple):
-    """What is guaranteed of the motion, by keys."""
+    """The guarantees about the motion, by keys."""
 
     entries: dict[str, Any]
     cells: dict[str, Any]
@@ -104,7 +105,7 @@ def _missing_in(kept: Mapping[str, Any], claimed: Mapping[str, Any]) -> tuple[st
 
 
 def _at_the_truth(problem: Problem) -> Problem:
-    """The design with the truth's theta and gains as the plant's own."""
+    """The design with the truth's theta and gains in place of the plant's."""
     values, design = true_parameters(problem), problem.design
     assert values is not None
     p = len(problem.plant.theta)
@@ -116,14 +117,16 @@ def _at_the_truth(problem: Problem) -> Problem:
 
 
 def beside(problem: TrackingProblem, found: Apart | None) -> dict[str, Any]:
-    """What stands beside certificates in JSON: what ranges of parameters were turned into, and the check of the truth."""
+    """Blocks of the JSON document in addition to certificates: the sets derived from ranges of parameters, and the check of
+    the truth."""
     derived = problem.derived if isinstance(problem, Problem) else None
     document = {} if derived is None else {"derived": derived.as_json()}
     return document if found is None else document | {"truth": found.as_json()}
 
 
 def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate], found: Apart | None) -> dict[str, Certificate]:
-    """The certificates with what the truth voids as guarantees of the design, and with notes on that and on derived sets."""
+    """The certificates in which guarantees that the truth voids are marked as guarantees of the design, with notes on that and
+    on derived sets."""
     derived = problem.derived if isinstance(problem, Problem) else None
     shared = [] if derived is None else list(derived.sentences)
     if found is not None and found.sentence:

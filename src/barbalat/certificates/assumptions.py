@@ -1,4 +1,4 @@
-"""What the certificates rest on, each checked on the case: what acts on the plant, where the estimates start, the known set."""
+"""The assumptions of certificates, each checked on the case: what acts on the plant, where the estimates start, the known set."""
 
 from __future__ import annotations
 
@@ -13,25 +13,27 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BoundedSignal, SettlingSignal
 
-FROZEN_LAW = "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: estimates, no guarantee"
-LINEAR_LOOP_ONLY = "margins are exact for the linear loop named, not for the adaptive loop in motion"
+FROZEN_LAW = (
+    "gamma_max and step_max freeze the state or the regressor in the plain adaptive law: they are estimates, not guarantees"
+)
+LINEAR_LOOP_ONLY = "margins are exact for the named linear loop, not for the adaptive loop in motion"
 FREQUENCIES_TRIED = (
-    "mu is exact at the frequencies that were tried: a grid, the critical ones, and each peak refined; not between them"
+    "mu is exact at the frequencies tried (a grid, the critical frequencies, and each refined peak), not between them"
 )
 BEYOND_ONE_LINEAR_INPUT = (
     "conditions, and margins for any state, are known for one input with phi(x) = x and a known gain: not for this plant"
 )
-ON_THE_BOX = "|phi(x)| is bounded where every |x_i| is at most the model's bound plus that of e"
-ERROR_ASSUMED = "there |e| <= nu_0/sqrt(Gamma) is assumed: it is not proven for this scheme"
+ON_THE_BOX = "|phi(x)| is bounded if every |x_i| is at most the model's bound plus that of e"
+ERROR_ASSUMED = "this assumes |e| <= nu_0/sqrt(Gamma), which is not proven for this scheme"
 
 OUTSIDE_THE_SET = "theta outside the known set"
 
-START_TOGETHER = Assumption("x_m(0) = x(0), and the predictor starts there too")
-"""Holds by construction: the model and every predictor start at the plant's x0."""
+START_TOGETHER = Assumption("x_m(0) = x(0), and the predictor also starts there")
+"""This holds by construction: the model and every predictor start at the plant's x0."""
 
 
 ACTS_CONTINUOUSLY = Assumption("the controller acts in continuous time", theorem=theorems.SAMPLED)
-"""Of a sampled controller nothing that rests on this is claimed: see ``schemes/sampled.py``."""
+"""For a sampled controller, nothing that depends on this is claimed: see ``schemes/sampled.py``."""
 
 
 def beyond_the_paper(problem: Problem) -> bool:
@@ -40,16 +42,16 @@ def beyond_the_paper(problem: Problem) -> bool:
 
 
 def nominal(problem: TrackingProblem, *, gain_adapted: bool = False, acting: Assumption | None = None) -> tuple[Assumption, ...]:
-    """The plant (1) as it stands, nothing that acts on it, and a command of the class that is followed.
+    """The plant (1) without additions, nothing else that acts on it, and a command of the class that is tracked.
 
-    ``acting`` says what may act on it all the same.
+    ``acting`` replaces the assumption on what acts on the plant.
     """
     plant = exact_plant(problem, gain_adapted=gain_adapted), acting or undisturbed(problem), measured(problem)
     return *plant, bounded_command(problem), START_TOGETHER, ACTS_CONTINUOUSLY
 
 
 def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assumption:
-    """No dynamics, limits or delay before the plant; with ``gain_adapted`` the scheme takes any gain of its input."""
+    """No dynamics, limits or delay before the plant; ``gain_adapted`` says that the scheme takes any input gain."""
     known = not gain_adapted and (not isinstance(problem, Problem) or problem.input_gain is None)
     found = [departure for path in problem.plant.paths for departure in _on_the_way(path, known)]
     if isinstance(problem, Problem) and problem.derived is not None and problem.derived.unmatched:
@@ -58,7 +60,7 @@ def exact_plant(problem: TrackingProblem, *, gain_adapted: bool = False) -> Assu
 
 
 def _without_departures(sentence: str, found: Iterable[tuple[str, str]]) -> Assumption:
-    """An assumption that is broken by departures, each a few words and the theorem that would cover it."""
+    """An assumption that is broken by deviations, each given by a few words and the theorem that would cover it."""
     listed = dict.fromkeys(found)
     return Assumption(sentence, ", ".join(dict.fromkeys(word for word, _ in listed)), theorems.joined(t for _, t in listed))
 
@@ -76,30 +78,34 @@ def undisturbed(problem: TrackingProblem) -> Assumption:
 
 def measured(problem: TrackingProblem) -> Assumption:
     """The measurement is the state itself."""
+    if problem.fixed_observer is not None:
+        return Assumption("the state is measured exactly", "the state is an observer's estimate", theorems.OBSERVER)
     return Assumption("the state is measured exactly", ", ".join(_of_the_sensor(problem.sensor)), theorems.MEASUREMENT)
 
 
 def bounded_command(problem: TrackingProblem) -> Assumption:
-    """The command is bounded, as every statement of boundedness asks."""
+    """The command is bounded, as every statement of boundedness requires."""
     known = all(isinstance(command, BoundedSignal) for command in problem.commands)
     return Assumption("r is bounded", "" if known else "r has no known bound", theorems.BOUNDED_COMMAND)
 
 
 def constant_in_the_end(problem: TrackingProblem) -> Assumption:
-    """The case's own command and disturbance come to rest, which convergence for constant signals alone asks for."""
+    """The case's command and disturbance become constant; convergence that is proven only for constant signals requires it."""
     acting = {"r": problem.commands, "d": () if problem.disturbance is None else (problem.disturbance,)}
     said = {
         name: [one.settles if isinstance(one, SettlingSignal) else None for one in signals] for name, signals in acting.items()
     }
-    varying = [f"{name} varies for ever" for name, settle in said.items() if False in settle]
+    varying = [f"{name} never becomes constant" for name, settle in said.items() if False in settle]
     unknown = [
-        f"{name} does not say whether it settles" for name, settle in said.items() if None in settle and False not in settle
+        f"{name} does not declare whether it becomes constant"
+        for name, settle in said.items()
+        if None in settle and False not in settle
     ]
     return Assumption("r and d are constant from some time on", " and ".join(varying + unknown))
 
 
 def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:
-    """Theta lies in the set that the estimates are projected onto; theta_hat(0) does by construction."""
+    """Theta is in the set onto which the estimates are projected; theta_hat(0) is in it by construction."""
     return Assumption(
         "theta and theta_hat(0) lie in the known set, and the estimates are projected onto it",
         "" if known_set.contains(problem.parameters) else OUTSIDE_THE_SET,
@@ -108,27 +114,27 @@ def projected_onto(problem: Problem, known_set: EstimateSet) -> Assumption:
 
 
 def theta_in_the_set(problem: Problem) -> Assumption:
-    """The case's theta lies in the known set, so that what holds for every theta there holds for it."""
+    """The case's theta is in the known set, so that statements for every theta in the set apply to it."""
     known_set = problem.uncertainty
     outside = known_set is not None and not known_set.contains(problem.plant.theta)
     return Assumption("theta lies in the known set", OUTSIDE_THE_SET if outside else "", theorems.THETA_OUTSIDE)
 
 
 MEAN_SQUARE = (
-    "bounded, the mean square of e of the order of Delta, for every Delta that is small enough; how small is not computed"
+    "bounded, with the mean square of e of the order of Delta, for every sufficiently small Delta; the limit is not computed"
 )
 
 
 def small_enough(present: str) -> Assumption:
-    """The case's own modelling error, where there is one, is small enough: how small it must be is not known."""
+    """The case's own modelling error, if any, is small enough; the threshold is not known."""
     return Assumption(
         "the case's own modelling error is small enough",
-        f"{present}: whether that is small enough is not known" if present else "",
+        f"{present}: it is not known whether that is small enough" if present else "",
     )
 
 
 def departures(problem: TrackingProblem) -> tuple[str, ...]:
-    """List, in a few words each, where the case's plant differs from (1)."""
+    """The differences of the case's plant from (1), in a few words each."""
     return tuple(found.broken for found in (exact_plant(problem), undisturbed(problem), measured(problem)) if found.broken)
 
 

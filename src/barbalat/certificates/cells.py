@@ -1,4 +1,4 @@
-"""The cells of Table 1: statements with the case's constants, each an entry with what it rests on; see docs/table-1.md."""
+"""The cells of Table 1: statements with the case's constants, each an entry with its assumptions; see docs/table-1.md."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ PROPERTIES = {
     "tuning": "Gain, filter, step",
     "margins": "Linear loop",
 }
-"""The rows; the first four are of the plant without modelling error."""
+"""The rows; the first four concern the plant without modelling error."""
 
-NONLINEAR = "known for phi(x) = x; where phi grows faster, a normalised law may be too slow to keep x bounded"
+NONLINEAR = "known for phi(x) = x; if phi grows faster, a normalised law may be too slow to keep x bounded"
 
 
 @dataclass(frozen=True)
@@ -33,28 +33,28 @@ class Column:
     cells: dict[str, Entry]
 
     def with_design(self, keys: Collection[str]) -> Column:
-        """Return a copy whose cells of these keys are guaranteed of the design alone."""
+        """Return a copy in which the cells of these keys are guaranteed of the design only."""
         return replace(self, cells=self.cells | {key: of_the_design(self.cells[key]) for key in keys}) if keys else self
 
     def as_json(self) -> dict[str, Any]:
-        """The contract's block for a column; ``text`` is the statement, or why there is none."""
+        """The contract's block for a column; ``text`` is the statement, or the reason why there is none."""
         cells = {key: {"text": cell.text} | cell.as_json() for key, cell in self.cells.items()}
         return {"name": self.name, "scheme": self.scheme, **cells}
 
 
 def statement(key: str, text: str, *assumptions: Assumption) -> Entry:
-    """A statement that holds on this case; where the case breaks an assumption, an entry that says why it does not apply."""
+    """A statement that holds for this case; if the case breaks an assumption, an entry with the reason."""
     found = checked(key, text, assumptions, Quantity(PROPERTIES[key]))
     return found if found.applies else replace(found, value=None)
 
 
 def nothing(key: str, why: str, *assumptions: Assumption) -> Entry:
-    """A cell that claims nothing for this scheme, and says why; ``assumptions`` are those that the claim would rest on."""
+    """A cell that claims nothing for this scheme, with the reason; ``assumptions`` are those that the claim would need."""
     return missing(key, why, assumptions, Quantity(PROPERTIES[key]))
 
 
 def denied(key: str, why: str, *assumptions: Assumption) -> Entry:
-    """A cell that claims nothing for a reason of the scheme's own; what else of the case contradicts it is named too."""
+    """A cell that claims nothing because of the scheme itself; broken assumptions of the case are named too."""
     broken = (assumption.broken for assumption in assumptions if assumption.broken)
     return nothing(key, ", ".join(dict.fromkeys((why, *broken))), *assumptions)
 
@@ -70,16 +70,17 @@ def advice(key: str, text: str) -> Entry:
 
 
 COUNTS_ON_DAMPING = (
-    "the method has no piece of the imaginary axis, so that its limits count on the damping of the law frozen at theta_hat = "
-    "theta; with an estimate off theta the state moves by A_m - b theta_tilde', which can take that damping away: runs leave the "
-    "region of stability some way below the limits"
+    "the method is unstable on the imaginary axis, so its limits rely on the damping of the law frozen at theta_hat = "
+    "theta; with another estimate the state moves by A_m - b theta_tilde', which can remove that damping: runs leave the "
+    "region of stability somewhat below the limits"
 )
 
 
 def on_damping(certificate: Certificate) -> Certificate:
-    """The limits of a method that amplifies every undamped oscillation at any step, with what that makes of them.
+    """The certificate with its limits explained if the method amplifies every undamped oscillation at any step.
 
-    Laws that do not oscillate, those on the parametric model, have no adaptation frequency, and limits on the real axis.
+    Laws that do not oscillate, those on the parametric model, have no adaptation frequency, and their limits are on the real
+    axis.
     """
     if certificate.entry("adaptation_frequency") is None:
         return certificate
@@ -93,28 +94,28 @@ def on_damping(certificate: Certificate) -> Certificate:
 
 
 def limits_text(certificate: Certificate) -> str:
-    """The numerics' limits, as far as there are any."""
+    """The limits of the numerics, if there are any."""
     parts, values = [], certificate.values
     sure = {key: "" if counts_on_damping(certificate, key) else " at least" for key in ON_DAMPING}
     if values.get("gamma_max") is not None:
         beyond = values.get("gamma_max_at_model")
-        text = f"the solver at its step bears Gamma up to {values['gamma_max']:.3g}{sure['gamma_max']}"
+        text = f"the solver at its step tolerates Gamma up to {values['gamma_max']:.3g}{sure['gamma_max']}"
         parts.append(text if beyond is None else f"{text}, oscillations start near {beyond:.3g}")
     if values.get("step_max") is not None:
-        parts.append(f"this gain bears a step up to {values['step_max']:.3g} s{sure['step_max']}")
+        parts.append(f"this gain tolerates a step up to {values['step_max']:.3g} s{sure['step_max']}")
     if not all(sure.values()):
-        parts.append("these count on damping that the motion can take away")
-    return "; ".join(parts) or "no limit of the step is known"
+        parts.append("these limits rely on damping that the motion can remove")
+    return "; ".join(parts) or "no limit on the step is known"
 
 
 def counts_on_damping(certificate: Certificate, key: str) -> bool:
-    """Whether a limit is one of those of a method that amplifies every undamped oscillation."""
+    """Whether a limit belongs to a method that amplifies every undamped oscillation."""
     entry = certificate.entry(key)
     return entry is not None and entry.quantity == ON_DAMPING[key]
 
 
 def margins_cell(certificate: Certificate) -> Entry:
-    """Delay margins, at the case's theta and over the known set; exact where all that is shown is."""
+    """Delay margins, at the case's theta and over the known set; exact if all displayed values are."""
     parts = []
     margin, over_set, adapting = (
         certificate.entry(key) for key in ("delay_margin", "margins_over_known_set", "delay_margin_adapting")
@@ -123,16 +124,17 @@ def margins_cell(certificate: Certificate) -> Entry:
         value = "unlimited" if margin.value is None else f"{margin.value:.4g} s"
         parts.append(f"delay margin {value} ({margin.of})")
     for loop in () if over_set is None else over_set.value:
+        name = f"{loop['loop']}, without {loop['left_out']}" if "left_out" in loop else loop["loop"]
         if "unstable_at" in loop:
-            parts.append(f"over the known set unstable somewhere ({loop['loop']})")
+            parts.append(f"unstable for part of the known set ({name})")
         elif "delay_margin" in loop:
-            parts.append(f"over the known set {loop['delay_margin']['value']:.4g} s at the least found ({loop['loop']})")
+            parts.append(f"over the known set {loop['delay_margin']['value']:.4g} s at least, as far as found ({name})")
     if adapting is not None and adapting.value is not None:
         parts.append(f"linearised with its law at the largest command {adapting.value:.3g} s")
     each = certificate.entry("delay_margin_each")
     if not parts and each is not None and each.applies:
         delays = ", ".join("unlimited" if value is None else f"{value:.4g} s" for value in each.value)
-        text = f"delay margin of each input alone: {delays} ({each.of})"
+        text = f"delay margin of each input separately: {delays} ({each.of})"
         return Entry(key="margins", value=text, kind=each.kind, quantity=Quantity(PROPERTIES["margins"]), of=each.of)
     if not parts:
         return nothing("margins", "no linear loop is known")

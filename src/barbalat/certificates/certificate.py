@@ -1,4 +1,4 @@
-"""A certificate: entries, and what was found besides; ``Draft`` is how a scheme's file writes one."""
+"""A certificate: entries and further findings; a scheme's file writes one with ``Draft``."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Simulated:
-    """What was simulated beside a certificate, and what came of it.
+    """The simulation that accompanies a certificate, and its result.
 
-    run      what was run, and the judge's verdict on it, as a sentence
-    verdict  the same as ``run --json`` has it
-    margins  what the run bears, in words
+    run      the run and the judge's verdict on it, as a sentence
+    verdict  the verdict in the form of ``run --json``
+    margins  the margins that the run tolerates, in words
     """
 
     run: str
@@ -49,11 +49,11 @@ class Simulated:
 class Certificate:
     """One controller's certificate.
 
-    entries  every value with its kind, what it means and what it rests on; a key that has no meaning for the scheme is absent
-    notes    what else was found, as sentences
-    loops    the linear loops whose margins stand among the entries
-    failure  why there is no certificate, where its computation fails
-    simulated  what was simulated on request; None where nothing was
+    entries  every value with its kind, its meaning and its assumptions; a key without a meaning for the scheme is absent
+    notes    further findings, as sentences
+    loops    the linear loops whose margins are among the entries
+    failure  why there is no certificate, if its computation fails
+    simulated  the simulation made on request; None without one
     """
 
     entries: tuple[Entry, ...] = ()
@@ -75,7 +75,7 @@ class Certificate:
 
     @property
     def in_brief(self) -> str:
-        """Whether the condition holds, and the first of the numbers, in a few words: one of several on a line."""
+        """Whether the condition holds, and the first numbers, in a few words for one line."""
         condition = self.values.get("condition") or {}
         holds = [f"condition {'holds' if condition['holds'] else 'does not hold'}"] if "holds" in condition else []
         bound = self.entry("error_bound")
@@ -86,7 +86,7 @@ class Certificate:
         }
         numbers = {key: self.values.get(key) for key in shown}
         said = [shown[key][0].format(shown[key][1](value)) for key, value in numbers.items() if isinstance(value, float)]
-        return ", ".join([*holds, *said]) or (self.failure and "no certificate") or "nothing of these is known"
+        return ", ".join([*holds, *said]) or (self.failure and "no certificate") or "nothing is known about these"
 
     def _repr_html_(self) -> str:
         """For notebooks: every value with its kind and its meaning, and the picture."""
@@ -101,20 +101,20 @@ class Certificate:
         return table + (image_of(figure_of(self.loops, TITLE, shown=False), TITLE) if self.loops else "")
 
     def plot(self, *, narrow: bool = False) -> Figure:
-        """Bode, Nyquist and sensitivity pictures of the loops whose margins are given, as a Matplotlib figure."""
+        """Bode, Nyquist and sensitivity plots of the loops whose margins are given, as a Matplotlib figure."""
         if not self.loops:
-            why = f": {self.notes[0]}" if self.notes else "; its findings say why"
+            why = f": {self.notes[0]}" if self.notes else "; its findings give the reason"
             raise InputError(f"this certificate has no linear loop with margins to plot{why}")
         return figure_of(self.loops, TITLE, narrow=narrow)
 
     def entry(self, key: str) -> Entry | None:
-        """The entry of a key; None where the scheme has none."""
+        """The entry of a key; None if the scheme has none."""
         return next((entry for entry in self.entries if entry.key == key), None)
 
     @property
     def values(self) -> dict[str, Any]:
         """The values that are claimed on this case, by the contract's keys."""
-        absent = {entry.key: f"does not apply on this case: {entry.why}" for entry in self.entries if not entry.applies}
+        absent = {entry.key: f"does not apply to this case: {entry.why}" for entry in self.entries if not entry.applies}
         return Named.of("value", {entry.key: entry.value for entry in self.entries if entry.applies}, absent)
 
     @property
@@ -124,17 +124,17 @@ class Certificate:
 
     @property
     def guaranteed(self) -> frozenset[str]:
-        """The keys whose value is a bound that holds on this case; all others are not."""
+        """The keys whose value is a bound that holds for this case."""
         return frozenset(entry.key for entry in self.entries if entry.kind == "guaranteed" and entry.value is not None)
 
     @property
     def assumptions(self) -> tuple[str, ...]:
-        """What the values that apply rest on, as sentences."""
+        """The assumptions of the values that apply, as sentences."""
         return tuple(dict.fromkeys(s for entry in self.entries if entry.applies for s in entry.assumptions))
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What does not apply and why, then the notes, as sentences."""
+        """The values that don't apply with the reasons, then the notes, as sentences."""
         keys: dict[str, list[str]] = {}
         for entry in self.entries:
             if not entry.applies:
@@ -142,7 +142,8 @@ class Certificate:
         return (*(f"{', '.join(of)}: does not apply ({why})" for why, of in keys.items()), *self.notes)
 
     def as_json(self) -> dict[str, Any]:
-        """The JSON contract's block for a controller: flat keys for what applies and is not of the design alone, all entries."""
+        """The JSON contract's block for a controller: flat keys for values that apply and are not of the design only, and all
+        entries."""
         of_design = {entry.key for entry in self.entries if entry.kind == OF_THE_DESIGN}
         document = {key: value for key, value in self.values.items() if value is not None and key not in of_design}
         document["guaranteed"] = sorted(self.guaranteed)
@@ -153,7 +154,7 @@ class Certificate:
         return document if self.simulated is None else document | {"simulated": self.simulated.as_json()}
 
     def with_simulated(self, simulated: Simulated) -> Certificate:
-        """Return a copy that says what was simulated beside it."""
+        """Return a copy that includes what was simulated."""
         return replace(self, simulated=simulated)
 
     def with_entries(self, entries: tuple[Entry, ...], *notes: str) -> Certificate:
@@ -162,11 +163,11 @@ class Certificate:
 
 
 NO_VALUE: dict[Kind, str] = {
-    "exact": "unlimited: nothing exhausts it; of a gain, no factor up to 1e6",
+    "exact": "unlimited: no value destabilises the loop; for a gain, no factor up to 1e6",
     "estimate": "none is known",
     "advice": "none",
 }
-"""Why there is no value, by kind."""
+"""The reason why there is no value, by the type of the error."""
 
 
 def reason(error: Exception) -> str:
@@ -174,14 +175,14 @@ def reason(error: Exception) -> str:
     if isinstance(error, InputError):
         return str(error)
     said = str(error.args[-1]) if error.args else ""
-    return f"its computation fails on the numbers of this case ({': '.join(filter(None, (type(error).__name__, said)))})"
+    return f"its computation fails with the numbers of this case ({': '.join(filter(None, (type(error).__name__, said)))})"
 
 
 @dataclass(eq=False)
 class Draft:
-    """A certificate that is being written: entries in the order in which they come, and notes.
+    """A certificate that is being written: entries in their final order, and notes.
 
-    own  what the keys mean that are this scheme's alone
+    own  the meanings of keys that only this scheme has
     """
 
     entries: dict[str, Entry] = field(default_factory=dict)
@@ -190,30 +191,31 @@ class Draft:
     own: Mapping[str, Quantity] = field(default_factory=dict)
 
     def __getitem__(self, key: str) -> Any:
-        """The value that stands under a key, whether it applies on this case or not."""
+        """The value of a key, whether or not it applies to this case."""
         return self.entries[key].value
 
     def get(self, key: str) -> Any:
-        """The value that stands under a key, or None where nothing stands there."""
+        """The value of a key, or None if there is none."""
         return self[key] if key in self.entries else None
 
     def note(self, sentence: str) -> None:
-        """Something found, as a sentence; said once."""
+        """Add a finding as a sentence; repeated sentences are dropped."""
         if sentence not in self.notes:
             self.notes.append(sentence)
 
     def guarantee(self, key: str, value: Any, *assumptions: Assumption) -> None:
-        """A bound; it becomes one that does not apply where this case breaks an assumption. ``NUMBERS_ALONE`` is one too."""
+        """Add a bound; it does not apply if this case breaks an assumption. ``NUMBERS_ALONE`` is an assumption too."""
         if not assumptions:
-            raise TypeError(f"{key} is guaranteed under no assumption: name those that it rests on")
+            raise TypeError(f"{key} is guaranteed without assumptions: name those on which it depends")
         self.entries[key] = checked(key, value, assumptions, self._quantity(key))
 
     def exact(self, values: dict[str, Any], of: str, *assumptions: str, rest: PlaceOfRest | None = None) -> None:
-        """Values that are exact for the linear loop named; ``rest`` is where it was linearised, if it was."""
+        """Add values that are exact for the linear loop named; ``rest`` is the equilibrium of the linearisation, if there was
+        one."""
         self._add(values, "exact", assumptions, of, rest)
 
     def estimate(self, values: dict[str, Any], *assumptions: str, of: str = "", rest: PlaceOfRest | None = None) -> None:
-        """Values without a guarantee, of the linear loop that ``of`` names."""
+        """Add values without a guarantee; ``of`` names their linear loop."""
         self._add(values, "estimate", assumptions, of, rest)
 
     def advise(self, values: dict[str, Any], *assumptions: str) -> None:
@@ -221,20 +223,20 @@ class Draft:
         self._add(values, "advice", assumptions)
 
     def missing(self, key: str, why: str, *assumptions: Assumption, theorem: str = "") -> None:
-        """A value that the scheme would have, and that this case has not; it would rest on the ``assumptions``.
+        """Add the reason why this case lacks a value of the scheme; the value would need the ``assumptions``.
 
-        ``theorem`` is the one that would give it.
+        ``theorem`` names the theorem that would give it.
         """
         self.entries[key] = missing(key, why, assumptions, self._quantity(key), theorem)
 
     def all_missing(self, keys: Iterable[str], why: str, *, theorem: str = "") -> None:
-        """Several values that are missing for one reason."""
+        """Add several values that are missing for the same reason."""
         for key in keys:
             self.missing(key, why, theorem=theorem)
 
     @contextmanager
     def part(self, key: str) -> Iterator[None]:
-        """A part that no other rests on: where its computation fails on this case's numbers, ``key`` is missing, and no more."""
+        """A part on which no other depends: if its computation fails for this case, only ``key`` is missing."""
         try:
             yield
         except InputError:

@@ -1,7 +1,7 @@
 """The certificates of several controllers, by their names, and Table 1: what is guaranteed of each scheme on the case.
 
-The paper's table compares the standard MRAC with L1-AC; its contents are missing from the text at hand. Each statement here
-stands in docs/table-1.md with its source. A scheme joins by one file in ``schemes/``.
+The paper's table compares the standard MRAC with L1-AC; its contents are missing from the available text. docs/table-1.md gives
+each statement with its source. A scheme is added by one file in ``schemes/``.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from barbalat.certificates.cells import PROPERTIES, Column, nothing
 from barbalat.certificates.certificate import Certificate, reason
 from barbalat.certificates.picture import TITLE, distinct, figure_of, grouped
-from barbalat.certificates.schemes import scheme_file, unregistered
+from barbalat.certificates.schemes import SchemeFile, observed, scheme_file, unregistered
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.validate import InputError, Named
@@ -29,11 +29,18 @@ if TYPE_CHECKING:
     from barbalat.solvers.simulation import Simulation
 
 
+def file_of(problem: TrackingProblem, controller: Controller) -> SchemeFile:
+    """The module that certifies a controller on a problem: its scheme's file, or a general one with an observer or for an
+    unknown scheme."""
+    if problem.fixed_observer is not None:
+        return cast("SchemeFile", observed)
+    return scheme_file(controller) or cast("SchemeFile", unregistered)
+
+
 def column_of(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> Column:
-    """A controller's column; where its computation fails, each cell says so."""
-    file = scheme_file(controller) or unregistered
+    """A controller's column; if its computation fails, each cell says so."""
     try:
-        scheme, cells = file.column(problem, controller, certificate)
+        scheme, cells = file_of(problem, controller).column(problem, controller, certificate)
         return Column(controller.name, scheme, Named.of("cell", cells))
     except Exception as error:  # noqa: BLE001 (one column; the others stand)
         return Column(controller.name, type(controller).__name__, {key: nothing(key, reason(error)) for key in PROPERTIES})
@@ -41,7 +48,7 @@ def column_of(problem: TrackingProblem, controller: Controller, certificate: Cer
 
 @dataclass(frozen=True)
 class Table1:
-    """Table 1 of a case. Each cell was checked on the case: one whose assumptions it breaks says so in its place."""
+    """Table 1 of a case. Each cell is checked on the case: if the case breaks its assumptions, the cell says so instead."""
 
     columns: tuple[Column, ...]
 
@@ -58,7 +65,7 @@ def table_1(
 ) -> Table1:
     """Table 1 with one column for each controller, each cell checked on the problem.
 
-    ``of_design`` are by controllers the keys of cells that do not speak of what is simulated.
+    ``of_design`` gives, by controller, the keys of cells that don't hold for the simulated plant.
     """
     columns = (column_of(problem, controller, certificates[controller.name]) for controller in controllers)
     return Table1(tuple(column.with_design(of_design.get(column.name, ())) for column in columns))
@@ -68,7 +75,8 @@ CAPTION = "Bode, Nyquist and sensitivity"
 
 
 class Certificates(Named[Certificate]):
-    """Certificates on one problem by their controllers' names: a dictionary that a person can read, and plot."""
+    """Certificates for one problem by the names of the controllers: a dictionary that is readable at a prompt and can be
+    plotted."""
 
     kind = "controller"
 
@@ -98,7 +106,7 @@ class Certificates(Named[Certificate]):
         return f"<Certificates: {'; '.join(f'{name!r} {certificate.in_brief}' for name, certificate in self.items())}>"
 
     def _repr_html_(self) -> str:
-        """For notebooks: five lines for each controller, what was noted, the pictures of the loops."""
+        """For notebooks: five lines for each controller, the notes, the plots of the loops."""
         from barbalat.certificates.summary import lines
         from barbalat.pictures.plotted import image_of
 
@@ -119,8 +127,8 @@ class Certificates(Named[Certificate]):
         return f"<table>{shown}</table><small>{notes}</small><br>{''.join(pictures)}"
 
     def plot(self, *, narrow: bool = False) -> Figure:
-        """The loops of all, each once, as ``Certificate.plot`` shows those of one; ``narrow`` for a phone or a column."""
+        """All loops, each once, as ``Certificate.plot`` shows those of one; ``narrow`` for a phone or a column."""
         loops = distinct(self)
         if not loops:
-            raise InputError("these certificates have no linear loop with margins to plot; their findings say why")
+            raise InputError("these certificates have no linear loop with margins to plot; their findings give the reason")
         return figure_of(loops, TITLE, narrow=narrow)

@@ -1,4 +1,4 @@
-"""The certificate of each controller of a problem, put together from conditions, bounds, limits and margins."""
+"""The certificate of each controller of a problem, assembled from conditions, bounds, limits and margins."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from barbalat import budget
 from barbalat.certificates.apart import apart, beside, speaks_of_the_motion, with_notes
 from barbalat.certificates.cells import on_damping
 from barbalat.certificates.certificate import Certificate, reason
-from barbalat.certificates.certificates import Certificates, Table1, column_of, table_1
+from barbalat.certificates.certificates import Certificates, Table1, column_of, file_of, table_1
 from barbalat.certificates.requested_keys import needing
-from barbalat.certificates.schemes import scheme_file, unregistered
 from barbalat.loop.binding import bound, is_sampled, numbered
 from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem
@@ -25,12 +24,12 @@ from barbalat.validate import InputError, counted
 def beside_its_runs(
     problem: TrackingProblem, controller: Controller, certificate: Certificate, simulation: Simulation
 ) -> Certificate:
-    """The certificate of a controller in continuous time, with a note where a run may leave what is guaranteed of the solution.
+    """The certificate of a controller in continuous time, with a note if a numerical run may leave the guaranteed bounds.
 
-    That is where the least limit of the step is exceeded, or where none is known, whatever the scheme; the cells of Table 1 are
-    guarantees as the entries are.
+    That is possible if the smallest limit of the step is exceeded or unknown, whatever the scheme; the cells of Table 1 are
+    guarantees like the entries.
     """
-    keys = ("step_max", "step_max_at_model")  # between the two a run may or may not follow
+    keys = ("step_max", "step_max_at_model")  # between the two a run may or may not stay within them
     limits = [limit for limit in (certificate.values.get(key) for key in keys) if limit is not None]
     if limits and simulation.dt <= limits[0]:
         return certificate
@@ -38,12 +37,12 @@ def beside_its_runs(
     if not any(map(speaks_of_the_motion, (*certificate.entries, *cells.values()))):
         return certificate
     if not limits:
-        note = "no limit of the step is known: what is guaranteed is so of the equations' solution, and a run may leave it"
+        note = "no limit on the step is known: the guarantees hold for the equations' solution, from which a run may deviate"
     else:
         about = " to ".join(f"{limit:.3g}" for limit in limits)
         note = (
             f"at dt = {simulation.dt:g} s {simulation.solver.name} need not follow the equations: its limit is about {about} s. "
-            "What is guaranteed is so of their solution, and a run at this step may leave it"
+            "The guarantees hold for their solution, from which a run at this step may deviate"
         )
     return certificate.with_entries(certificate.entries, note)
 
@@ -56,15 +55,15 @@ def certify(
     keys: Collection[str] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Certificates:
-    """Certificates by the controllers' names, a dictionary; nothing is simulated, the solver and its step are what is judged.
+    """Certificates by the controllers' names, in a dictionary; nothing is simulated, and the given solver and step are judged.
 
-    Of a class from outside the package what needs no proof is given; the rest is said to be unknown. A certificate whose
-    computation fails on the case's numbers has that as its finding. Raises InputError, with its name, for a controller that
-    does not fit the problem: no run of it is possible either. ``progress`` is called with the fraction done. Where only some
-    ``keys`` are needed, certificates may lack others: searches over the known set, limits along the command.
+    For a class from outside the package, it contains what needs no proof; the rest is marked as unknown. If the computation of a
+    certificate fails on the case's numbers, that is its finding. Raises InputError, with the name, for a controller that does not
+    fit the problem and could not be simulated either. ``progress`` is called with the fraction done. If only some ``keys`` are
+    needed, certificates may lack others: searches over the known set, limits along the command.
 
-    Their numbers come from the plant and the declared sets alone; what a problem's truth voids of them is "guaranteed of the
-    design" in their place, and their notes say why.
+    The values follow from the plant and the declared sets alone; those that a problem's truth voids are marked "guaranteed of the
+    design", with the reason in the notes.
     """
     found, told, design = {}, numbered(controllers), problem.design
     if keys is None:
@@ -80,7 +79,8 @@ def certify(
 
 
 def _require_room(problem: TrackingProblem, controllers: int) -> None:
-    """InputError where the certificates of so many controllers are beyond the budget; work of more than seconds is announced."""
+    """InputError if the certificates of this number of controllers exceed the budget; work of more than a few seconds is
+    announced."""
     budget.require(
         "the plant",
         len(problem.dynamics.x0),
@@ -109,24 +109,24 @@ def certify_where_possible(
 
 
 def _computed(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
-    """Of loops whose samples all come as they are: with faults there is none, with a shell alone it is told."""
+    """Certify loops in which every sample is used: with faults there is no certificate, and with a shell it has a note."""
     if problem.faults:
         bound(problem, controller)  # refuses what does not fit
-        return Certificate.failed("the case has faults, and what is guaranteed is so of loops whose samples all come as they are")
+        return Certificate.failed("the case has faults, and the guarantees hold for loops without missing or corrupted samples")
     found = _of_nominal(problem.nominal, controller, simulation)
     return found if problem.shell is None else found.with_entries(found.entries, SHELL_NOTE)
 
 
-SHELL_NOTE = "what is guaranteed is so as long as the shell refuses no sample"
+SHELL_NOTE = "the guarantees hold as long as the shell refuses no sample"
 
 
 def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
-    """Overflows, matrices that are singular or not finite, norms beyond the limit of precision are findings of the case."""
+    """Overflows, singular or non-finite matrices, and norms beyond the limit of precision are findings of the case."""
     try:
         sampled = is_sampled(bound(problem, controller))  # refuses what does not fit
         if simulation.tolerance is not None:
             return _without_step(_computed(problem, controller, simulation.grid))
-        found = (scheme_file(controller) or unregistered).certificate(problem, controller, simulation)
+        found = file_of(problem, controller).certificate(problem, controller, simulation)
         if sampled:
             return found
         found = found if simulation.solver.imaginary_limit else on_damping(found)
@@ -138,11 +138,11 @@ def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Si
 
 
 STEP_KEYS = ("step_max", "gamma_max", "step_max_at_model", "gamma_max_at_model")
-"""Entries on what a fixed step bears, which a run by tolerance has none of."""
+"""Entries on the limits of a fixed step, which do not apply to a run with a tolerance."""
 
 
 def _without_step(certificate: Certificate) -> Certificate:
-    """The certificate beside runs whose steps follow from a tolerance."""
+    """The certificate for runs whose steps follow from a tolerance."""
     entries = tuple(entry for entry in certificate.entries if entry.key not in STEP_KEYS)
     notes = tuple(
         note for note in certificate.notes if not any(word in note for word in (*STEP_KEYS, "limit of the step", "at dt ="))
@@ -173,7 +173,7 @@ def certified_case(
     simulation: Simulation,
     progress: Callable[[float], None] = lambda _: None,
 ) -> Certified:
-    """Certificates of all controllers; what can't be certified has the reason as its finding."""
+    """Certificates of all controllers; a controller that can't be certified has the reason as its finding."""
     certificates = certify_where_possible(problem, controllers, simulation, progress)
     checked = apart(problem, controllers, certificates, partial(_computed, simulation=simulation))
     noted = with_notes(problem, certificates, checked)

@@ -1,4 +1,4 @@
-"""One value of a certificate or one cell of Table 1: data with its kind, its unit, its meaning and what it rests on."""
+"""One value of a certificate or one cell of Table 1: its kind, unit, meaning and assumptions."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.theorems import joined
 
 Kind = Literal["guaranteed", "guaranteed of the design", "exact", "estimate", "advice", "does not apply"]
-"""What a reader may do with a value.
+"""How far a value can be trusted.
 
-guaranteed                a bound, or a statement, that holds on this case; every assumption was checked on it
-guaranteed of the design  the same of the plant and the declared sets alone: it says nothing of the truth, which is simulated
-exact                     exact for the linear loop that ``of`` names, and for nothing else
+guaranteed                a bound, or a statement, that holds for this case; every assumption was checked
+guaranteed of the design  the same, but only for the plant and the declared sets, not for the truth, which is simulated
+exact                     exact for the linear loop that ``of`` names, and for no other loop
 estimate                  computed, without a guarantee
-advice                    a fact for orientation that claims nothing of the loop
-does not apply            nothing is claimed on this case, and ``why`` says why
+advice                    a fact for orientation, without a claim about the loop
+does not apply            nothing is claimed for this case; ``why`` gives the reason
 """
 OF_THE_DESIGN: Kind = "guaranteed of the design"
 GUARANTEED: tuple[Kind, Kind] = ("guaranteed", OF_THE_DESIGN)
@@ -26,9 +26,9 @@ GUARANTEED: tuple[Kind, Kind] = ("guaranteed", OF_THE_DESIGN)
 
 @dataclass(frozen=True)
 class Assumption:
-    """What a value rests on; ``broken`` says in a few words what of this case contradicts it, and is empty where nothing does.
+    """An assumption of a value; ``broken`` says in a few words how this case contradicts it, and is empty if it does not.
 
-    theorem  where it is broken, the theorem that would do without it
+    theorem  if it is broken, the theorem that would not need it
     """
 
     sentence: str
@@ -36,26 +36,26 @@ class Assumption:
     theorem: str = ""
 
 
-NUMBERS_ALONE = Assumption("it follows from the case's numbers alone")
+NUMBERS_ALONE = Assumption("it follows from the case's numbers")
 
 
 @dataclass(frozen=True)
 class NotApplicable:
-    """What a function gives in the place of a result that this case does not have, and why, as part of a sentence."""
+    """Stands for a result that this case does not have, with the reason as part of a sentence."""
 
     why: str
 
 
 MOST_SHOWN = 4
-"""Estimates in a sentence; of more their size is said."""
+"""Largest number of estimates listed in a sentence; of longer lists the norm is given."""
 
 
 class RestingEstimates(NamedTuple):
-    """Estimates where a loop rests.
+    """Estimates at an equilibrium.
 
-    name    in results: "theta_hat"
-    of      the symbol of what is estimated: "theta"
-    true    whether they are at their true values
+    name    their name in results: "theta_hat"
+    of      the symbol of the estimated quantity: "theta"
+    true    whether they have their true values
     """
 
     name: str
@@ -65,7 +65,7 @@ class RestingEstimates(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The place of the estimates as an equation."""
+        """The estimates as an equation."""
         if self.true:
             return f"{self.of}_hat = {self.of}"
         if len(self.values) > MOST_SHOWN:
@@ -75,19 +75,19 @@ class RestingEstimates(NamedTuple):
 
 @dataclass(frozen=True)
 class PlaceOfRest:
-    """Where the loop rests that a margin is of: under which constant commands, and with which estimates."""
+    """The equilibrium at which a margin was computed: the constant commands and the estimates."""
 
     command: tuple[float, ...]
     estimates: tuple[RestingEstimates, ...] = ()
 
     @property
     def where(self) -> str:
-        """The estimates there, as equations; empty of a controller without any."""
+        """The estimates there, as equations; empty for a controller without any."""
         return ", ".join(one.text for one in self.estimates)
 
     @property
     def text(self) -> str:
-        """The commands and the estimates, for a line."""
+        """The commands and the estimates, on one line."""
         of_command = f"r = {', '.join(f'{value:.4g}' for value in self.command)}"
         return ", ".join(filter(None, [of_command, self.where]))
 
@@ -99,11 +99,11 @@ class PlaceOfRest:
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A value by its key; ``value`` is ready for JSON, and None where there is none.
+    """A value with its key; ``value`` is ready for JSON, and None if there is none.
 
-    assumptions  what it rests on, as sentences; ``rests_on`` are those of a guarantee, which were checked on the case
-    rest         where the loop rests that it is of; None of what belongs to no such place
-    theorem      where there is no bound of e, the theorem that is missing
+    assumptions  the assumptions as sentences; ``rests_on`` are those of a guarantee, which were checked on the case
+    rest         the equilibrium of its loop; None if the value belongs to none
+    theorem      if there is no bound of e, the theorem that is missing
     """
 
     key: str
@@ -127,16 +127,16 @@ class Entry:
 
     @property
     def applies(self) -> bool:
-        """Whether anything is claimed on this case."""
+        """Whether anything is claimed for this case."""
         return self.kind != "does not apply"
 
     @property
     def text(self) -> str:
-        """A cell's statement, or why there is none."""
+        """A cell's statement, or the reason why there is none."""
         return str(self.value) if self.applies else self.why
 
     def as_json(self) -> dict[str, Any]:
-        """All that is said of it; ``of`` where a linear loop is named, ``rest`` where that is one at a place of rest."""
+        """All fields in JSON; ``of`` if a linear loop is named, ``rest`` if it is linearised at an equilibrium."""
         document = {"key": self.key, "value": self.value, "kind": self.kind, "unit": self.unit, "meaning": self.meaning}
         document |= {"assumptions": list(self.assumptions)} | ({"of": self.of} if self.of else {})
         document |= {"rest": self.rest.as_json()} if self.rest is not None else {}
@@ -144,15 +144,17 @@ class Entry:
 
 
 def of_the_design(entry: Entry) -> Entry:
-    """The entry of a guarantee that says nothing of the truth."""
+    """The entry of a guarantee that does not cover the truth."""
     return replace(entry, kind=OF_THE_DESIGN)
 
 
 def of_finite_numbers(entry: Entry) -> Entry:
-    """The entry; one whose value holds an infinity or no number at all claims nothing, and is strict JSON."""
+    """The entry, which claims nothing if its value contains an infinity or a NaN; the result is strict JSON."""
     if _finite(entry.value):
         return entry
-    return replace(entry, value=None, kind="does not apply", why="with the numbers of this case it is beyond what a double holds")
+    return replace(
+        entry, value=None, kind="does not apply", why="with the numbers of this case it exceeds the range of double precision"
+    )
 
 
 def _finite(part: Any) -> bool:
@@ -164,7 +166,7 @@ def _finite(part: Any) -> bool:
 
 
 def missing(key: str, why: str, assumptions: tuple[Assumption, ...], quantity: Quantity, theorem: str = "") -> Entry:
-    """A value that there is none of, for a reason of its own; what of its assumptions the case breaks is known all the same."""
+    """An entry without a value for a reason of its own; broken assumptions of the case are listed as well."""
     return Entry(
         key=key,
         value=None,
@@ -178,7 +180,7 @@ def missing(key: str, why: str, assumptions: tuple[Assumption, ...], quantity: Q
 
 
 def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], quantity: Quantity) -> Entry:
-    """A guaranteed value; one that does not apply, with the reasons, where this case breaks an assumption."""
+    """A guaranteed value, or one that does not apply, with the reasons, if this case breaks an assumption."""
     sentences = tuple(assumption.sentence for assumption in assumptions)
     why = ", ".join(dict.fromkeys(assumption.broken for assumption in assumptions if assumption.broken))
     kind: Kind = "does not apply" if why else "guaranteed"
@@ -195,5 +197,5 @@ def checked(key: str, value: Any, assumptions: tuple[Assumption, ...], quantity:
 
 
 def _without(assumptions: tuple[Assumption, ...]) -> str:
-    """The theorems that would do without those that are broken."""
+    """The theorems that would not need the broken assumptions."""
     return joined(assumption.theorem for assumption in assumptions if assumption.broken)

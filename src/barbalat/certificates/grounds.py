@@ -1,6 +1,6 @@
-"""What a proof holds of a controller: the numbers that its guarantees follow from, as ``barbalat-check`` reads them.
+"""The numbers in a proof from which a controller's guarantees follow, as ``barbalat-check`` reads them.
 
-A scheme's file hands them out by a function ``grounds``; docs/proofs.md says what each stands for.
+A scheme's file provides them by a function ``grounds``; docs/proofs.md explains each of them.
 """
 
 from __future__ import annotations
@@ -27,9 +27,10 @@ def of_lyapunov_law(
     *,
     carries: bool = False,
 ) -> dict[str, Any]:
-    """Of a scheme with V = e'P e + theta_tilde'Gamma^-1 theta_tilde, P that of ``closed``, and its law's modifications.
+    """The numbers of a scheme with V = e'P e + theta_tilde'Gamma^-1 theta_tilde, with P of ``closed``, and its law's
+    modifications.
 
-    Where V ``carries`` bounded disturbances along, with the eigenvalues that this takes.
+    If V ``carries`` bounded disturbances, also the eigenvalues that this needs.
     """
 
     def name_of(part: Any) -> str | None:
@@ -48,10 +49,11 @@ def of_lyapunov_law(
         "leakage": pulls,
         "dead_zone": None if law is None else name_of(law.dead_zone),
         "learning": None if law is None else name_of(law.learning),
-    } | ({"carried": _carried(gamma, closed)} if carries else {})
+    } | ({"carried": carried(gamma, closed)} if carries else {})
 
 
-def _carried(gamma: float | Array, closed: Known) -> dict[str, float]:
+def carried(gamma: float | Array, closed: Known) -> dict[str, float]:
+    """The eigenvalues that a bound of V beside disturbances takes."""
     return {"decay": decay(closed), "largest": largest_eigenvalue(closed.P), "least_gain": least_gain(gamma)}
 
 

@@ -1,4 +1,4 @@
-"""The loops whose margins a certificate gives, and their picture."""
+"""The loops whose margins a certificate gives, and their plots."""
 
 from __future__ import annotations
 
@@ -13,19 +13,20 @@ from barbalat.linear.crossings import Crossings, frequency_grid
 from barbalat.linear.margins import Margins, margins
 from barbalat.linear.rotation import phase_crossings
 from barbalat.linear.systems import StateSpace
+from barbalat.pictures.palette import COLOURS
+from barbalat.pictures.response import Response
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from barbalat.certificates.certificate import Certificate
-    from barbalat.pictures.frequency import Response
 
 TITLE = "Loops broken at the plant's input"
 LONGEST_NAME = 60
 """Characters of a certificate's name in a caption."""
 POINTS = 1500
-"""Frequencies of a drawn response, evenly apart in logarithm; resonances and crossings are added."""
+"""Frequencies of a plotted response, logarithmically spaced; resonances and crossings are added."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +43,14 @@ class MarginLoop:
 
 
 def figure_of(loops: Sequence[MarginLoop], title: str, *, narrow: bool = False, shown: bool = True) -> Figure:
-    """Bode, Nyquist and sensitivity pictures of the loops; ``shown`` to a person at once, by pyplot where that is in use."""
+    """Bode, Nyquist and sensitivity plots of the loops; ``shown`` displays them at once if pyplot is in use."""
     from barbalat.pictures.frequency import draw
 
     return draw(responses_of(loops), title, narrow=narrow, shown=shown)
 
 
 def responses_of(loops: Sequence[MarginLoop]) -> list[Response]:
-    """What is drawn of loops, over the frequencies that show the margins of all."""
+    """The plotted responses of loops, over frequencies that show the margins of all."""
     found = [Marked.of(loop) for loop in loops]
     span = min(one.span[0] for one in found), max(one.span[1] for one in found)
     return [one.response(*span) for one in found]
@@ -69,15 +70,13 @@ def distinct(certificates: Mapping[str, Certificate]) -> list[MarginLoop]:
 
 
 def grouped(loops: Sequence[MarginLoop]) -> list[Sequence[MarginLoop]]:
-    """So many in a picture as there are colours."""
-    from barbalat.pictures.theme import COLOURS
-
+    """The loops in groups with as many as there are colours."""
     return [loops[i : i + len(COLOURS)] for i in range(0, len(loops), len(COLOURS))]
 
 
 @dataclass(frozen=True, eq=False)
 class Marked:
-    """A loop, its margins, and the frequencies [rad/s] at which the phase and the gain margin are; ``None`` where none is."""
+    """A loop, its margins, and the frequencies [rad/s] of the phase and the gain margin; ``None`` without one."""
 
     loop: MarginLoop
     margins: Margins
@@ -100,16 +99,14 @@ class Marked:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Some decades to either side of what is marked."""
+        """A range of some decades around the marked frequencies."""
         if self.marks:
             return min(self.marks) / 300, max(self.marks) * 100
         own = frequency_grid(self.loop.system)
         return float(own.min()), float(own.max())
 
     def response(self, low: float, high: float) -> Response:
-        """What is drawn of it from ``low`` to ``high`` [rad/s]."""
-        from barbalat.pictures.frequency import Response
-
+        """The plotted response from ``low`` to ``high`` [rad/s]."""
         own = frequency_grid(self.loop.system)
         within = own[(own > low) & (own < high)]
         w = np.unique(np.concatenate([np.geomspace(low, high, POINTS), within, self.marks]))

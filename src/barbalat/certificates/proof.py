@@ -1,7 +1,8 @@
-"""The proof of a case's guaranteed numbers: each with its witness, for ``barbalat-check``, which knows nothing of this package.
+"""The proof of a case's guaranteed numbers, each with its witness, for ``barbalat-check``, which shares no code with this
+package.
 
-A line is a number with what it takes to check it; lines come in the order in which they rest on each other. The file has the
-case's numbers, from which the checker derives everything else: docs/proofs.md has the theorems and the file's form.
+A line is a number with the data needed to check it; lines are in the order in which they depend on each other. The file contains
+the case's numbers, from which the checker derives everything else: docs/proofs.md has the theorems and the file's format.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from barbalat.certificates.bounds.laws import least_gain
 from barbalat.certificates.bounds.model import model_bounds, state_bounds
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import GUARANTEED, Entry
+from barbalat.certificates.linear_loops.sampled_response import grounds as sampled_grounds
+from barbalat.certificates.linear_loops.sampled_response import witness as sampled_witness
 from barbalat.certificates.schemes import ProvenFile, scheme_file
 from barbalat.controllers import Sampled
 from barbalat.linear.conditions import smallest_eigenvalue
@@ -33,10 +36,11 @@ from barbalat.signals import Constant, Sine, Sines, Square, Step, Steps
 from barbalat.signals.recorded import Recorded
 from barbalat.signals.smooth import Chirp
 from barbalat.solvers.simulation import Simulation
+from barbalat.validate import InputError
 
 FORMAT = "barbalat proof 1"
 EXACT_BITS = 1024
-"""At which products and sums of a few float64 numbers are exact."""
+"""The precision at which products and sums of a few float64 numbers are exact."""
 RESTS_ON: dict[str, tuple[str, ...]] = {
     "nu_0": ("lambda_min",),
     "nu_0_worst": ("lambda_min",),
@@ -50,24 +54,31 @@ RESTS_ON: dict[str, tuple[str, ...]] = {
     "nu_2": ("lyapunov", "lambda_min", "theta_max", "L1 norm of sW_b"),
     "reference_error_bound": ("lyapunov", "lambda_min", "theta_max", "L1 norm of C", "L1 norm of W_b(1-C)"),
 }
-"""By keys what their rules need to have been proven before, of every scheme."""
+"""By key, the lines that a rule needs, for every scheme."""
+OF_NUMBERS_ALONE = "nu_0", "nu_0_worst", "initial_parameter_error", "lambda_min", "theta_max"
+"""Keys whose rules need no assumption on the plant's surroundings."""
+OF_V = "error_bound", "error_bound_worst", "error_bound_command"
 BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = {
-    "mrac": {"error_bound": ("lyapunov", "lambda_min"), "error_bound_worst": ("lyapunov", "lambda_min")},
-    "mrac-direct": {"error_bound": ("lyapunov", "lambda_min"), "error_bound_worst": ("lyapunov", "lambda_min")},
-    "mrac-closed-loop": dict.fromkeys(("error_bound", "error_bound_worst"), ("lyapunov", "lambda_min", "L1 norm of 1-L")),
+    "mrac": dict.fromkeys(OF_V, ("lyapunov", "lambda_min")),
+    "mrac-direct": dict.fromkeys(OF_V, ("lyapunov", "lambda_min")),
+    "mrac-closed-loop": dict.fromkeys(OF_V, ("lyapunov", "lambda_min", "L1 norm of 1-L")),
     "robust-mrac": {},
     "network": {"W_hat_bound": (), "V_hat_bound": (), "control_bound": ()},
-    "output": dict.fromkeys(("output_bound", "error_bound", "sigma_needed"), ("L1 norm of loop",)),
+    "output": dict.fromkeys(("output_bound", "error_bound", "sigma_needed"), ("L1 norm of loop",))
+    | {"slope": (), "condition": ("L1 norm of H(1-C)",)},
     "l1": {
         "norms": ("L1 norm of W_b(1-C)", "L1 norm of sW_b"),
         "condition": ("theta_max", "L1 norm of W_b(1-C)"),
         "error_bound": ("lyapunov", "lambda_min", "theta_max", "bounds", "L1 norm of W_b(1-C)"),
     },
+    "sampled": dict.fromkeys(("error_bound_held", "state_bound", "control_bound"), ("sampled response",))
+    | {"sampled response": (), "error_bound": ("sampled response", "L1 norm of W_r", "L1 norm of sW_r")},
     "linear": dict.fromkeys(("norms", "condition"), ("L1 norm of W_b S",)) | {"error_bound": ("bounds", "L1 norm of W_b S")},
     "adrc": dict.fromkeys(("norms", "condition"), ("L1 norm of T",)) | {"error_bound": ("bounds", "L1 norm of T")},
 }
 NO_RULE = "no rule speaks of it"
-BESIDE_A_BASELINE = "barbalat-check has no rules for a plant around a baseline yet"
+ALONG_THE_COMMAND = "barbalat-check has no rule yet that follows a loop along its command"
+BESIDE_A_BASELINE = "barbalat-check has no rule yet for a plant with a baseline"
 NO_WITNESS = "no witness was found for the L1 norm of {}"
 
 
@@ -99,21 +110,22 @@ def _of_controller(
     inner = controller.controller if isinstance(controller, Sampled) else controller
     claimed = [one for one in certificate.entries if one.kind in GUARANTEED and one.value is not None]
     file = scheme_file(inner)
-    if problem.fixed is not None:
-        return {"facts": {}, "lines": [], "not in the proof": [f"{one.key}: {BESIDE_A_BASELINE}" for one in claimed]}
-    if not (claimed and isinstance(file, ProvenFile)):
+    if isinstance(problem, Problem) and any(one.key == "error_bound_held" for one in claimed):
+        facts = sampled_grounds(problem, controller, simulation.t_end)
+    elif claimed and isinstance(file, ProvenFile):
+        facts = file.grounds(problem, inner, simulation)
+        if isinstance(controller, Sampled):
+            facts["sample_time"] = controller.sample_time
+    else:
         return {"facts": {}, "lines": [], "not in the proof": [f"{one.key}: {NO_RULE}" for one in claimed]}
-    facts = file.grounds(problem, inner, simulation)
-    if isinstance(controller, Sampled):
-        facts["sample_time"] = controller.sample_time
-    lines = _Lines(problem, inner, facts, {one.key: one for one in claimed})
+    lines = _Lines(problem, controller if facts["scheme"] == "sampled" else inner, facts, {one.key: one for one in claimed})
     missing = [f"{key}: {why}" for key in lines.claimed if (why := lines.add(key))]
     return {"facts": facts, "lines": list(lines.found.values()), "not in the proof": missing}
 
 
 @dataclass
 class _Lines:
-    """The lines so far, by what they prove."""
+    """The lines so far, by the key that they prove."""
 
     problem: Any
     controller: Any
@@ -122,7 +134,7 @@ class _Lines:
     found: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def add(self, key: str) -> str:
-        """Add a line with all that it rests on; why there is none, or nothing."""
+        """Add a line and all lines that it depends on; returns the reason if there is none."""
         if key in self.found:
             return ""
         if key == "norms" and self.facts["scheme"] == "output":
@@ -130,22 +142,29 @@ class _Lines:
         if key.startswith("L1 norm of "):
             return self._add_norm(key)
         rests_on = (RESTS_ON | {"lyapunov": ()} | BY_SCHEME.get(self.facts["scheme"], {})).get(key)
+        if self.problem.fixed is not None and key not in OF_NUMBERS_ALONE:
+            return BESIDE_A_BASELINE
         entry = self.claimed.get(key)
         of_samples = "sample_time" in self.facts and entry is not None and not entry.quantity.timeless
         if rests_on is None or of_samples:
-            return NO_RULE
+            return ALONG_THE_COMMAND if key == "error_bound_command" and not of_samples else NO_RULE
         for one in rests_on:
             if why := self.add(one):
                 return why
         value = self._beside(key) if entry is None else entry.value
         line = {"key": key, "value": value, "claimed": entry is not None}
-        if key == "error_bound_worst" and np.ndim(self.facts["gamma"]) == 2:
+        if key == "sampled response":
+            try:
+                line["witness"] = sampled_witness(self.problem, self.controller)
+            except InputError as error:
+                return str(error)
+        if key in ("error_bound_worst", "error_bound_command") and np.ndim(self.facts["gamma"]) == 2:
             line["witness"] = {"least_gain": least_gain(np.array(self.facts["gamma"]))}
         self.found[key] = line
         return ""
 
     def _add_norms_of_output(self) -> str:
-        """Those of the loop around y, and of condition (20)."""
+        """Add the norms of the loop around y, and of condition (20)."""
         value = self.claimed["norms"].value
         if why := next((why for name in value if (why := self.add(f"L1 norm of {name}"))), ""):
             return why
@@ -153,9 +172,9 @@ class _Lines:
         return ""
 
     def _beside(self, key: str) -> Any:
-        """A value that is needed on the way and that the certificate does not claim."""
+        """A value that is needed in between and that the certificate does not claim."""
         known = self.problem.known
-        if key == "lyapunov":
+        if key in ("lyapunov", "sampled response"):
             return True
         if key == "lambda_min":
             return smallest_eigenvalue(np.array(self.facts["P"]))
@@ -197,13 +216,16 @@ def _output_system(name: str, facts: dict[str, Any]) -> tuple[arb_mat, ...]:
 
 
 def _system(name: str, problem: Problem, facts: dict[str, Any], kappa: float | None) -> tuple[arb_mat, ...]:
-    """The system of a name in balls, from float64 numbers without a rounding that counts."""
+    """The system of a name in balls, computed from float64 numbers with negligible rounding."""
     known, n = problem.known, problem.known.n
     A_m, b, identity, nothing = _balls(known.A_m), _balls(known.b.reshape(n, -1)), _balls(np.eye(n)), _zeros(n, known.inputs)
     if name == "W_b":
         return A_m, b, identity, nothing
     if name == "sW_b":
         return A_m, b, A_m, b
+    if name in ("W_r", "sW_r"):
+        b_r = _balls(facts["sampled"]["b_r"])
+        return (A_m, b_r, identity, _zeros(n, b_r.ncols())) if name == "W_r" else (A_m, b_r, A_m, b_r)
     if name == "1-L":
         return A_m, -_balls(facts["L"]), identity, identity
     if name.startswith("W_b(1-C)"):
@@ -221,7 +243,7 @@ def _system(name: str, problem: Problem, facts: dict[str, Any], kappa: float | N
 
 
 def _disturbed(A_m: arb_mat, b: arb_mat, facts: dict[str, Any]) -> tuple[arb_mat, ...]:
-    """From a matched disturbance to x, in the loop with theta_0."""
+    """The system from a matched disturbance to x, in the loop with theta_0."""
     n, theta_0 = A_m.nrows(), _balls([facts["theta_0"]])
     if facts["scheme"] == "linear":
         A, B, C, D = _state_space(facts["K"])
@@ -279,12 +301,14 @@ def plant_facts(problem: Problem) -> dict[str, Any]:
         "unmatched": [{"direction": one.direction.tolist(), "signal": _command(one.signal)} for one in problem.unmatched],
         "unmatched_ranges": unmatched,
         "sensor": None if quiet else type(sensor).__name__,
+        "noise": None if problem.noise is None else type(problem.noise).__name__,
+        "baseline": None if plant.baseline is None else type(plant.baseline).__name__,
         "reference": [_command(one) for one in problem.commands],
     }
 
 
 def _output_facts(problem: OutputProblem) -> dict[str, Any]:
-    """What acts on a plant whose output is fed back."""
+    """What acts on a plant with output feedback."""
     acting = {"disturbance": problem.disturbance, "output_disturbance": problem.output_disturbance}
     noise = problem.noise
     return {
@@ -314,12 +338,13 @@ def _path(path: PlantInput) -> dict[str, Any]:
     def given(part: Any) -> Any:
         return part if part is None or isinstance(part, float) else str(part)
 
-    names = ("quantization", "saturation", "rate_limit", "actuator", "multiplicative")
-    return {"delay": path.delay} | {name: given(getattr(path, name)) for name in names}
+    names = ("quantization", "rate_limit", "actuator", "multiplicative")
+    limits = None if path.saturation is None else np.asarray(path.saturation, dtype=float).tolist()
+    return {"delay": path.delay, "saturation": limits} | {name: given(getattr(path, name)) for name in names}
 
 
 def _command(signal: Signal) -> dict[str, Any]:
-    """The numbers that its bound follows from; of a class from outside the bound that it states."""
+    """The numbers from which a command's bound follows; for a class from outside, the bound that it states."""
     if isinstance(signal, Constant):
         return {"kind": "constant", "amplitudes": [signal.amplitude]}
     if isinstance(signal, (Sine, Square, Chirp)):

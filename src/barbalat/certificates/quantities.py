@@ -1,7 +1,7 @@
-"""What a certificate's values mean, and their units: the keys that several schemes have.
+"""The meanings and units of a certificate's values, for keys that several schemes have.
 
-A key that is one scheme's alone stands in that scheme's file, which hands it to its ``Draft``. The command line prints these
-words.
+A key of one scheme alone is explained in that scheme's file, which passes it to its ``Draft``. The command line prints these
+texts.
 """
 
 from __future__ import annotations
@@ -11,24 +11,24 @@ from typing import NamedTuple
 
 
 class Form(Enum):
-    """What a value consists of, and so how it is shown."""
+    """The structure of a value, which decides how it is shown."""
 
     PLAIN = "a number, a list of numbers or words"
     MATRIX = "rows of numbers"
     NAMES = "a list of names"
     NORMS = "by a system's name, lower and upper"
     BOUNDS = "by a signal's name, a bound"
-    CONDITION = "value_upper, limit, holds, and what the norm is of"
+    CONDITION = "value_upper, limit, holds, and the system of the norm"
     OVER_THE_SET = "for each linear loop its least margins over the known set"
     TRANSFER_FUNCTIONS = "by a name, num and den"
-    PER_UNIT = "by a signal's name, what a unit of it leaves"
+    PER_UNIT = "by a signal's name, the error per unit of it"
 
 
 class Quantity(NamedTuple):
-    """What a key stands for.
+    """The meaning of a key.
 
-    below     marks a guarantee that holds for everything below the value instead of above it
-    timeless  of the problem, of a filter or of t = 0: a controller that acts at samples changes nothing of it
+    below     marks a guarantee that holds for everything below the value and not above it
+    timeless  whether it belongs to the problem, to a filter or to t = 0, so that sampling does not change it
     """
 
     meaning: str
@@ -45,15 +45,18 @@ QUANTITIES = {
     "P": Quantity("P A_m + A_m'P = -I, row by row", form=Form.MATRIX),
     "lambda_min": Quantity("of P, from below", below=True, timeless=True),
     "theta_max": Quantity("largest |theta|_1 of the known set", timeless=True),
-    "bounds": Quantity("of |r| and of every component of x_m, at all times", form=Form.BOUNDS, timeless=True),
+    "bounds": Quantity("bounds of |r| and of every component of x_m, at all times", form=Form.BOUNDS, timeless=True),
     "norms": Quantity("L1 norms, enclosed", form=Form.NORMS, timeless=True),
-    "condition": Quantity("a norm times a size, below 1 where the condition holds", form=Form.CONDITION, timeless=True),
-    "error_bound": Quantity("of every component of e, at all times"),
+    "condition": Quantity("a norm times a size; the condition holds if it is below 1", form=Form.CONDITION, timeless=True),
+    "error_bound": Quantity("bound of every component of e, at all times"),
     "error_bound_worst": Quantity("the same for the worst theta of the known set"),
-    "adaptation_frequency": Quantity("of the frozen oscillator of adaptation", "rad/s"),
-    "gamma_max": Quantity("gain that the solver, or a law that takes Euler steps, bears at its step at least: |x| at its bound"),
-    "step_max": Quantity("step that the gain bears at least: |x| at its bound", "s"),
-    "gamma_float32": Quantity("gain from which on a compiled export in 32 bits, in the loop, is no longer the simulation"),
+    "error_bound_command": Quantity(
+        "bound of every component of e under the case's command up to t_end, for any theta of the known set"
+    ),
+    "adaptation_frequency": Quantity("frequency of the frozen oscillator of adaptation", "rad/s"),
+    "gamma_max": Quantity("gain that the solver, or a law with Euler steps, tolerates at least with its step: |x| at its bound"),
+    "step_max": Quantity("step that is tolerated at least with this gain: |x| at its bound", "s"),
+    "gamma_float32": Quantity("gain above which a compiled export in 32 bits, in the loop, deviates from the simulation"),
     "gamma_max_at_model": Quantity(
         "the same with |x| as large as the command makes |x_m|: near it, in runs from 0.6 times it, oscillations start"
     ),
@@ -66,14 +69,16 @@ QUANTITIES = {
     "gain_reduction_margin": Quantity("largest destabilising factor below 1, down to 1e-6: linear, without limits"),
     "sensitivity_peak": Quantity("max |S|"),
     "complementary_sensitivity_peak": Quantity("max |T|"),
-    "margins_of": Quantity("the margins above are of"),
-    "unlimited": Quantity("the margins that no size exhausts; no factor up to 1e6", form=Form.NAMES),
-    "margins_over_known_set": Quantity("the least margins found over the known set, and where", form=Form.OVER_THE_SET),
-    "delay_margin_adapting": Quantity("linearised at the largest constant command, its law included: without limits", "s"),
-    "delay_margin_measured": Quantity("measured on the case with its limits: largest delay before it is lost or cycles", "s"),
-    "gain_margin_measured": Quantity("measured on the case with its limits: its input's gain times and over this factor"),
+    "margins_of": Quantity("the linear loop of the margins above"),
+    "unlimited": Quantity("the margins without a limit; for gains, no factor up to 1e6", form=Form.NAMES),
+    "margins_over_known_set": Quantity("the least margins found over the known set, and their theta", form=Form.OVER_THE_SET),
+    "delay_margin_adapting": Quantity(
+        "delay margin linearised at the largest constant command, including the law; without limits", "s"
+    ),
+    "delay_margin_measured": Quantity("measured on the case with its limits: largest delay before loss or a limit cycle", "s"),
+    "gain_margin_measured": Quantity("measured on the case with its limits: tolerated factor and divisor of the input's gain"),
     "delay_onset_simulated": Quantity("the same as delay_margin_measured", "s"),
-    "delay_margin_simulated": Quantity("measured: largest delay before its motion is lost, see below", "s"),
+    "delay_margin_simulated": Quantity("measured: largest delay before loss of the motion, see below", "s"),
     "mu_parameters": Quantity("mu against the known set"),
     "parameter_scale": Quantity("factor by which the known set may grow"),
     "theta_destabilising": Quantity("parameters that destabilise"),
@@ -85,14 +90,18 @@ QUANTITIES = {
 EACH_INPUT = {
     key: f"{key}_each" for key in ("delay_margin", "phase_margin", "gain_margin", "gain_reduction_margin", "sensitivity_peak")
 }
-"""Of a plant with several inputs, by the keys of one."""
+"""Keys for a plant with several inputs, by the keys for one input."""
 QUANTITIES |= {
-    of_each: Quantity(f"by input, each alone: {QUANTITIES[key].meaning}", QUANTITIES[key].unit)
+    of_each: Quantity(f"by input, each separately: {QUANTITIES[key].meaning}", QUANTITIES[key].unit)
     for key, of_each in EACH_INPUT.items()
 }
 
 ON_DAMPING = {
-    "gamma_max": Quantity("gain to about which the frozen law's own damping outweighs what the step amplifies: |x| at its bound"),
-    "step_max": Quantity("step to about which the frozen law's own damping outweighs what it amplifies: |x| at its bound", "s"),
+    "gamma_max": Quantity(
+        "approximate gain up to which the frozen law's damping exceeds the amplification by the step: |x| at its bound"
+    ),
+    "step_max": Quantity(
+        "approximate step up to which the frozen law's damping exceeds its amplification: |x| at its bound", "s"
+    ),
 }
-"""The limits for a method that amplifies every undamped oscillation: they are no "at least", see ``cells.on_damping``."""
+"""The limits for a method that amplifies every undamped oscillation; they are no lower bounds, see ``cells.on_damping``."""

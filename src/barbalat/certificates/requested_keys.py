@@ -1,7 +1,7 @@
-"""Which of a certificate's keys are needed: a part that costs much, and on which no other rests, is left out where it is not.
+"""The keys of a certificate that are needed: an expensive part on which no other depends is left out if it is not requested.
 
-A search certifies hundreds of tunings for one or two values of each. What is needed is no setting of a scheme and changes no
-value, so it reaches those few parts past the schemes' files, which know nothing of it.
+A search certifies hundreds of tunings for one or two values each. The request is no setting of a scheme and changes no value, so
+it is passed to those few parts without involving the schemes' files.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ _LEFT_OUT: ContextVar[frozenset[str]] = ContextVar("left_out", default=frozenset
 
 @contextmanager
 def needing(keys: Collection[str] | None) -> Iterator[None]:
-    """Inside, certificates may lack what costs much and is not among these keys; with None they lack nothing."""
+    """In this block, certificates may lack expensive values that are not among these keys; with None they are complete."""
     token = _NEEDED.set(None if keys is None else frozenset(keys))
     try:
         yield
@@ -26,7 +26,7 @@ def needing(keys: Collection[str] | None) -> Iterator[None]:
 
 @contextmanager
 def leaving_out(*keys: str) -> Iterator[None]:
-    """Inside, certificates lack these keys: what takes their place is computed elsewhere."""
+    """In this block, certificates lack these keys, because something else is computed in their place."""
     token = _LEFT_OUT.set(_LEFT_OUT.get() | frozenset(keys))
     try:
         yield
@@ -35,7 +35,7 @@ def leaving_out(*keys: str) -> Iterator[None]:
 
 
 def is_needed(*keys: str) -> bool:
-    """Whether one of these keys is."""
+    """Whether one of these keys is needed."""
     needed, wanted = _NEEDED.get(), frozenset(keys) - _LEFT_OUT.get()
     return bool(wanted) if needed is None else not needed.isdisjoint(wanted)
 

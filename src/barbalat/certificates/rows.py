@@ -1,4 +1,4 @@
-"""Certificates as rows of text, for the terminal and for pages: what each value means, and whether it is guaranteed."""
+"""Certificates as rows of text, for the terminal and for pages, with each value's meaning and whether it is guaranteed."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from barbalat.pictures.symbols import number_text
 
 
 def up(value: float, digits: int = 4) -> str:
-    """The smallest decimal of so many significant digits that is not below the value."""
+    """The smallest decimal with this number of significant digits that is not below the value."""
     return _rounded(value, digits, ROUND_CEILING)
 
 
 def down(value: float, digits: int = 4) -> str:
-    """The largest decimal of so many significant digits that is not above the value."""
+    """The largest decimal with this number of significant digits that is not above the value."""
     return _rounded(value, digits, ROUND_FLOOR)
 
 
 def _rounded(value: float, digits: int, rounding: str) -> str:
-    exact = Decimal(value)  # a float is a decimal
+    exact = Decimal(value)  # every float is exactly a decimal
     kept = Context(prec=digits, rounding=rounding).create_decimal(exact)
-    return f"{kept:.{digits}g}"  # nothing left to round
+    return f"{kept:.{digits}g}"  # no digits left to round
 
 
 KINDS = {"exact": "linear loop", "advice": "", "does not apply": "does not apply"}
-"""How a kind is printed, where not by its own name."""
+"""The printed forms of kinds that are not printed by their names."""
 NAMES_OF_BOUNDS = {"r": "of |r|, at all times", "x_m": "of every component of x_m, at all times"}
 SMALLEST_SHOWN = 1e-12
-"""A value per unit below this is printed as zero: it is rounding."""
+"""A value per unit below this is rounding and is printed as zero."""
 
 
 class CertificateRow(NamedTuple):
-    """``kind`` is an entry's, but "linear loop" for what is exact of one, and empty for advice."""
+    """``kind`` is an entry's kind, but "linear loop" for values that are exact for one, and empty for advice."""
 
     quantity: str
     value: str
@@ -44,7 +44,7 @@ class CertificateRow(NamedTuple):
 
 
 def rows_of(entry: Entry) -> list[CertificateRow]:
-    """Return the rows of one entry; a guaranteed value is rounded so that what is printed is a bound too."""
+    """Return the rows of one entry; a guaranteed value is rounded so that the printed value is a bound too."""
     kind = KINDS.get(entry.kind, entry.kind)
     if not entry.applies:
         theorem = f". What is missing: {entry.theorem}" if entry.theorem else ""
@@ -64,7 +64,7 @@ def _text(entry: Entry, value: Any) -> str:
 
 def _plain(entry: Entry, kind: str) -> list[CertificateRow]:
     unit, value = f" [{entry.unit}]" if entry.unit else "", entry.value
-    rest = "" if entry.rest is None else f", at rest under {entry.rest.text}"
+    rest = "" if entry.rest is None else f", at the equilibrium under {entry.rest.text}"
     meaning = f"{entry.meaning}{unit}{rest}"
     return [CertificateRow(entry.key, value if isinstance(value, str) else _text(entry, value), meaning, kind)]
 
@@ -108,12 +108,16 @@ def _worst_case(loop: dict[str, Any]) -> list[CertificateRow]:
     found = [CertificateRow("over the known set", f"the linear loop {loop['loop']}", f"searched: {loop['searched']}", "")]
     for key, value in loop.items():
         if isinstance(value, dict):
-            text = f"{value['value']:.6g} at theta = [{number_text(value['theta'])}]"
+            gain = f", omega = {number_text(value['input_gain'])}" if "input_gain" in value else ""
+            text = f"{value['value']:.6g} at theta = [{number_text(value['theta'])}]{gain}"
             found.append(CertificateRow(f"- {key}", text, QUANTITIES[key].meaning, "estimate"))
     if loop["unlimited"]:
-        found.append(CertificateRow("- unlimited", ", ".join(loop["unlimited"]), "at every theta looked at", ""))
+        found.append(CertificateRow("- unlimited", ", ".join(loop["unlimited"]), "at every theta checked", ""))
     if "unstable_at" in loop:
-        found.append(CertificateRow("- unstable at", f"theta = [{number_text(loop['unstable_at'])}]", "", ""))
+        gain = f", omega = {number_text(loop['unstable_at_gain'])}" if "unstable_at_gain" in loop else ""
+        found.append(CertificateRow("- unstable at", f"theta = [{number_text(loop['unstable_at'])}]{gain}", "", ""))
+    if "left_out" in loop:
+        found.append(CertificateRow("- left out", loop["left_out"], "", ""))
     return found
 
 
@@ -128,4 +132,4 @@ ROWS_BY_FORM: dict[Form, Callable[[Entry, str], list[CertificateRow]]] = {
     Form.TRANSFER_FUNCTIONS: _transfer_functions,
     Form.PER_UNIT: _per_unit,
 }
-"""How a value is shown, by what it consists of."""
+"""The display of a value, by its form."""

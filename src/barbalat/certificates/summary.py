@@ -1,4 +1,4 @@
-"""A certificate in five lines: the condition, the bound, the margin, the largest gain and step, what is assumed and fails."""
+"""A certificate in five lines: the condition, the bound, the margin, the largest gain and step, the assumptions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from barbalat.pictures.symbols import held
 
 
 class Line(NamedTuple):
-    """One of a certificate's five lines: what it is about, what is said, and how sure that is."""
+    """One of a certificate's five lines: its subject, its text, and its kind."""
 
     label: str
     text: str
@@ -20,7 +20,7 @@ class Line(NamedTuple):
 
 
 def lines(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
-    """The five lines, below what was simulated on request: the margins that were measured, and on which run."""
+    """The five lines, after the lines on what was simulated on request: the measured margins and the run."""
     gain, simulated = certificate.values.get("gamma_float32"), certificate.simulated
     leading = [] if simulated is None else [
         Line("measured", simulated.margins, "estimate"), Line("simulated", simulated.run, "estimate")
@@ -30,7 +30,7 @@ def lines(column: Column, certificate: Certificate, dt: float | None) -> tuple[L
 
 
 def five(column: Column, certificate: Certificate, dt: float | None) -> tuple[Line, ...]:
-    """The five lines: condition, bound, margin, the largest gain and step, and the assumptions with what of them fails."""
+    """The five lines: condition, bound, margin, the largest gain and step, and the assumptions with those that fail."""
     if certificate.failure:
         why = f"not known: {certificate.failure}"
         rest = [Line(label, "not known", "does not apply") for label in ("bound of e", "margin", "gain, step", "assumed")]
@@ -53,9 +53,9 @@ def _condition(stability: Entry | None, condition: Entry | None) -> Line:
             return Line("condition", f"{of} {size}; not enough: {stability.why}", "does not apply")
         if value["holds"]:
             apart = stability is not None and stability.kind == OF_THE_DESIGN
-            said = f"; what follows is {OF_THE_DESIGN}" if apart else ""
+            said = f"; the following is {OF_THE_DESIGN}" if apart else ""
             return Line("condition", f"holds: {of} {size} < 1{said}", OF_THE_DESIGN if apart else condition.kind)
-        return Line("condition", f"not shown: {of} {size}, less than 1 needed", "does not apply")
+        return Line("condition", f"not shown: {of} {size}, but less than 1 is required", "does not apply")
     if stability is None or not stability.applies:
         return Line("condition", f"not shown: {'' if stability is None else stability.why}", "does not apply")
     bounded = f"bounded, {OF_THE_DESIGN}" if stability.kind == OF_THE_DESIGN else "bounded"
@@ -72,11 +72,15 @@ def _bound(certificate: Certificate) -> Line:
     if worst is not None and worst.applies and worst.value is not None:
         kind = "" if worst.kind == bound.kind else f"{held(worst.kind)}: "
         text += f"; {kind}{up(worst.value)} for any theta of the known set"
+    command = certificate.entry("error_bound_command")
+    if command is not None and command.applies and command.value is not None:
+        kind = "" if command.kind == bound.kind else f"{held(command.kind)}: "
+        text += f"; {kind}{up(command.value)} under the case's command, for any theta of the known set"
     return Line("bound of e", text, bound.kind)
 
 
 LINEAR = "linear, without limits"
-"""What is said beside a margin of a linear loop."""
+"""The note on a margin of a linear loop."""
 
 
 def _margin(certificate: Certificate) -> Line:
@@ -85,23 +89,24 @@ def _margin(certificate: Certificate) -> Line:
     searched = certificate.entry("margins_over_known_set")
     loops = [] if searched is None or not searched.applies else searched.value
     least = [loop["delay_margin"]["value"] for loop in loops if "delay_margin" in loop]
+    matched = " (its matched part)" if any("left_out" in loop for loop in loops) else ""
     if any("unstable_at" in loop for loop in loops):
-        parts.append("unstable in the set")
+        parts.append(f"unstable in the set{matched}")
     elif least:
-        parts.append(f"{_delay(min(least))} in the set")
+        parts.append(f"{_delay(min(least))} in the set{matched}")
     if adapting is not None and adapting.applies:
         same = margin is not None and margin.applies and margin.rest == adapting.rest
         parts.append(f"{_delay(adapting.value)} adapting{'' if same else _at_rest(adapting)}")
     elif adapting is not None and margin is not None and margin.applies:
         parts.append("adapting: not known")
-    if margin is not None and margin.applies:  # alone it need not be told from others
+    if margin is not None and margin.applies:  # a single margin needs no distinction
         at_theta = " at theta" if parts and margin.rest is None else ""
         frozen = " with frozen estimates" if adapting is not None and margin.rest is not None else ""
         parts.insert(0, f"{_delay(margin.value)}{frozen}{at_theta}{_at_rest(margin)}")
     each = certificate.entry("delay_margin_each")
     if not parts and each is not None and each.applies:
         delays = ", ".join(_delay(value) for value in each.value)
-        said = f"{delays}: of each input, the others without delay{_at_rest(each)}"
+        said = f"{delays}: for each input, with no delay in the others{_at_rest(each)}"
         return Line("margin", f"{said}; {LINEAR}", each.kind)
     if not parts:
         why = margin.why if margin is not None and margin.why else "no stable linear loop describes it"
@@ -111,7 +116,7 @@ def _margin(certificate: Certificate) -> Line:
 
 
 def _at_rest(entry: Entry) -> str:
-    """The place of rest that a margin was taken at."""
+    """The equilibrium at which a margin was computed."""
     return "" if entry.rest is None else f" (at {entry.rest.text})"
 
 
@@ -133,22 +138,22 @@ def _limits(certificate: Certificate, dt: float | None) -> Line:
 
 
 def _span(certificate: Certificate, key: str) -> list[float]:
-    """What is borne at least, and from where oscillations are due; as much of it as is known."""
+    """The smallest tolerated value, and the value beyond which oscillations are expected, as far as they are known."""
     values = (certificate.values.get(name) for name in (key, f"{key}_at_model"))
     return [value for value in values if value is not None]
 
 
 def _text_of(span: list[float]) -> str:
-    """The second, from where oscillations are due, is a rougher number."""
+    """The second number, beyond which oscillations are expected, is less accurate."""
     return " to ".join(f"{value:.{digits}g}" for value, digits in zip(span, (3, 2), strict=False))
 
 
 NOT_THE_PLANT = "the truth is not the plant, see the notes"
-"""What is said where a guarantee is of the design alone."""
+"""The note on a guarantee that holds only for the design."""
 
 
 def _assumed(column: Column, certificate: Certificate) -> Line:
-    """Return the line on assumptions, of the values and of Table 1's cells: a scheme without a bound has its assumptions
+    """Return the line on the assumptions of the values and of Table 1's cells: a scheme without a bound has its assumptions
     there."""
     stated = [*certificate.entries, *column.cells.values()]
     claimed = {sentence for entry in stated if entry.kind == "guaranteed" for sentence in entry.assumptions}

@@ -1,4 +1,4 @@
-"""One file for each command: its options, and what it does. Heavy imports wait until it runs."""
+"""One file for each command: its options and its work. Heavy packages are imported only when it runs."""
 
 from typing import TYPE_CHECKING
 

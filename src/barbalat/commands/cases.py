@@ -36,7 +36,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 class Row(NamedTuple):
-    """A bundled case: what it is about, the order of the state, the controllers' names."""
+    """A bundled case: its subject, the order of the state, the controllers' names."""
 
     name: str
     about: str
@@ -60,7 +60,7 @@ def _show(rows: Sequence[Row]) -> None:
         screen.line(row.name, "bold")
         for text in (row.about, f"State of order {row.order}. Controllers: {'; '.join(map(held, row.controllers))}."):
             screen.line(text, indent="  ", start="  ")
-    screen.title("barbalat run NAME simulates one; barbalat new FILE --from NAME copies it to start from.", "")
+    screen.title("barbalat run NAME simulates one; barbalat new FILE --from NAME copies it as a starting point.", "")
 
 
 def _first_sentence(path: Path) -> str:

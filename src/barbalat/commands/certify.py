@@ -1,4 +1,4 @@
-"""``barbalat certify``: conditions, bounds, norms, gain limits, margins; nothing is simulated unless asked."""
+"""``barbalat certify``: conditions, bounds, norms, gain limits, margins; simulations only on request."""
 
 from __future__ import annotations
 
@@ -28,14 +28,18 @@ def add(commands: Commands) -> None:
     add_controllers(parser)
     parser.add_argument("--simulate", action="store_true", help="also measure each loop's delay margin by simulation")
     parser.add_argument(
-        "--share", type=float, metavar="S", help="with --simulate: added error, in motions, that is lost; default 1"
+        "--share",
+        type=float,
+        metavar="S",
+        help="with --simulate: added error, relative to the model's motion, that counts as a loss; default 1",
     )
     parser.add_argument(
         "--float32",
         action="store_true",
-        help="with --simulate: the gain at which a compiled export in 32 bits parts from the run",
+        help="with --simulate: find the gain at which a compiled export in 32 bits deviates from the run",
     )
-    parser.add_argument("--out", metavar="DIR", help="Bode, Nyquist and sensitivity pictures of the loops, page and JSON")
+    parser.add_argument("--out", metavar="DIR", help="folder of the page and JSON")
+    parser.add_argument("--pictures", action="store_true", help="with --out: also write the loops' charts as PNG and SVG")
     parser.add_argument("--proof", metavar="FILE", help="write each guaranteed number with its witness, for barbalat-check FILE")
     parser.add_argument("--full", action="store_true", help="every value with its kind, all assumptions, and Table 1")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
@@ -51,9 +55,9 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.validate import InputError
 
     if options.share is not None and not options.simulate:
-        raise InputError("--share needs --simulate: without it no loop is simulated")
+        raise InputError("--share needs --simulate, which simulates the loops")
     if options.float32 and not options.simulate:
-        raise InputError("--float32 needs --simulate: without it no loop is simulated")
+        raise InputError("--float32 needs --simulate, which simulates the loops")
     proof = _proof_file(options)
     case = load_case(options.case, options.controllers)
     with (
@@ -66,9 +70,9 @@ def execute(options: argparse.Namespace) -> int:
         document = as_json(found.as_document(case.name))
         if folder is not None:
             with running.part("drawing"):
-                from barbalat.report.write import write_certificates
+                from barbalat.report.run_pages import write_certificates
 
-                write_certificates(folder, case.name, found, document)
+                write_certificates(folder, case.name, found, document, pictures=options.pictures)
         if proof is not None and beside is not None:
             with running.part("proving"):
                 beside.write(proof.name, _proof_of(case, certificates))
@@ -112,7 +116,7 @@ def _proof_file(options: argparse.Namespace) -> Path | None:
 
 
 def _folder_of_proof(file: Path | None, out: Folder | None) -> AbstractContextManager[Folder | None]:
-    """The folder that the proof is written in: that of ``--out`` where it is the same one."""
+    """The folder for the proof: that of ``--out`` if it is the same."""
     from barbalat.folders import output_folder
 
     if file is None or (out is not None and out.path.resolve() == file.parent.resolve()):
@@ -129,11 +133,11 @@ def _proof_of(case: Case, certificates: Certificates) -> str:
 
 
 CERTIFYING_SECONDS, SIMULATING_SECONDS = 0.5, 20.0
-"""For each controller, about, until its own pace is known."""
+"""Estimate for each controller until its own pace is known."""
 DRAWING_SECONDS = 2.0
-"""For the loops of all."""
+"""Estimate for the loops of all controllers."""
 PROVING_SECONDS = 0.3
-"""For each controller: the witnesses of its L1 norms."""
+"""Estimate for each controller: the witnesses of its L1 norms."""
 
 
 def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:
@@ -147,7 +151,7 @@ def _expected(case: Case, options: argparse.Namespace) -> dict[str, float]:
 
 
 def _certified(case: Case, options: argparse.Namespace, running: Work) -> Certificates:
-    """All controllers' certificates, with simulated margins where those are asked for."""
+    """All controllers' certificates, with simulated margins if requested."""
     from barbalat.certificates.certify import certify
 
     with running.part("certifying") as progress:

@@ -1,4 +1,4 @@
-"""``barbalat claims``: the rows of the ledger, or all of one of them, measured."""
+"""``barbalat claims``: the rows of the ledger, or the full measurement of one row."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ if TYPE_CHECKING:
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser(
-        "claims", help="the ledger's claims, the paper's and others: their names, or all that is measured of one"
+        "claims", help="the ledger's claims, from the paper and others: their names, or the full measurement of one"
     )
-    parser.add_argument("name", nargs="?", metavar="NAME", help="measure this row and show all of it; without: the list")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="measure this row and show all of it; default: list the rows")
+    parser.add_argument("--list", action="store_true", help="list the rows, as without NAME")
     parser.add_argument(
-        "--notebook", metavar="FILE", help="instead of measuring: an .ipynb with the row's code, to change numbers in"
+        "--notebook", metavar="FILE", help="write an .ipynb with the row's code, for experiments, instead of measuring"
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     parser.set_defaults(execute=execute)
@@ -32,7 +33,10 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.report.documents import as_json
     from barbalat.report.terminal import ledger as terminal
     from barbalat.report.terminal.layout import Screen
+    from barbalat.validate import InputError
 
+    if options.list and (options.name is not None or options.notebook is not None):
+        raise InputError("--list takes neither a NAME nor --notebook: it lists all rows (barbalat claims NAME measures one)")
     if options.notebook is not None:
         return _write_notebook(options)
     if options.name is None:
@@ -61,7 +65,7 @@ def _write_notebook(options: argparse.Namespace) -> int:
     from barbalat.validate import InputError, local_path
 
     if options.name is None:
-        raise InputError("--notebook needs the NAME of a row (barbalat claims lists them)")
+        raise InputError("--notebook needs the NAME of a row (barbalat claims lists the rows)")
     file = local_path("--notebook", options.notebook)
     if file.suffix != ".ipynb":
         raise InputError(f"--notebook must name a file that ends in .ipynb, got {str(file)!r}")

@@ -1,4 +1,4 @@
-"""``barbalat completion``: what makes a shell complete commands, options and bundled cases."""
+"""``barbalat completion``: shell completion of commands, options and bundled cases."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ if TYPE_CHECKING:
 
 SHELLS = ("bash", "zsh", "fish", "tcsh", "powershell")
 COMPLETION_VARIABLE = "_ARGCOMPLETE"
-"""The environment variable by which a shell says that it wants completions."""
+"""The environment variable with which a shell requests completions."""
 
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser(
-        "completion", help='print what makes a shell complete, to be used as: eval "$(barbalat completion bash)"'
+        "completion", help='print the shell\'s completion script; use it as: eval "$(barbalat completion bash)"'
     )
     parser.add_argument("shell", metavar="SHELL", choices=SHELLS, help=f"one of {', '.join(SHELLS)}")
     parser.set_defaults(execute=execute)
@@ -32,12 +32,12 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def answer(parser: argparse.ArgumentParser) -> None:
-    """Tell the shell that asked what may come next, and end the program."""
+    """Print the possible completions for the shell, and end the program."""
     import argcomplete
     from argcomplete.completers import BaseCompleter, FilesCompleter
 
     class NamesAndFiles(BaseCompleter):
-        """The names that are meant, and files but where a name alone is."""
+        """The matching names, and files unless only names are possible."""
 
         def __call__(
             self, *, prefix: str, action: argparse.Action, parser: argparse.ArgumentParser, parsed_args: argparse.Namespace
@@ -50,7 +50,7 @@ def answer(parser: argparse.ArgumentParser) -> None:
 
 
 def _names(command: str, action: argparse.Action, options: argparse.Namespace) -> list[str] | None:
-    """What may stand there: bundled cases, rows of the ledger, flights, controllers of the case named; None: no names."""
+    """The possible names: bundled cases, rows of the ledger, flights, controllers of the named case; None if there are none."""
     match command, action.metavar, action.dest:
         case _, "CASE", _:
             from barbalat.cases.bundled import bundled

@@ -1,13 +1,14 @@
-"""``barbalat contest``: every scheme tuned under one rule, then measured on what no tuning saw."""
+"""``barbalat contest``: every scheme tuned by one rule, then measured on validation plants."""
 
 from __future__ import annotations
 
 import argparse
+import os
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_controllers, add_list, whole
+from barbalat.commands.options import add_budget, add_controllers, add_list, add_schemes, trial_seconds, whole
 from barbalat.commands.output import folder_of, tell, write_drawn
-from barbalat.commands.progress import SECONDS_EACH_STEP, work
+from barbalat.commands.progress import work
 
 if TYPE_CHECKING:
     from barbalat.commands import Commands
@@ -15,61 +16,69 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("contest", help="all schemes tuned under one rule, then measured on what no tuning saw")
+    parser = commands.add_parser(
+        "contest", help="all schemes tuned by one rule, then measured on validation plants, commands and noise"
+    )
     parser.add_argument(
         "case", nargs="?", metavar="CASE", help="a case file, or a bundled case's name; its plant must have a known set"
     )
     parser.add_argument(
         "--suite", nargs="?", const="", metavar="FILE",
-        help="instead of a case the frozen public suite, or another one: its file has cases, rule and seeds",
+        help="use the frozen public suite, or another suite file with cases, rule and seeds, instead of a case",
     )  # fmt: skip
     add_list(
         parser, "--submission", metavar="WHAT",
-        help="to the suite: a case file (.toml) with controllers as set, laws with knobs (.py), or an installed package's scheme",
+        help="entry for the suite: a case file (.toml) with set controllers, laws with knobs (.py), or an installed scheme",
     )  # fmt: skip
     add_controllers(parser)
     parser.add_argument(
         "--delay-margin", type=float, metavar="S",
-        help="added delay that every tuning bears [s]; default: a tenth of the known set's fastest time constant",
+        help="added delay that every tuning must tolerate [s]; default: a tenth of the known set's fastest time constant",
     )  # fmt: skip
     parser.add_argument(
         "--gain-margin", type=float, metavar="K",
-        help="the input's gain times K and over K, which every tuning bears; default 1.5",
+        help="factor K: every tuning must tolerate the input's gain multiplied and divided by K; default 1.5",
     )  # fmt: skip
     parser.add_argument(
         "--until", choices=("onset", "loss"),
-        help="a margin ends where a loop begins to oscillate (default), or where it loses its motion",
+        help="a margin ends when the loop begins to oscillate (onset, default) or when its motion is lost (loss)",
     )  # fmt: skip
-    add_list(
-        parser, "--schemes", metavar="NAME", commas=True, help="by their names in case files; default: all that can be tuned"
+    add_schemes(parser)
+    parser.add_argument(
+        "--sample-time",
+        type=float,
+        metavar="S",
+        help="run all controllers sampled [s]; default: only those that are sampled by definition",
     )
-    parser.add_argument("--sample-time", type=float, metavar="S", help="all run sampled [s]; default: only what is by nature")
     parser.add_argument(
         "--noise", type=float, metavar="SHARE",
-        help="of the model's motion, where the case has no noise; default 0.001, 0 for none",
+        help="measurement noise as a share of the model's motion, if the case has none; default 0.001, 0 for none",
     )  # fmt: skip
     parser.add_argument(
-        "--plants", type=whole, metavar="N", help="of the tuning: the case's and N - 1 of its known set; default 4, --quick 2"
+        "--plants",
+        type=whole,
+        metavar="N",
+        help="plants of the tuning: the case's and N - 1 of its known set; default 4, --quick 2",
     )
-    parser.add_argument("--trials", type=whole, metavar="N", help="tunings of each scheme at most; default 384, --quick 288")
-    parser.add_argument("--members", type=whole, metavar="N", help="held-out runs of each scheme; default 200, --quick 64")
+    parser.add_argument(
+        "--trials", type=whole, metavar="N", help="largest number of tunings of each scheme; default 384, --quick 288"
+    )
+    parser.add_argument("--members", type=whole, metavar="N", help="validation runs of each scheme; default 200, --quick 64")
     parser.add_argument(
         "--quick",
         action="store_true",
-        help="fewer plants, trials and members: in a third of the time; of a suite the quick cases",
+        help="fewer plants, trials and members, in a third of the time; with --suite only its quick cases",
     )
-    parser.add_argument("--seed", type=whole, metavar="S", help="of plants, searches, commands and noise; default 0")
-    parser.add_argument("--out", metavar="DIR", help="for page and JSON; default: barbalat-contest, none with --json")
+    parser.add_argument("--seed", type=whole, metavar="S", help="seed of plants, searches, commands and noise; default 0")
+    parser.add_argument("--out", metavar="DIR", help="folder of page and JSON; default: barbalat-contest, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
-MOST_SCHEMES = 9
-"""That can be tuned."""
 DRAWING_SECONDS = 2.0
 QUICK_SIZES = {"plants": 2, "trials": 288, "members": 64}
-"""The search's least number of trials, and plants enough for one that is not the case's own."""
+"""The search's least number of trials, and enough plants to include one besides the case's own."""
 FULL_SIZES = {"plants": 4, "trials": 384, "members": 200}
 
 
@@ -86,15 +95,15 @@ def execute(options: argparse.Namespace) -> int:
     if options.case is None:
         raise InputError("contest needs a CASE, or --suite")
     if options.submission:
-        raise InputError("--submission is to a suite: give --suite")
+        raise InputError("--submission needs --suite")
     for name, default in OF_A_CASE.items():
         if vars(options)[name] is None:
             setattr(options, name, default)
     return _case(options)
 
 
-SUITE_SECONDS = 400.0
-"""Of all registered schemes on the public suite, on one core."""
+SUITE_SECONDS = 900.0
+"""Time for all registered schemes on the public suite, on one core."""
 
 
 def _suite(options: argparse.Namespace) -> int:
@@ -104,7 +113,7 @@ def _suite(options: argparse.Namespace) -> int:
     given = [name for name in ("case", "controllers", *OF_A_CASE, *FULL_SIZES) if vars(options)[name] is not None]
     if given:
         which = "CASE" if given[0] == "case" else f"--{given[0].replace('_', '-')}"
-        raise InputError(f"{which} does not go with --suite, whose file has the cases, the rule and the seeds")
+        raise InputError(f"{which} cannot be combined with --suite, whose file contains the cases, the rule and the seeds")
     suite = Suite.read(options.suite or None)
     submissions = [Submission.read(one, suite) for one in options.submission]
     with (
@@ -112,7 +121,10 @@ def _suite(options: argparse.Namespace) -> int:
         work({"contest": SUITE_SECONDS}) as running,
     ):
         with running.part("contest") as progress:
-            found = standings(suite, submissions=submissions, schemes=options.schemes, quick=options.quick, progress=progress)
+            found = standings(
+                suite, submissions=submissions, schemes=options.schemes, quick=options.quick, processes=os.cpu_count() or 1,
+                progress=progress,
+            )  # fmt: skip
         from barbalat.report import documents, page
 
         document = documents.as_json(found.as_json())
@@ -129,13 +141,13 @@ def _suite(options: argparse.Namespace) -> int:
 
 def _case(options: argparse.Namespace) -> int:
     from barbalat.cases.load import load_case
-    from barbalat.comparison.contest.contest import RUNS_EACH_TRIAL, contest
+    from barbalat.comparison.contest.contest import contest
 
     case = load_case(options.case, options.controllers)
     defaults = QUICK_SIZES if options.quick else FULL_SIZES
     sizes = {name: default if (given := vars(options)[name]) is None else given for name, default in defaults.items()}
-    steps = case.simulation.steps * sizes["trials"] * RUNS_EACH_TRIAL * (len(options.schemes) or MOST_SCHEMES)
-    expected = {"contest": max(steps * SECONDS_EACH_STEP, 1.0), "drawing": DRAWING_SECONDS}
+    seconds = trial_seconds(case.simulation.steps, sizes["trials"], options.schemes)
+    expected = {"contest": seconds, "drawing": DRAWING_SECONDS}
     with folder_of(options.out, None if options.json else "barbalat-contest") as folder, work(expected) as running:
         with running.part("contest") as progress:
             found = contest(

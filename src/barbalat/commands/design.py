@@ -7,9 +7,9 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from barbalat.commands.options import add_budget, add_list, whole
+from barbalat.commands.options import add_budget, add_schemes, trial_seconds, whole
 from barbalat.commands.output import folder_of, tell, write_drawn
-from barbalat.commands.progress import SECONDS_EACH_STEP, work
+from barbalat.commands.progress import work
 
 if TYPE_CHECKING:
     from barbalat.cases.load import CaseText
@@ -22,25 +22,31 @@ def add(commands: Commands) -> None:
     """Register the command and its options."""
     parser = commands.add_parser("design", help="schemes and the fixed loop compete under a specification; one is recommended")
     parser.add_argument("case", metavar="CASE", help="a case file with [specification], and a known set of its plant")
-    add_list(
-        parser, "--schemes", metavar="NAME", commas=True, help="by their names in case files; default: all that can be tuned"
-    )
+    add_schemes(parser)
     parser.add_argument(
         "--sample-time", type=float, metavar="S",
-        help="with which all run [s]; default: that of the case's first sampled controller, or one that follows from the plant",
+        help="sample time of all controllers [s]; default: that of the first sampled controller, or derived from the plant",
     )  # fmt: skip
-    parser.add_argument("--plants", type=whole, default=3, metavar="N", help="of the tuning: the case's and others; default 3")
-    parser.add_argument("--trials", type=whole, default=288, metavar="N", help="tunings of each scheme at most; default 288")
-    parser.add_argument("--members", type=whole, default=64, metavar="N", help="held-out runs of each scheme; default 64")
-    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of plants, searches, commands and noise; default 0")
+    parser.add_argument(
+        "--plants",
+        type=whole,
+        default=3,
+        metavar="N",
+        help="number of plants of the tuning: the case's own and others; default 3",
+    )
+    parser.add_argument(
+        "--trials", type=whole, default=288, metavar="N", help="largest number of tunings of each scheme; default 288"
+    )
+    parser.add_argument("--members", type=whole, default=64, metavar="N", help="validation runs of each scheme; default 64")
+    parser.add_argument(
+        "--seed", type=whole, default=0, metavar="S", help="seed of plants, searches, commands and noise; default 0"
+    )
     parser.add_argument("--out", metavar="DIR", help="default: barbalat-design, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
-MOST_SCHEMES = 9
-"""That can be tuned."""
 DRAWING_SECONDS = 12.0
 CASE_FILE, PREFIX = "design.toml", "design"
 
@@ -48,7 +54,6 @@ CASE_FILE, PREFIX = "design.toml", "design"
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import CaseText
-    from barbalat.comparison.contest.contest import RUNS_EACH_TRIAL
     from barbalat.comparison.design.design import design
     from barbalat.report import design as screens
     from barbalat.report import documents
@@ -56,8 +61,8 @@ def execute(options: argparse.Namespace) -> int:
 
     text = CaseText.read(options.case)
     case = text.case()
-    steps = case.simulation.steps * options.trials * RUNS_EACH_TRIAL * (len(options.schemes) or MOST_SCHEMES)
-    expected = {"designing": max(steps * SECONDS_EACH_STEP, 1.0), "drawing": DRAWING_SECONDS}
+    seconds = trial_seconds(case.simulation.steps, options.trials, options.schemes)
+    expected = {"designing": seconds, "drawing": DRAWING_SECONDS}
     with folder_of(options.out, None if options.json else "barbalat-design") as folder, work(expected) as running:
         with running.part("designing") as progress:
             found = design(
@@ -77,7 +82,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _write(folder: Folder, found: Design, text: CaseText) -> None:
-    """Page, case file, page with sliders; the C is written beside them. What can't be made is said on the page."""
+    """Write the page, the case file, the page with sliders and the C. The page states which of them could not be made."""
     from dataclasses import replace
 
     from barbalat.comparison.design.case_file import with_controller

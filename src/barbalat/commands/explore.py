@@ -19,23 +19,23 @@ DEFAULT_FILE = "explore.html"
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("explore", help="a page that simulates: one file with a slider for each number of a case")
+    parser = commands.add_parser("explore", help="a page that simulates the case: one file with a slider for each number")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     add_controllers(parser)
     parser.add_argument(
         "--out",
         metavar="FILE",
         default=DEFAULT_FILE,
-        help=f"where the page goes; default: {DEFAULT_FILE}; {STANDARD_OUTPUT} is standard output, and no browser is opened",
+        help=f"file of the page; default: {DEFAULT_FILE}; {STANDARD_OUTPUT} writes to standard output and opens no browser",
     )
-    parser.add_argument("--no-open", action="store_true", help="don't open it in a browser")
+    parser.add_argument("--no-open", action="store_true", help="do not open it in a browser")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
 EXPECTED_SECONDS = 10.0
-"""For a case of three controllers, about: every value of a slider behind which other numbers follow is made into a case."""
+"""Estimate for a case of three controllers: a case is made for every slider value on which other numbers depend."""
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -51,7 +51,7 @@ def execute(options: argparse.Namespace) -> int:
     if not options.out or file.is_dir():
         raise InputError(f"--out must name a file, such as {DEFAULT_FILE}, got {options.out!r}")
     if to_output and options.json:
-        raise InputError(f"--json and --out {STANDARD_OUTPUT} both write to standard output; leave one of them out")
+        raise InputError(f"--json and --out {STANDARD_OUTPUT} both write to standard output; omit one of them")
     text = CaseText.read(options.case, options.controllers)
     text.case()
     explorer = Explorer(TextSource(text), ON_THE_PAPER_S_EXAMPLE if options.case == PAPER_CASE and text.own is None else ())

@@ -22,20 +22,25 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("export", help="a controller as C that computes what was simulated, bit for bit")
+    parser = commands.add_parser("export", help="a controller as C that reproduces the simulation, bit for bit")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
-    parser.add_argument("--controller", required=True, metavar="NAME", help="one of the case's, which runs sampled")
+    parser.add_argument("--controller", required=True, metavar="NAME", help="name of a sampled controller of the case")
     parser.add_argument("--target", metavar="TARGET", choices=Targets(), default="c99", help="one of %(choices)s; c99 by default")
-    parser.add_argument("--out", required=True, metavar="DIR", help="the folder; an export that is there is replaced as a whole")
-    parser.add_argument("--name", metavar="PREFIX", help="what functions, types, macros and files begin with")
+    parser.add_argument(
+        "--out", required=True, metavar="DIR", help="folder of the export; an existing export there is replaced completely"
+    )
+    parser.add_argument("--name", metavar="PREFIX", help="prefix of functions, types, macros and files")
+    parser.add_argument(
+        "--parameters", action="store_true", help="make gains, limits and initial estimates settable while the C runs"
+    )
     parser.add_argument("--float32", action="store_true", help="numbers of 32 bits instead of 64")
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--controller-only", action="store_true", help="nothing but the controller, which is the default")
-    which.add_argument("--closed-loop", action="store_true", help="the plant and the whole loop as well")
+    which.add_argument("--controller-only", action="store_true", help="export only the controller (the default)")
+    which.add_argument("--closed-loop", action="store_true", help="also export the plant and the whole loop")
     parser.add_argument(
-        "--campaign", action="store_true", help="fly the compiled C through faults first; needs a C compiler here"
+        "--campaign", action="store_true", help="first run the compiled C through faults; needs a C compiler on this machine"
     )
-    parser.add_argument("--sources-only", action="store_true", help="units without a binary, which needs a C compiler here")
+    parser.add_argument("--sources-only", action="store_true", help="write units without a binary, which needs no C compiler")
     add_controllers(parser)
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
@@ -43,7 +48,7 @@ def add(commands: Commands) -> None:
 
 
 class Targets:
-    """The names of all targets, looked for when a user asks for one, or for help: other commands don't wait for that."""
+    """The names of all targets, searched only when a user requests one or asks for help, so that other commands start fast."""
 
     def __iter__(self) -> Iterator[str]:
         from barbalat.export.target import targets
@@ -55,7 +60,7 @@ class Targets:
 
 
 def _flown(case: Case, controller: Controller, *, float32: bool) -> Campaign:
-    """The controller's C through the case's faults and others, with a bar."""
+    """Run the controller's C through the case's faults and others, with a progress bar."""
     from barbalat.export.campaign import EXPECTED_SECONDS, export_campaign
 
     with work({"campaign": EXPECTED_SECONDS}) as running, running.part("campaign") as progress:
@@ -93,6 +98,7 @@ def execute(options: argparse.Namespace) -> int:
         sources_only=options.sources_only,
         place=list(found).index(controller.name),
         name=options.name,
+        parameters=options.parameters,
     )
     check = target.check(shlex.quote(str(folder)), options.closed_loop)
     if options.name is not None:
@@ -114,7 +120,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _show(screen: Screen, found: Campaign) -> None:
-    """What faults did, beside the run without any, and the longest outage that was tolerated."""
+    """The effect of faults, compared with the run without faults, and the longest tolerated outage."""
     from barbalat.export.campaign import TOLERATED
 
     screen.title(f"{found.controller}: the compiled C through faults")
@@ -130,16 +136,16 @@ def _show(screen: Screen, found: Campaign) -> None:
     nominal = ["none", found.verdict, "0 %", "0 %", *(f"{value:.4g}" for value in found.nominal), "1"]
     screen.table(headings, [nominal, *(_row(found, row) for row in found.rows)])
     outage = f"{found.longest} samples, {found.longest * found.sample_time:.4g} s"
-    many = ", the longest that was tried" if found.longest == found.most else ", an estimate by bisection"
+    many = ", the longest tried" if found.longest == found.most else ", an estimate by bisection"
     screen.line(
         f"Longest outage tolerated from each of {len(found.starts)} instants: {outage}{many}. Tolerated: no component's largest "
         f"|e| exceeds {TOLERATED:g} times that without faults."
     )
     draws = max(row.draws for row in found.rows)
     screen.line(
-        f"Each row is the worst of {draws} draws; samples not taken are their mean. Time beyond: the share of the time in which "
-        "some |e| exceeds its largest value without faults. Factor: of the worst component. The verdict is the judge's on each "
-        "draw; a class alone holds for all of them."
+        f"Each row is the worst of {draws} draws; the number of missed samples is their mean. Time beyond: the share of the "
+        f"time in which some |e| exceeds its largest value without faults. Factor: that of the worst component. The judge "
+        f"gives a verdict on each draw; a verdict without a count holds for all draws."
     )
 
 

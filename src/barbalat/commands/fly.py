@@ -22,7 +22,11 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser("fly", help="sampled controllers on flight models, with failures; needs the extra flight")
     parser.add_argument("name", metavar="NAME", help="f16-pitch, f16-roll: the F-16 follows a rate; quadrotor: a figure of eight")
     add_list(
-        parser, "--schemes", metavar="NAME", commas=True, help="of the project's schemes, also with commas between; default: all"
+        parser,
+        "--schemes",
+        metavar="NAME",
+        commas=True,
+        help="names of the project's schemes, also separated by commas; default: all",
     )
     add_list(
         parser,
@@ -30,23 +34,23 @@ def add(commands: Commands) -> None:
         "--failures",
         metavar="NAME",
         commas=True,
-        help="of the flight's, also with commas between; default: all",
+        help="names of the flight's failures, also separated by commas; default: all",
     )
-    parser.add_argument("--delays", action="store_true", help="raise the delay, too, until control is lost; takes twice as long")
+    parser.add_argument("--delays", action="store_true", help="also raise the delay until control is lost; takes twice as long")
     parser.add_argument(
         "--dispersions",
         type=whole,
         metavar="N",
-        help="fly N vehicles that are drawn instead, through all failures; losses and errors with intervals",
+        help="fly N random vehicles through all failures instead; losses and errors with intervals",
     )
-    parser.add_argument("--seed", type=whole, metavar="N", help="of the draws; default 2013")
-    parser.add_argument("--store", metavar="DIR", help="keep every draw's row there; the same command resumes")
-    parser.add_argument("--altitude", type=float, metavar="FT", help="of the F-16's level flight; default 10013 ft")
-    parser.add_argument("--mach", type=float, metavar="M", help="of the F-16's level flight; default 0.525")
+    parser.add_argument("--seed", type=whole, metavar="N", help="seed of the draws; default 2013")
+    parser.add_argument("--store", metavar="DIR", help="store every draw's row there; the same command resumes")
+    parser.add_argument("--altitude", type=float, metavar="FT", help="altitude of the F-16's level flight [ft]; default 10013")
+    parser.add_argument("--mach", type=float, metavar="M", help="Mach number of the F-16's level flight; default 0.525")
     parser.add_argument(
         "--sil",
         action="store_true",
-        help="software in the loop: controllers fly as exported C, compiled here by cc or CC; exit code 1 where a bit differs",
+        help="software in the loop: fly controllers as exported C, compiled here by cc or CC; exit code 1 if a bit differs",
     )
     parser.add_argument("--out", metavar="DIR", help=f"default: {DEFAULT_FOLDER}, none with --json")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
@@ -56,17 +60,17 @@ def add(commands: Commands) -> None:
 
 
 MOST_DRAWS = 1_000_000
-"""A year of two cores, and more."""
+"""More than a year on two cores."""
 NOT_DRAWN = {
-    "delays": "it is raised in single flights; in a campaign leave --delays out, each draw has a delay of its own",
-    "sil": "the exported C is compared with the simulated list in single flights, and draws fly that list; leave --sil out",
-    "altitude": "the draws take turns at conditions of their own; leave it out",
-    "mach": "the draws take turns at conditions of their own; leave it out",
-    "controllers": "draws are flown by the project's schemes alone; leave it out",
+    "delays": "omit --delays in a campaign: each draw has its own delay",
+    "sil": "omit --sil in a campaign: single flights compare the exported C with the simulated list, and the draws fly that list",
+    "altitude": "omit it in a campaign: the draws have their own flight conditions",
+    "mach": "omit it in a campaign: the draws have their own flight conditions",
+    "controllers": "omit it: a campaign flies only the project's schemes",
 }
-"""Options that a campaign does not take, and why."""
+"""Options that a campaign does not take, with the reasons."""
 EXPECTED_SECONDS = {"flying": 40.0, "drawing": 10.0}
-"""Until the first tells how far it is."""
+"""Estimate until the first report of progress."""
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -75,7 +79,7 @@ def execute(options: argparse.Namespace) -> int:
 
     if options.dispersions is not None:
         return _execute_dispersed(options)
-    _require_none(options, ("seed", "store"), "goes with --dispersions: add --dispersions 200")
+    _require_none(options, ("seed", "store"), "needs a campaign: add --dispersions 200")
     if options.sil:
         from barbalat.export.compiler import require_compiler
 
@@ -119,7 +123,7 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
     require_folder_name("--store", options.store)
     validate.whole("--dispersions", options.dispersions, least=1, most=MOST_DRAWS)
     for name, instead in NOT_DRAWN.items():
-        _require_none(options, (name,), f"does not go with --dispersions: {instead}")
+        _require_none(options, (name,), f"cannot be combined with --dispersions: {instead}")
     try:
         with folder_of(options.out, None if options.json else DEFAULT_FOLDER) as folder, work({"flying": 1200.0}) as running:
             with running.part("flying", here=False) as progress:
@@ -138,7 +142,7 @@ def _execute_dispersed(options: argparse.Namespace) -> int:
                 folder.write(PAGE, page.dispersed_flights(found))
                 folder.commit()
     except SimulatorFailed as error:
-        stays = "" if options.store is None else f"; what is stored in {options.store} stays, and the same command goes on"
+        stays = "" if options.store is None else f"; the rows stored in {options.store} are kept, and the same command continues"
         say(f"barbalat: {error}{stays}")
         return 1
 

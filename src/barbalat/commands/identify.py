@@ -22,7 +22,7 @@ def add(commands: Commands) -> None:
     parser = commands.add_parser("identify", help="nominal plant and known set from recorded data")
     parser.add_argument("data", metavar="DATA.csv", help="a line of names, then samples; inputs are held until the next one")
     add_list(parser, "--inputs", metavar="NAME", commas=True, help="columns of the inputs")
-    add_list(parser, "--outputs", metavar="NAME", commas=True, help="columns of the states, all of which are measured")
+    add_list(parser, "--outputs", metavar="NAME", commas=True, help="columns of the states, all measured")
     parser.add_argument("--time", metavar="NAME", help="column of the time [s]; default t or time")
     add_list(
         parser, "--noise", metavar="NAME=BOUND", form="=", commas=True,
@@ -39,9 +39,17 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--held-out", type=float, default=0.25, metavar="SHARE",
-        help="of the samples, the last ones, that the plant is only tried on; default 0.25",
+        help="share of the samples, at the end, that is used only for validation; default 0.25",
     )  # fmt: skip
-    parser.add_argument("--out", metavar="CASE", help="the case file to write, with a picture beside it; default: none")
+    parser.add_argument(
+        "--out", metavar="FILE",
+        help="the case file to write, with a page and a picture in the same folder; with --replay the page, NAME.html",
+    )  # fmt: skip
+    parser.add_argument(
+        "--replay", metavar="CASE",
+        help="identify nothing; run the recording through the estimators of this case's sampled controllers instead",
+    )  # fmt: skip
+    add_list(parser, "--commands", metavar="NAME", commas=True, help="with --replay: columns of the commands")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
     parser.set_defaults(execute=execute)
@@ -49,13 +57,20 @@ def add(commands: Commands) -> None:
 
 EXPECTED = {"identifying": 5.0, "drawing": 1.5}
 """Seconds."""
+OF_IDENTIFICATION = ("noise", "slope", "derivative", "within")
+"""Options that a replay does not read."""
 
 
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.identify.identification import identify
     from barbalat.report import documents
+    from barbalat.validate import InputError
 
+    if options.replay is not None:
+        return _replay(options)
+    if options.commands:
+        raise InputError("--commands goes with --replay, which is missing")
     with work(EXPECTED) as running:
         with running.part("identifying"):
             found = identify(
@@ -74,8 +89,57 @@ def execute(options: argparse.Namespace) -> int:
                 _write(options.out, found, Path(options.data).name)
     tell(documents.as_json(found.as_json()), partial(_show, found), None, as_json=options.json)
     if options.out is not None:
-        say(f"written: {options.out}, a picture beside it; run it with: barbalat run {options.out}")
+        say(f"written: {options.out}, with a page and its picture in the same folder; run it with: barbalat run {options.out}")
     return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    """The recording through the estimators of a case; returns the exit code."""
+    import numpy as np
+
+    from barbalat.cases.load import load_case
+    from barbalat.folders import output_folder
+    from barbalat.identify.recording import read_csv
+    from barbalat.problem.state_feedback import Problem
+    from barbalat.report import documents, replayed
+    from barbalat.report.write import write_replay
+    from barbalat.study.replay import replay_case
+    from barbalat.validate import InputError
+
+    for name in OF_IDENTIFICATION:
+        if getattr(options, name):
+            raise InputError(f"--{name} is for an identification, and --replay makes none")
+    if not options.commands:
+        raise InputError("--replay needs --commands, the columns of the commands that were flown")
+    case = load_case(options.replay)
+    if not isinstance(case.problem, Problem):
+        raise InputError("--replay is for state feedback, and this case feeds back an output")
+    columns = [*options.outputs, *options.commands]
+    recording = read_csv(options.data, options.inputs, columns, options.time)
+    y, r = np.split(recording.outputs, [len(options.outputs)], axis=1)
+    page = None if options.out is None else _file(options.out, ".html", "a page, NAME.html")
+    with work({"replaying": 2e-3 * len(recording.times)} | ({"drawing": 3.0} if page else {})) as running:
+        with running.part("replaying"):
+            found = replay_case(case.problem, case.controllers, recording.times, y, recording.inputs, r)
+        if page is not None:
+            with running.part("drawing"), output_folder(page.parent) as folder:
+                write_replay(folder, found, case.problem, stem=page.stem, source=Path(options.data).name, case=options.replay)
+                folder.commit()
+    told = {"data": options.data, "case": case.problem.name, **replayed.as_json(found, case.problem)}
+    tell(documents.as_json(told), partial(replayed.show, found, case.problem), None, as_json=options.json)
+    if page is not None:
+        say(f"written: {page}, with its picture in the same folder")
+    return 0
+
+
+def _file(out: str, suffix: str, what: str) -> Path:
+    """The file to write; InputError for another kind of file."""
+    from barbalat.validate import InputError, local_path
+
+    file = local_path("--out", out)
+    if file.suffix != suffix:
+        raise InputError(f"--out must be {what}, got {out!r}")
+    return file
 
 
 def _show(found: Identification, screen: Screen) -> None:
@@ -85,20 +149,16 @@ def _show(found: Identification, screen: Screen) -> None:
 
 
 def _write(out: str, found: Identification, source: str) -> None:
-    """The case file and its picture, both or none."""
+    """Write the case file, its page and its picture, all or none."""
     from barbalat.folders import output_folder
     from barbalat.identify.case_text import case_text
-    from barbalat.identify.picture import draw
-    from barbalat.pictures.render import render
-    from barbalat.validate import InputError, local_path
+    from barbalat.report.write import write_identification
 
-    file = local_path("--out", out)
-    if file.suffix != ".toml":
-        raise InputError(f"--out must be a case file, NAME.toml, got {out!r}")
+    file = _file(out, ".toml", "a case file, NAME.toml")
     text = case_text(found, source)
     with output_folder(file.parent) as folder:
         folder.write(file.name, text)
-        folder.write(f"{file.stem}.png", render(draw(found), "png"))
+        write_identification(folder, found, stem=file.stem, source=source, text=text)
         folder.commit()
 
 
@@ -109,7 +169,7 @@ def _pairs(option: str, given: list[str]) -> dict[str, str]:
     for one in given:
         name, equals, value = (part.strip() for part in one.partition("="))
         if not name or not equals or not value or name in pairs:
-            raise InputError(f"{option} must be NAME=VALUE, each name once, got {one!r}")
+            raise InputError(f"{option} must be NAME=VALUE, with each name once, got {one!r}")
         pairs[name] = value
     return pairs
 

@@ -1,7 +1,7 @@
-"""MyLaw: MRAC with a regressor, projection and care for the actuator's limits, written to be changed line by line.
+"""MyLaw: MRAC with a regressor, projection and compensation of the actuator's limits, as a starting point for changes.
 
-barbalat run paper --controllers FILE      simulates it beside the controllers of the case "paper"
-python FILE                                checks it, as the test at the end does
+barbalat run paper --controllers FILE      simulates it with the controllers of the case "paper"
+python FILE                                checks it by the test at the end
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from barbalat.interfaces import EstimateSet, Known, Role, TuningGrid, TuningScal
 
 
 class State(NamedTuple):
-    """Everything that the controller integrates."""
+    """The state that the controller integrates."""
 
     theta_hat: Value  # (p,) the estimates of theta
     e_d: Value  # (n,) the part of the tracking error that the actuator's limits cause
@@ -25,9 +25,8 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """The law on one plant, of which it knows everything but theta.
-
-    The lines are evaluated on numbers and on symbols, so they must not branch on values: np.where, np.clip, np.minimum do that.
+    """The law on one plant, which it knows except for theta. The lines are evaluated on numbers and on symbols, so they must
+    not branch on values; use np.where, np.clip and np.minimum instead.
     """
 
     gamma: float
@@ -39,7 +38,7 @@ class Equations:
 
     @property
     def estimate_set(self) -> EstimateSet | None:
-        """The set that the estimates are projected onto; None where the problem has none."""
+        """The set that the estimates are projected onto; None if the problem has none."""
         return self.known.estimate_set
 
     def initial(self) -> State:
@@ -62,7 +61,7 @@ class Equations:
         return State(theta_hat_dot, known.A_m @ state.e_d + np.dot(known.b, reaches - u))
 
     def limit(self, state: State) -> State:
-        """The state with its estimates inside the set, which a stage of the solver may overstep."""
+        """The state with its estimates inside the set; a stage of the solver may leave the set."""
         return (
             state if self.known.estimate_set is None else state._replace(theta_hat=self.known.estimate_set.limit(state.theta_hat))
         )
@@ -89,7 +88,8 @@ class MyLaw:
         return Equations(self.gamma, known)
 
     def knobs(self, reach: TuningScale) -> TuningGrid:
-        """The settings that a trade-off or a contest turns, and how far: here gains up to what the step resolves."""
+        """The settings that a trade-off or a contest varies, with their ranges: here gains up to the largest that the step
+        resolves."""
         gains = reach.gains(1e-8, 8 * reach.density)
         return TuningGrid(scheme=self.name, values={"gamma": gains}, make=lambda gamma: replace(self, gamma=gamma))
 

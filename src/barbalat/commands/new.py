@@ -1,4 +1,4 @@
-"""``barbalat new``: a case file to start from, with the schema by which editors complete it, or a law of one's own."""
+"""``barbalat new``: a case file to start from, with the schema that editors use for completion, or a new law."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 SCHEMA_FILE = "barbalat.schema.json"
 LAW = ".py"
-"""The ending of a file that is to hold a law."""
+"""The suffix of a file that contains a law."""
 LAW_CLASS = "MyLaw"
-"""The class in the template, which is called after the file where that makes a name."""
+"""The class in the template; it gets its name from the file's if that is a valid name."""
 
 
 def add(commands: Commands) -> None:
@@ -29,7 +29,7 @@ def add(commands: Commands) -> None:
     parser.add_argument(
         "file",
         metavar="FILE",
-        help=f"where the case goes, FILE.py for a law; one that is there is kept; {STANDARD_OUTPUT} is standard output",
+        help=f"file of the case, or FILE.py for a law; an existing file is kept; {STANDARD_OUTPUT} is standard output",
     )
     parser.add_argument("--from", dest="source", metavar="CASE", help="a bundled case to copy instead of the template")
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
@@ -46,7 +46,7 @@ def execute(options: argparse.Namespace) -> int:
 
     if options.file == STANDARD_OUTPUT:
         if options.json:
-            raise InputError(f"--json and FILE {STANDARD_OUTPUT} both write to standard output; leave one of them out")
+            raise InputError(f"--json and FILE {STANDARD_OUTPUT} both write to standard output; omit one of them")
         print_text(text_to_start_from(options.source))
         return 0
     file = local_path("FILE", options.file)
@@ -66,19 +66,19 @@ def execute(options: argparse.Namespace) -> int:
         return 0
     say(f"written: {file}")
     if with_schema:
-        say(f"and beside it {SCHEMA_FILE}, by which editors complete and check it")
+        say(f"and {SCHEMA_FILE} in the same folder, with which editors complete and check it")
     say(f"run it with: barbalat run {file}")
     return 0
 
 
 def _law(file: Path, options: argparse.Namespace) -> int:
-    """A law of one's own instead of a case."""
+    """Write a new law instead of a case."""
     from barbalat.folders import output_folder
     from barbalat.report.documents import as_json
     from barbalat.validate import InputError
 
     if options.source is not None:
-        raise InputError(f"--from copies a case, and {file.name!r} is to be a law: give a name that ends with .toml")
+        raise InputError(f"--from copies a case, but {file.name!r} is the name of a law: give a name that ends with .toml")
     with output_folder(file.parent) as folder:
         folder.write(file.name, _law_for(file.name))
         folder.commit()
@@ -92,7 +92,7 @@ def _law(file: Path, options: argparse.Namespace) -> int:
 
 
 def _law_for(file: str) -> str:
-    """The Python text of a law for a file of this name, which runs as it stands: its class is called after the file."""
+    """The Python text of a law for a file of this name; it runs without changes, and its class has the name of the file."""
     text = (resources.files("barbalat.commands") / "law_template.py").read_text("utf-8")
     name = "".join(word[0].upper() + word[1:] for word in re.findall(r"[A-Za-z0-9]+", Path(file).stem))
     taken = not name.isidentifier() or keyword.iskeyword(name) or re.search(rf"\b{name}\b", text) is not None

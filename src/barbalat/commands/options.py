@@ -9,16 +9,16 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, NoReturn
 
-from barbalat.commands.progress import say
+from barbalat.commands.progress import SECONDS_EACH_STEP, say
 
 
 def add_budget(parser: argparse.ArgumentParser) -> None:
-    """How much work may be begun."""
+    """The limits on memory and time."""
     parser.add_argument(
         "--budget",
         type=_limits,
         metavar="LIMITS",
-        help="memory and time of one core that work may take by its estimate before it is begun, such as 16GiB, 5h or 16GiB,5h; "
+        help="limits on the estimated memory and time of one core, such as 16GiB, 5h or 16GiB,5h; work beyond them is refused; "
         "default: 4GiB,1h",
     )
 
@@ -30,11 +30,11 @@ def _limits(text: str) -> str:
 
 
 MOST_DIGITS = 40
-"""Of a whole number: as many as any seed needs, and more than any count."""
+"""Largest number of digits of a whole number: enough for any seed and any count."""
 
 
 def whole(text: str) -> int:
-    """The type of an option that takes a whole number, which may be written as 1e6."""
+    """The type of an option with a whole number, which may be written as 1e6."""
     try:
         number = Decimal(text)
     except InvalidOperation:
@@ -49,23 +49,24 @@ def whole(text: str) -> int:
 
 
 def add_controllers(parser: argparse.ArgumentParser) -> None:
-    """Classes of the user's own."""
+    """The user's own classes."""
     parser.add_argument(
         "--controllers",
         type=Path,
         metavar="FILE.py",
-        help="controllers of your own beside the case's: this file is run, and its list CONTROLLERS joins them, or else all "
-        'controllers made in it; the case may name its classes, as scheme = "MyLaw"',
+        help=""
+        "add your own controllers: the file is run, and its list CONTROLLERS, or otherwise every controller made in it, is "
+        'added to those of the case; the case may name its classes, as in scheme = "MyLaw"',
     )
 
 
 def add_list(parser: argparse.ArgumentParser, *names: str, metavar: str, help: str, form: str = "", commas: bool = False) -> None:
-    """An option with several values: after one another, or each after the option once more; an empty list without it.
+    """An option with several values, given in sequence or by repeating the option; the default is an empty list.
 
-    form    a regular expression that is found in each value, and hardly in anything else
-    commas  whether values may also stand with commas between
+    form    a regular expression that matches each value, and rarely anything else
+    commas  whether values may also be separated by commas
     """
-    said = "several, or the option again, for more"
+    said = "give several values, or repeat the option, for more"
     parser.add_argument(
         *names, action=Several, nargs="+", default=[], metavar=metavar, help=f"{help}; {said}", form=form, commas=commas
     )
@@ -75,14 +76,14 @@ BAD_INPUT = 2
 """The exit code."""
 REQUIRED = "the following arguments are required: "
 UNKNOWN = "unrecognized arguments: "
-"""How argparse begins these sentences; the others it begins with the argument that they are about."""
+"""The beginning of these sentences in argparse; the others begin with the argument that they concern."""
 CHOICE = re.compile(r"argument (?P<name>\S+): invalid choice: (?P<given>.+) \(choose from (?P<known>.+)\)$")
 NUMBER = re.compile(r"argument (?P<name>\S+): invalid (?P<kind>whole|float) value: (?P<given>.+)$")
 SENTENCE = re.compile(r"^argument (\S+): must be")
-"""How argparse begins what an option's type says of a value."""
+"""The beginning of argparse's message when an option's type rejects a value."""
 KINDS = {"whole": "a whole number", "float": "a number"}
 VALUE = re.compile(r"-\.?\d")
-"""How an argument begins that is a value with a minus, such as -1e3 or -1GiB, and no option."""
+"""The beginning of an argument that is a negative value, such as -1e3 or -1GiB, and not an option."""
 
 
 class Several(argparse.Action):
@@ -98,19 +99,19 @@ class Several(argparse.Action):
 
 
 class Parser(argparse.ArgumentParser):
-    """Commands are parsed by it as well."""
+    """The parser of the program and of its commands."""
 
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self._negative_number_matcher = VALUE  # argparse's own knows -1 and -1.5
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Parse as argparse does, but let an option with several values leave CASE to the command where it stands nowhere
+        """Parse as argparse does, but let an option with several values leave CASE to the command if it is given nowhere
         else."""
         return super().parse_known_args(args if args is None else self._with_case_first(list(args)), namespace)
 
     def _with_case_first(self, args: list[str]) -> list[str]:
-        """Return the arguments; where an option with several values would swallow CASE, with CASE in front."""
+        """Return the arguments, with CASE in front if an option with several values would swallow it."""
         spare = self._spare(args)
         if not spare:
             return args
@@ -118,7 +119,8 @@ class Parser(argparse.ArgumentParser):
         return [args[chosen], *args[:chosen], *args[chosen + 1 :]]
 
     def _spare(self, args: Sequence[str]) -> list[tuple[int, str]]:
-        """Further values of options with several, by their places and forms; none where CASE, or what else is asked, is given."""
+        """Further values of options with several values, by their positions and forms; none if CASE or other required
+        arguments are given."""
         if sum(not action.option_strings for action in self._actions) != 1 or "--" in args:
             return []
         spare: list[tuple[int, str]] = []
@@ -139,13 +141,13 @@ class Parser(argparse.ArgumentParser):
         return spare
 
     def _option(self, typed: str) -> argparse.Action | None:
-        """Also of a name that is cut short; None where it can't be said."""
+        """The option, also for an abbreviated name; None if it is ambiguous."""
         known, name = self._option_string_actions, typed.partition("=")[0]
         meant = {id(action): action for known_name, action in known.items() if known_name.startswith(name)}
         return known[name] if name in known else next(iter(meant.values())) if len(meant) == 1 else None
 
     def error(self, message: str) -> NoReturn:
-        """Say it, without the usage above it, and end the program."""
+        """Print the message without the usage, and end the program."""
         say(f"{self.prog}: {self._sentence(message)}")
         raise SystemExit(BAD_INPUT)
 
@@ -157,7 +159,7 @@ class Parser(argparse.ArgumentParser):
         if message.startswith(UNKNOWN):
             given = message.removeprefix(UNKNOWN)
             meant = hint(given.split()[0].partition("=")[0], re.findall(r"--[\w-]+", self.format_help()))
-            return f"takes no {given!r}{meant or f'; {self.prog} --help lists what it takes'}"
+            return f"does not take {given!r}{meant or f'; {self.prog} --help lists its arguments'}"
         if found := CHOICE.match(message):
             known = re.findall(r"[\w.-]+", found["known"])
             meant = hint(found["given"].strip("'\""), known)
@@ -168,7 +170,29 @@ class Parser(argparse.ArgumentParser):
 
     def _missing(self, names: Sequence[str]) -> str:
         if len(names) > 1:
-            return f"{', '.join(names[:-1])} and {names[-1]} are missing; {self.prog} --help says what they are"
+            return f"{', '.join(names[:-1])} and {names[-1]} are missing; {self.prog} --help describes them"
         action = next(one for one in self._actions if names[0] in (*one.option_strings, one.metavar, one.dest))
         what = f"one of {', '.join(action.choices)}" if action.choices else action.help
         return f"{names[0]} is missing{f': {what}' if what else ''}"
+
+
+MOST_SCHEMES = 9
+"""The schemes that can be tuned."""
+
+
+def add_schemes(parser: argparse.ArgumentParser) -> None:
+    """The schemes that compete."""
+    add_list(
+        parser,
+        "--schemes",
+        metavar="NAME",
+        commas=True,
+        help="schemes by their names in case files; default: all tunable schemes",
+    )
+
+
+def trial_seconds(steps: int, trials: int, schemes: Sequence[str]) -> float:
+    """The time that a competition takes with so many tunings of each scheme, for its progress [s]."""
+    from barbalat.comparison.contest.contest import RUNS_EACH_TRIAL
+
+    return max(steps * trials * RUNS_EACH_TRIAL * (len(schemes) or MOST_SCHEMES) * SECONDS_EACH_STEP, 1.0)

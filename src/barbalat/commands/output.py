@@ -1,4 +1,4 @@
-"""Where the commands' results go: a folder, and standard output."""
+"""The output of the commands' results: to a folder, and to standard output."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
 
 STANDARD_OUTPUT = "-"
-"""In the place of a file's name."""
+"""The file name that means standard output."""
 
 
 @contextlib.contextmanager
 def folder_of(given: str | None, default: str | None) -> Iterator[Folder | None]:
-    """The folder that ``--out`` names, ``default`` where it is not given; None for neither."""
+    """The folder of ``--out``, or else ``default``; None if neither is given."""
     from barbalat.folders import output_folder
     from barbalat.validate import local_path
 
@@ -33,22 +33,22 @@ def folder_of(given: str | None, default: str | None) -> Iterator[Folder | None]
 
 
 def require_folder_name(option: str, given: str | None) -> None:
-    """InputError for an empty name, and for the sign of standard output, which holds no folder."""
+    """Raise InputError for an empty name, and for the name of standard output, which is not a folder."""
     from barbalat.validate import InputError
 
     if given == "":
-        raise InputError(f"{option} must name a folder, got ''; the current one is '.'")
+        raise InputError(f"{option} must name a folder, got ''; the current folder is '.'")
     if given == STANDARD_OUTPUT:
         raise InputError(f"{option} must name a folder, got '-', which is standard output; './-' is a folder of that name")
 
 
 def print_text(text: str) -> None:
-    """A file's text on standard output, byte for byte in UTF-8 where that is its encoding."""
+    """Write a file's text to standard output, byte for byte in UTF-8 if that is its encoding."""
     sys.stdout.write(text)
 
 
 def print_json(text: str) -> None:
-    """A JSON document on standard output, with escapes for what its encoding does not have."""
+    """Write a JSON document to standard output, with escapes for characters that its encoding lacks."""
     import json
 
     try:
@@ -59,7 +59,7 @@ def print_json(text: str) -> None:
 
 
 def write_drawn(folder: Folder | None, running: Work, file: str, document: str, draw: Callable[[Folder], None]) -> None:
-    """Write a command's document and what ``draw`` writes beside it, all at once; nothing where there is no folder."""
+    """Write a command's document and the files of ``draw``, all at once; write nothing without a folder."""
     if folder is not None:
         with running.part("drawing"):
             folder.write(file, document)
@@ -68,7 +68,7 @@ def write_drawn(folder: Folder | None, running: Work, file: str, document: str, 
 
 
 def tell(document: str, show: Callable[[Screen], None], folder: Folder | None, *, as_json: bool, **files: str) -> None:
-    """What a command found: the document alone, or on a screen, with the folder's ``files`` to look at by what they are."""
+    """Print a command's result: the document only, or a screen with the folder's ``files`` by their contents."""
     if as_json:
         print_json(document)
         return

@@ -1,4 +1,4 @@
-"""What the commands say to a person while they work: progress and notes, on standard error."""
+"""Progress and notes of the commands for a person, on standard error."""
 
 from __future__ import annotations
 
@@ -19,34 +19,33 @@ if TYPE_CHECKING:
 
 
 SECONDS_EACH_STEP = 10e-9
-"""Of a small loop, on one core."""
+"""Speed for a small loop, on one core."""
 TOLD_FRACTION = 0.02
-"""Of a part: from there on its own pace says how long it takes, and no longer what was expected."""
+"""Fraction of a part from which its own pace, and no longer the expectation, gives its duration."""
 
 KNOWN_AFTER = ((0.1, 2.0), (0.02, 30.0))
-"""How much of a part is done in how many seconds since its first report, one or the other, until its pace may be believed within
-a factor of two, and the time that is left be printed: measured on sweep, tune, tradeoff, reproduce, with other work beside."""
+"""The fraction of a part, or alternatively the seconds since its first report, from which its pace is known within a factor
+of two and the remaining time is printed: measured on sweep, tune, tradeoff and reproduce, with other work on the machine."""
 FEWEST_REPORTS = 3
 """Of a part, likewise."""
 RECENT_SHARE = 0.5
-"""Of what is done of a part since its first report: over so much of it the pace is also measured, without what is long ago."""
+"""Share of the work done since a part's first report over which the recent pace is measured."""
 AGREEING = 2.0
-"""Both paces are believed where they differ by no more than this factor; the one between them is taken."""
+"""Both paces count if they differ by at most this factor; a value between them is used."""
 
 OVERDUE_SHARE = 0.5
-"""Of the time since the last news: what should be over by now takes so much longer, as likely as not."""
+"""Share of the time since the last report: overdue work takes this much longer with even odds."""
 
 
 SHORTEST_SECONDS = 1e-9
-"""Between two readings of a clock that has not ticked."""
+"""Seconds between two readings of a clock that has not ticked."""
 CERTAIN_AFTER = 1.0
-"""Seconds until what a process gets of a core is believed."""
+"""Seconds until the measured share of a core is used."""
 
 
 class Work:
-    """How much of a command's work is over, and how many seconds are left: of parts that are expected to take so many each.
-
-    What is to be said meanwhile goes to ``console``, above the bar.
+    """The fraction of a command's work that is done, and the seconds left, from the expected seconds of its parts. Messages
+    meanwhile go to ``console``, above the bar.
     """
 
     def __init__(self, expected: Mapping[str, float], console: Console) -> None:
@@ -58,9 +57,9 @@ class Work:
 
     @contextlib.contextmanager
     def part(self, name: str, *, here: bool = True) -> Iterator[Progress]:
-        """One of the parts is under way; yields what is to be called with the fraction of it that is done.
+        """Start one of the parts; yields a function that takes the fraction of it that is done.
 
-        here  whether this process does the work: how much of a core it gets then says by how much longer all takes
+        here whether this process does the work: its share of a core then tells by which factor everything takes longer
         """
         self.expected, self.name, self.fraction = self.to_come.pop(name, 1.0), name, 0.0
         self.begun = self.updated = time.perf_counter()
@@ -75,7 +74,7 @@ class Work:
 
     @property
     def left(self) -> float:
-        """Seconds that are expected to be left."""
+        """The expected remaining seconds."""
         if not self.name:
             return sum(self.to_come.values()) * self._stretch
         now, rest = time.perf_counter(), self.expected * self._stretch
@@ -86,9 +85,9 @@ class Work:
 
     @property
     def known(self) -> bool:
-        """Whether ``left`` is right within a factor of two: the part's own pace decides it, and not what is expected of others.
-
-        What is expected may be wrong by a factor of three, which is a factor of two of a sum of which it is the smaller half.
+        """Whether ``left`` is right within a factor of two: the part's own pace decides this, and not the expectation for
+        other parts. An expectation may be wrong by a factor of three, which is a factor of two for a sum of which it is the
+        smaller half.
         """
         if len(self.reports) < FEWEST_REPORTS:
             return False
@@ -99,7 +98,7 @@ class Work:
 
     @property
     def _paces(self) -> tuple[float, float]:
-        """Fractions of the part that are done in a second, after what is started once: since the first report, and lately."""
+        """Fractions of the part done per second, after the initial work: since the first report, and recently."""
         if len(self.reports) < FEWEST_REPORTS:
             in_all = self.fraction / max(self.updated - self.begun, SHORTEST_SECONDS)
             return in_all, in_all
@@ -113,7 +112,7 @@ class Work:
 
     @property
     def _stretch(self) -> float:
-        """Return by how much work takes longer than on an idle machine: seconds that go by for one of computing."""
+        """Return the factor by which work takes longer than on an idle machine: elapsed seconds per second of computing."""
         if not self.here:
             return 1.0
         computed = time.process_time() - self.computed
@@ -121,19 +120,19 @@ class Work:
 
     @property
     def gone(self) -> float:
-        """Seconds since the beginning."""
+        """Seconds since the start."""
         return time.perf_counter() - self.started
 
     @property
     def over(self) -> float:
-        """The fraction of the time that is over; it never falls."""
+        """The elapsed fraction of the time; it never falls."""
         self.told = max(self.told, self.gone / (self.gone + self.left + 1e-9))
         return self.told
 
 
 @contextlib.contextmanager
 def work(expected: Mapping[str, float]) -> Iterator[Work]:
-    """A bar on standard error over parts that are expected to take so many seconds; without a terminal a line now and then."""
+    """A bar on standard error over parts with these expected seconds; without a terminal, an occasional line."""
     from rich.progress import BarColumn, ProgressColumn, TextColumn
     from rich.progress import Progress as Bars
     from rich.text import Text
@@ -165,12 +164,13 @@ def _how_far(running: Work) -> str:
 
 
 FIRST_LINE, LONGEST_SILENCE = 20.0, 160.0
-"""Seconds until the first line where there is no bar, and between two lines at most: each pause is twice the one before."""
+"""Seconds until the first line if there is no bar, and the longest pause between two lines: each pause is twice the previous
+one."""
 
 
 @contextlib.contextmanager
 def _lines(running: Work) -> Iterator[None]:
-    """Says how far the work is, to a log or whoever reads the command's standard error."""
+    """Reports the progress to a log or a reader of the command's standard error."""
     over = threading.Event()
 
     def tell() -> None:
@@ -193,7 +193,7 @@ def _duration(seconds: float) -> str:
 
 
 def say(text: str) -> None:
-    """One line on standard error; on a terminal that is narrower, as many as it takes, none of which ends inside a number."""
+    """One line on standard error; on a narrow terminal several lines, none of which breaks a number."""
     if not text.isprintable():
         from barbalat.validate import printable
 
@@ -207,6 +207,6 @@ def say(text: str) -> None:
 
 
 NARROWEST = 40
-"""Columns that any terminal is taken to have."""
+"""Columns that every terminal is assumed to have."""
 INDENT = " " * len("barbalat: ")
-"""Of a sentence's further lines."""
+"""Indentation of a sentence's further lines."""

@@ -1,4 +1,4 @@
-"""``barbalat reproduce``: everything of a paper."""
+"""``barbalat reproduce``: the figures, tables and claims of a paper."""
 
 from __future__ import annotations
 
@@ -25,26 +25,28 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("reproduce", help="everything of the paper: figures, tables, claims")
+    parser = commands.add_parser("reproduce", help="the figures, tables and claims of a paper")
     parser.add_argument(
-        "paper", nargs="?", metavar="PAPER", help="by its name; default: What is L1 Adaptive Control, jafari_2013"
+        "paper", nargs="?", metavar="PAPER", help="name of the paper; default: What is L1 Adaptive Control, jafari_2013"
     )
-    parser.add_argument("--list", action="store_true", help="the papers that can be reproduced, instead")
+    parser.add_argument("--list", action="store_true", help="list the papers that can be reproduced")
     parser.add_argument("--out", default="barbalat-report", metavar="DIR", help="default: %(default)s")
     extent = parser.add_mutually_exclusive_group()
-    extent.add_argument("--quick", action="store_true", help="the figures and the claims that take seconds")
-    extent.add_argument("--full", action="store_true", help="sharpen claims by what takes minutes: more gains, longer runs")
+    extent.add_argument("--quick", action="store_true", help="only the figures and the claims that take seconds")
+    extent.add_argument(
+        "--full", action="store_true", help="sharpen claims by measurements that take minutes: more gains, longer runs"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
     parser.set_defaults(execute=execute)
 
 
 ORDINARY_SECONDS, QUICK_SECONDS, FULL_SECONDS = 40.0, 9.0, 130.0
-"""In all, until the ledger is there to say it."""
+"""Total, until the ledger's own estimate is available."""
 START_SECONDS, PICTURES_SECONDS, MAPS_SECONDS, PAGE_SECONDS = 1.0, 9.0, 4.0, 2.0
-"""Seconds of a core: until the first row is begun, and what is done beside the rows."""
+"""Seconds of a core until the first row starts, and for the work besides the rows."""
 EXPLORER_SECONDS = 3.0
-"""Likewise of each page with sliders."""
+"""Likewise for each page with sliders."""
 
 
 def execute(options: argparse.Namespace) -> int:
@@ -65,7 +67,7 @@ def execute(options: argparse.Namespace) -> int:
     if options.json:
         print_json(document)
     else:
-        _show(figures, claims, folder, seconds)
+        _show(paper, figures, claims, folder, seconds)
     return 0 if all(figure.reproduced for figure in figures) else 1
 
 
@@ -75,22 +77,25 @@ def _list_papers(*, as_json: bool) -> int:
     from barbalat.report.terminal.layout import Screen
 
     if as_json:
-        print_json(text_of({"papers": [{"name": paper.name, "title": paper.title} for paper in papers().values()]}))
+        rows = [{"name": one.name, "title": one.title, "cases": [str(path) for path in one.cases]} for one in papers().values()]
+        print_json(text_of({"papers": rows}))
         return 0
     screen = Screen()
     for paper in papers().values():
         screen.fact(paper.name, paper.title, 26)
+        for path in paper.cases:
+            screen.whole(f"    case: {path}")
     return 0
 
 
 def _reproduced(
     paper: Paper, folder: Folder, started: float, console: Console | None, progress: Progress, *, quick: bool, full: bool
 ) -> tuple[list[PaperFigure], list[Claim], str, float]:
-    """Figures, claims, the JSON document, and how long it took [s] from ``started`` on; the page is written."""
+    """Write the page; returns the figures, the claims, the JSON document, and the time [s] since ``started``."""
     from barbalat.explorer import section_v as explorers
     from barbalat.papers import ledger
-    from barbalat.processes import answer_of
     from barbalat.report import documents, page, write
+    from barbalat.report.run_pages import loops_data
 
     processes = 1 if quick else os.cpu_count() or 1
     rows = sum(part.duration(full=full) for part in paper.ledger if part.quick or not quick)
@@ -104,33 +109,33 @@ def _reproduced(
         figures = list(paper.figures(runs))
         narrow = write.NarrowPictures(figures, ahead.pool)
         certified = ahead.certified.result()
-        drawing_loops = ahead.pool.submit(write.loop_pictures, certified.certificates)
         pictures = write.draw_reproduction(folder, figures, drawn=lambda share: pace.drawn(PICTURES_SECONDS * share))
         pictures = narrow.joined(pictures)
-        loops = answer_of(drawing_loops, write.loop_pictures, certified.certificates)
         seconds["pictures"] = time.perf_counter() - started - sum(seconds.values())
         claims = ledger.measure(
             paper, runs, quick=quick, full=full, ahead=ahead, told=pace.told,
             taken=lambda rows: maps.update(write.draw_maps(folder, rows)),
         )  # fmt: skip
-        write.keep(folder, [*pictures.values(), *loops])
+        write.keep(folder, list(pictures.values()))
         for file, contents in ahead.others.items():
             folder.write(file, contents.result().page(claims))
         seconds["claims, maps, certificates, explorers"] = time.perf_counter() - started - sum(seconds.values())
     seconds["total"] = time.perf_counter() - started
     document = documents.as_json(documents.reproduction_document(paper, figures, claims, certified, seconds))
-    tried = explorers.addresses(claims) if exploring else {}
+    tried, loops = explorers.addresses(claims) if exploring else {}, loops_data(certified.certificates)
     for file, text in page.reproduction(paper, figures, claims, pictures, maps, certified, loops, seconds, tried).items():
         folder.write(file, text)
     folder.write("report.json", document)
+    for path in paper.cases:
+        folder.write(path.name, path.read_bytes())
     return figures, claims, document, seconds["total"]
 
 
 class Pace:
-    """Tells of rows as they are measured, and of how much of all work, in seconds of a core, is done."""
+    """Reports rows as they are measured, and the fraction of the work, in seconds of a core, that is done."""
 
     def __init__(self, runs: float, rows: float, progress: Progress, console: Console | None) -> None:
-        """Seconds that the paper's runs take, and what is measured and drawn for the ledger."""
+        """Seconds of the paper's runs, and of the measurements and pictures of the ledger."""
         from barbalat.report.terminal.layout import Screen
 
         self.runs, self.whole = runs, START_SECONDS + runs + PICTURES_SECONDS + PAGE_SECONDS + rows
@@ -139,7 +144,7 @@ class Pace:
         self.screen = Screen(console) if console is not None and console.is_terminal else None
 
     def told(self, measured: Measured) -> None:
-        """A line for each row, where somebody is looking."""
+        """Print a line for each row if there is a terminal."""
         from barbalat.report.terminal import ledger
 
         self.drawn(measured.expected)
@@ -148,22 +153,24 @@ class Pace:
                 ledger.streamed(self.screen, claim)
 
     def running(self, fraction: float) -> None:
-        """So much of the paper's runs is done."""
+        """Report the fraction of the paper's runs that is done."""
         self.drawn(self.runs * (fraction - self.runs_done) + START_SECONDS * (self.runs_done == 0))
         self.runs_done = fraction
 
     def drawn(self, seconds: float) -> None:
-        """What was to take so long is done."""
+        """Report that a task with these expected seconds is done."""
         self.done += seconds
         self.progress(min(self.done / self.whole, 1.0))
 
 
-def _show(figures: list[PaperFigure], claims: list[Claim], folder: Folder, seconds: float) -> None:
+def _show(paper: Paper, figures: list[PaperFigure], claims: list[Claim], folder: Folder, seconds: float) -> None:
     from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import ledger
     from barbalat.report.terminal.layout import Screen
 
     screen = Screen()
     ledger.overview(screen, figures, claims)
-    screen.line(f"All of one row: barbalat claims NAME. Measured in {seconds:.1f} s.")
+    screen.line(f"For all of a row: barbalat claims NAME. Measured in {seconds:.1f} s.")
     screen.whole(f"page: {folder.path / PAGE}")
+    for path in paper.cases:
+        screen.whole(f"case of its rows: {folder.path / path.name}")

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Executor
-from contextlib import nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -27,16 +25,23 @@ def add(commands: Commands) -> None:
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     add_controllers(parser)
     parser.add_argument(
-        "--out", metavar="DIR", help="where pictures, page, JSON and trajectories go; default: barbalat-run, none with --json"
+        "--out", metavar="DIR", help="folder of the page, JSON and trajectories; default: barbalat-run, none with --json"
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
-    parser.add_argument("--full", action="store_true", help="every component, the estimates, the excitation, the numerics")
-    parser.add_argument("--full-record", action="store_true", help="every recorded instant in the CSVs; default: about 1000")
-    parser.add_argument("--no-plots", action="store_true", help="no pictures and no page")
+    parser.add_argument(
+        "--full", action="store_true", help="show every component, the estimates, the excitation and the numerics"
+    )
+    parser.add_argument(
+        "--full-record", action="store_true", help="write every recorded instant to the CSVs; default: about 1000"
+    )
+    plots = parser.add_mutually_exclusive_group()
+    plots.add_argument("--pictures", action="store_true", help="also write the page's charts as PNG and SVG")
+    plots.add_argument("--no-plots", action="store_true", help="write no page and no pictures")
+    parser.add_argument("--accuracy", action="store_true", help="measure the error of fixed steps against a run with a tolerance")
     parser.add_argument(
         "--sil",
         action="store_true",
-        help="software in the loop: sampled controllers once more as exported C, compiled here; exit code 1 where a bit differs",
+        help="software in the loop: run sampled controllers again as exported C, compiled here; exit code 1 if a bit differs",
     )
     add_budget(parser)
     parser.set_defaults(execute=execute)
@@ -45,15 +50,14 @@ def add(commands: Commands) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Run the command; returns the exit code."""
     from barbalat.cases.load import load_case
-    from barbalat.report.drawing_process import drawing_beside
 
     case = load_case(options.case, options.controllers)
     with folder_of(options.out, None if options.json or options.no_plots else "barbalat-run") as folder:
         plots = folder is not None and not options.no_plots
         if options.sil:
             require_sampled(case)
-        with work(_expected(case, plots=plots)) as running, drawing_beside() if plots else nullcontext() as beside:
-            results = _simulated(case, running)
+        with work(_expected(case, plots=plots, pictures=options.pictures)) as running:
+            results = _simulated(case, running, measured=options.accuracy)
             from barbalat.report import documents
 
             checked = compared_exports(results, running) if options.sil else None
@@ -61,7 +65,7 @@ def execute(options: argparse.Namespace) -> int:
             if folder is not None:
                 write_runs(folder, case.name, results, document, whole=options.full_record)
                 if plots:
-                    document = with_page(folder, case, results, running, checked, beside)
+                    document = with_page(folder, case, results, running, checked, pictures=options.pictures)
         if options.json:
             print_json(document)
         else:
@@ -70,24 +74,25 @@ def execute(options: argparse.Namespace) -> int:
     return exit_code(checked or {})
 
 
-CERTIFYING_SECONDS, DRAWING_SECONDS = 0.2, 0.55
-"""Seconds for each controller, about; drawing takes half a second more."""
+CERTIFYING_SECONDS, PAGE_SECONDS, DRAWING_SECONDS = 0.2, 0.1, 0.4
+"""Estimated seconds for each controller: for its part of the page, and of the pictures, which take another second."""
 STEPS_EACH_SECOND = 5e6
-"""Of a small loop, about; a controller's code takes ``COMPILING_SECONDS`` seconds before."""
+"""Estimated speed for a small loop; compiling a controller's code takes another ``COMPILING_SECONDS`` seconds."""
 COMPILING_SECONDS = 0.2
 
 
-def _expected(case: Case, *, plots: bool) -> dict[str, float]:
+def _expected(case: Case, *, plots: bool, pictures: bool) -> dict[str, float]:
     """Seconds for each part of the work."""
     count = len(case.controllers)
     seconds = count * (COMPILING_SECONDS + case.simulation.steps / STEPS_EACH_SECOND)
     simulating = {"simulating": seconds, "halving the step": seconds}
-    return simulating | ({"certifying": CERTIFYING_SECONDS * count, "drawing": 0.5 + DRAWING_SECONDS * count} if plots else {})
+    drawing = PAGE_SECONDS * count + (1 + DRAWING_SECONDS * count if pictures else 0)
+    return simulating | ({"certifying": CERTIFYING_SECONDS * count, "drawing": drawing} if plots else {})
 
 
-def _simulated(case: Case, running: Work) -> list[Result]:
-    """All controllers, looked at closely where the tail is short, and once more at half the step; those that left their solver's
-    region of stability, and what their step damps, also at a finer one."""
+def _simulated(case: Case, running: Work, *, measured: bool) -> list[Result]:
+    """Run all controllers, with a close look at a short tail, and again at half the step; those that left their solver's
+    region of stability, or whose motion the step damps, also at a finer step."""
     from barbalat.run.engine.check_numerics import check_numerics
     from barbalat.run.engine.judging import tail_is_short
     from barbalat.run.engine.settle import halved, settle
@@ -99,14 +104,16 @@ def _simulated(case: Case, running: Work) -> list[Result]:
     outside = [name for name, result in found.items() if result.stiffness.unstable_from is not None]
     if outside:
         say(f"outside the region of stability, repeated at a finer step: {', '.join(outside)}")
+    if outside or measured:
         with running.part("checking the numerics") as progress:
-            found = check_numerics(found, progress=progress)
+            found = check_numerics(found, measured=measured, progress=progress)
     with running.part("halving the step") as progress:
         return list(halved(settle(found), progress=progress).values())
 
 
 def write_runs(folder: Folder, case: str, results: Sequence[Result], document: str, *, whole: bool = False) -> None:
-    """JSON, trajectories and what their columns are: whatever becomes of the certificates, the runs are safe."""
+    """Write the JSON, the trajectories and the description of their columns before the certificates, so that the runs are
+    safe."""
     from barbalat.report.documents import as_json
     from barbalat.report.file_names import COLUMNS, RUN, files_of_run
     from barbalat.report.trajectories import data_package, write_trajectories
@@ -119,7 +126,7 @@ def write_runs(folder: Folder, case: str, results: Sequence[Result], document: s
 
 @contextlib.contextmanager
 def _kept(folder: Folder) -> Iterator[None]:
-    """Says at Ctrl-C what of the run is there already."""
+    """At Ctrl-C, prints which results already exist."""
     try:
         yield
     except KeyboardInterrupt:
@@ -133,28 +140,30 @@ def with_page(
     results: Sequence[Result],
     running: Work,
     compiled: Mapping[str, Mapping[str, Any]] | None = None,
-    beside: Executor | None = None,
+    *,
+    pictures: bool = False,
 ) -> str:
-    """Certify and write the page, of which a part is drawn ``beside``; the JSON document with what was found."""
+    """Certify and write the page, and its charts as ``pictures`` if they are wanted; returns the JSON document."""
     from barbalat.certificates.certify import certified_case
-    from barbalat.report import documents, write
+    from barbalat.report import documents
     from barbalat.report.file_names import RUN
+    from barbalat.report.run_pages import write_comparison
 
     with _kept(folder):
         with running.part("certifying") as progress:
             certified = certified_case(case.problem, case.controllers, case.simulation, progress)
-        with running.part("drawing") as progress:
+        with running.part("drawing"):
             document = documents.as_json(documents.run_document(case.name, results, certified, compiled))
             folder.write(RUN, document)
-            write.write_comparison(folder, case.name, results, certified, progress, beside)
+            write_comparison(folder, case.name, results, certified, pictures=pictures)
             folder.commit()
     return document
 
 
 def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: bool, more: str = "") -> None:
-    """Print a sentence for each controller, a table and the findings, and where the files lie.
+    """Print a sentence for each controller, a table, the findings, and the location of the files.
 
-    more  the command that shows everything; where there is none, everything is shown
+    more the command that shows everything; without it, everything is shown
     """
     from barbalat.report.file_names import PAGE
     from barbalat.report.terminal import runs
@@ -170,18 +179,19 @@ def show(case: str, results: Sequence[Result], folder: Folder | None, *, plots: 
 
 
 def require_sampled(case: Case) -> None:
-    """InputError before anything is simulated, where no C can run, or nothing could be exported."""
+    """Raise InputError before any simulation if no C can run, or if no controller can be exported."""
     from barbalat.export.compiler import require_compiler
     from barbalat.loop.closed_loop import ClosedLoop
     from barbalat.validate import InputError
 
     require_compiler()
     if not any(ClosedLoop.of(case.problem, controller).sampled for controller in case.controllers):
-        raise InputError("--sil takes sampled controllers, and this case has none: give one a sample_time")
+        raise InputError("--sil needs a sampled controller, and this case has none: give one a sample_time")
 
 
 def compared_exports(results: Sequence[Result], running: Work) -> dict[str, dict[str, Any]]:
-    """What was found of each sampled controller: whether every bit is equal, and if not, what is not or why it can't be said."""
+    """The result for each sampled controller: whether every bit is equal, and otherwise the difference or the reason for
+    having no result."""
     from barbalat.export.in_the_loop import simulate_export
     from barbalat.validate import InputError
 
@@ -199,7 +209,7 @@ def compared_exports(results: Sequence[Result], running: Work) -> dict[str, dict
 
 
 def show_exported(found: Mapping[str, Mapping[str, Any]]) -> None:
-    """Print what was found, a line for each controller."""
+    """Print the results, one line for each controller."""
     from barbalat.report.terminal.layout import Screen
     from barbalat.validate import counted
 
@@ -208,10 +218,10 @@ def show_exported(found: Mapping[str, Mapping[str, Any]]) -> None:
         screen.title("software in the loop", "")
     for name, one in found.items():
         samples = f"; the export refused {counted(one['refused'], 'sample')}" if one["refused"] else ""
-        equal = "as compiled C it has the same figures and the same states in every bit"
+        equal = "compiled as C, it has the same figures and states in every bit"
         screen.whole(f"{name}: {equal if one['equal'] else one['difference']}{samples}")
 
 
 def exit_code(found: Mapping[str, Mapping[str, Any]]) -> int:
-    """1 where a bit differs; what can't be exported is no fault."""
+    """1 if a bit differs; a controller that cannot be exported is not a failure."""
     return int(any(one["equal"] is False for one in found.values()))

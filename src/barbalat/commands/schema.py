@@ -1,4 +1,4 @@
-"""``barbalat schema``: the JSON Schema of case files, which editors complete and check by."""
+"""``barbalat schema``: the JSON Schema of case files, with which editors complete and check."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Standard output and standard error while a command runs: one that is closed, on a full disk, or whose reader has left."""
+"""Standard output and standard error while a command runs: closed streams, full disks, and readers that have left."""
 
 from __future__ import annotations
 
@@ -15,15 +15,14 @@ if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
 
 STANDARD_ERROR = 2
-"""Its descriptor, the last of the three."""
+"""The descriptor of standard error, the last of the three."""
 UNKNOWN_CHARACTERS = "backslashreplace"
-"""A name in any script reaches a terminal of any encoding."""
+"""With this handler, a name in any script reaches a terminal of any encoding."""
 
 
 class OutputLost(Exception):
-    """Standard output does not take what the command found; ``reader_left`` where it is a pipe that nobody reads any more.
-
-    It is no OSError: libraries answer some of those themselves, and other pipes than this one break too.
+    """Standard output does not accept the command's results; ``reader_left`` if it is a pipe without a reader. This is not
+    an OSError, because libraries handle some of those themselves, and other pipes also break.
     """
 
     def __init__(self, reason: str, *, reader_left: bool = False) -> None:
@@ -47,7 +46,7 @@ class _Results(io.FileIO):
 
 
 class _Notes(io.FileIO):
-    """Standard error: notes that it does not take are lost, and change neither the results nor the exit code."""
+    """Standard error: notes that it does not accept are lost, without effect on the results or the exit code."""
 
     def write(self, data: ReadableBuffer, /) -> int:
         try:
@@ -58,7 +57,7 @@ class _Notes(io.FileIO):
 
 @contextlib.contextmanager
 def notes() -> Iterator[None]:
-    """Standard error as a command needs it: what it does not take is lost, also where there is none."""
+    """Standard error for a command: text that it does not accept is lost, also if there is no standard error."""
     before = sys.stderr
     _fill()
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
@@ -71,7 +70,7 @@ def notes() -> Iterator[None]:
 
 @contextlib.contextmanager
 def results() -> Iterator[None]:
-    """Standard output as a command needs it. Raises OutputLost where it is closed, and where it does not take what is written."""
+    """Standard output for a command. Raises OutputLost if it is closed or does not accept the written text."""
     before = sys.stdout
     if sys.stdout is None:  # as Python has it where the descriptor was closed
         raise OutputLost("it is closed; redirect it to a file, to a pipe, or to the null device")
@@ -89,14 +88,15 @@ def results() -> Iterator[None]:
 
 
 def _fill() -> None:
-    """Give closed descriptors up to standard error's the null device: a file of results would get their numbers."""
+    """Open the null device for closed descriptors up to standard error's; otherwise a file of results would get their
+    numbers."""
     while (number := os.open(os.devnull, os.O_RDWR)) <= STANDARD_ERROR:  # each time the lowest that is free
         pass
     os.close(number)
 
 
 def _over(stream: TextIO, kind: type[io.FileIO]) -> TextIO:
-    """The stream with writes of this kind; as it is where it is no file of the system's, as a notebook's or a test's."""
+    """The stream with writes of this kind; unchanged if it is not a system file, as in a notebook or a test."""
     if not isinstance(stream, io.TextIOWrapper):
         return stream
     raw = getattr(stream.buffer, "raw", stream.buffer)  # the same where Python was told not to buffer

@@ -1,4 +1,4 @@
-"""``barbalat sweep``: many runs of a case over a grid, over draws, or over both, and what they are evidence of."""
+"""``barbalat sweep``: many runs of a case over a grid, random draws, or both, with statistics."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("sweep", help="many runs: a grid, a Monte Carlo study, or both, that may be resumed")
+    parser = commands.add_parser("sweep", help="many runs: a grid, a Monte Carlo study, or both; a stored sweep can be resumed")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     add_controllers(parser)
     add_list(
@@ -34,35 +34,46 @@ def add(commands: Commands) -> None:
     )  # fmt: skip
     add_list(
         parser, "--sample", metavar="PATH=DISTRIBUTION", form="=",
-        help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; known-set for a vector or gain, over the case's known set; "
-        "between for parameters.k over its range, or for parameters, which are all of them",
+        help="uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B; "
+        "known-set for a vector or gain, over the case's known set; between for one parameter (parameters.k) or all "
+        "(parameters), over their ranges",
     )  # fmt: skip
     parser.add_argument("--members", type=whole, metavar="N", help="draws at each point of the grid; default 1000 with --sample")
     parser.add_argument(
         "--design", choices=("latin", "sobol", "random", "saltelli"), default="latin",
-        help="of the draws: Latin hypercubes (default), a Sobol sequence, independent ones (exact intervals), Saltelli's",
+        help="kind of draws: Latin hypercubes (default), a Sobol sequence, independent (exact intervals) or Saltelli's scheme",
     )  # fmt: skip
-    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of the draws; default 0")
+    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="seed of the draws; default 0")
     parser.add_argument(
         "--redesign", action="store_true",
-        help="design model and controllers anew for each member's plant.A, plant.b, parameters; default: vary what is simulated",
+        help="redesign model and controllers for each member's plant and parameters; default: vary only the simulated plant",
     )  # fmt: skip
-    add_list(parser, "--require", metavar="REQUIREMENT", form="[<>]", help='counted where broken, such as "max_abs_e[0] < 2"')
-    parser.add_argument("--no-bounds", action="store_true", help="certify nothing: the guaranteed bounds are not compared")
+    add_list(
+        parser,
+        "--require",
+        metavar="REQUIREMENT",
+        form="[<>]",
+        help='count violations of a requirement, such as "max_abs_e[0] < 2"',
+    )
+    parser.add_argument("--no-bounds", action="store_true", help="do not compare members with guaranteed bounds")
     parser.add_argument(
         "--audit", type=whole, metavar="N",
-        help="members run again at half their step, to see which verdicts are the solver's; 0: none; default 2 %%, at least 30",
+        help="members to repeat at half their step, to find verdicts that depend on the solver; default 2 %%, at least 30",
     )  # fmt: skip
     parser.add_argument(
         "--scheduler", metavar="ADDRESS",
         help="tcp://HOST:PORT of a Dask scheduler, or local:N for N processes here; default: threads",
     )  # fmt: skip
-    parser.add_argument("--store", metavar="DIR", help="keep every member's row there, as Parquet; the same command goes on")
     parser.add_argument(
-        "--member", type=whole, metavar="K", help="run this one alone, recorded and plotted, bit for bit as in the sweep"
+        "--store",
+        metavar="DIR",
+        help="store every member's row there, as Parquet; the same command continues an interrupted sweep",
     )
     parser.add_argument(
-        "--out", metavar="DIR", help="where the page goes, or a single member's; default: barbalat-sweep, none with --json"
+        "--member", type=whole, metavar="K", help="run only this member, recorded and plotted, bit for bit as in the sweep"
+    )
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder of the page, or of a single member's; default: barbalat-sweep, none with --json"
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
@@ -87,9 +98,9 @@ def execute(options: argparse.Namespace) -> int:
         try:
             result = _run(study, requirements, scheduler, store, options)
         except SchedulerLostError:
-            stays = f"what is stored in {options.store} stays, and the same command goes on"
+            stays = f"the rows stored in {options.store} are kept, and the same command continues"
             what = "without --store nothing is kept" if options.store is None else stays
-            say(f"the scheduler {options.scheduler} does not answer any more; {what}")
+            say(f"the scheduler {options.scheduler} no longer answers; {what}")
             return EXIT_FAILED
         from barbalat.report import documents
 
@@ -105,7 +116,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> int:
-    """One member alone; the exit code says 1 where its figures are not those that the store has."""
+    """Run a single member; the exit code is 1 if its figures differ from those in the store."""
     from barbalat.commands import run
     from barbalat.report import documents
     from barbalat.sweeps.stored import require_parquet, row_of
@@ -115,7 +126,7 @@ def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> 
         require_parquet()
     stored = None if store is None else row_of(store, study.identity(), options.member)
     default = None if options.json else f"barbalat-member-{options.member}"
-    parts = {"simulating": 3.0, "certifying": 2.0, "drawing": 3.0}
+    parts = {"simulating": 3.0, "certifying": 2.0, "drawing": 0.3}
     with folder_of(options.out, default) as folder, work(parts) as running:
         with running.part("simulating") as progress:
             found = replay(study, options.member, progress=progress)
@@ -131,12 +142,12 @@ def _replayed(study: Study, store: Path | None, options: argparse.Namespace) -> 
         run.show(f"{found.case.name}, member {found.number}", results, folder, plots=True)
     if stored is None or not (different := found.differing(stored)):
         return 0
-    say(f"other bits than the store's, which another processor or other versions made: {', '.join(different)}")
+    say(f"differs from the store, which another processor or other versions produced, in: {', '.join(different)}")
     return 1
 
 
 def _write(folder: Folder, text: CaseText, study: Study, result: SweepResult) -> None:
-    """The page with the worst members' runs, and explorers of them beside it."""
+    """The page with the worst members' runs, and their explorers in the same folder."""
     from barbalat.explorer.worst_members import explored
     from barbalat.report import write
     from barbalat.sweeps.sweep import worst_runs
@@ -193,7 +204,7 @@ SECONDS_EACH_EXPLORER, DRAWING_SECONDS = 1.0, 2.0
 
 
 EXIT_FAILED = 1
-"""Exit code of what went wrong, where the input was right."""
+"""Exit code of failures with a correct input."""
 
 
 def _run(
@@ -206,8 +217,9 @@ def _run(
     from barbalat.sweeps.sweep import run_study
     from barbalat.validate import counted
 
-    steps = len(study) * study.steps
-    say(f"{counted(len(study), 'member')}, {steps:.3g} solver steps")
+    steps, simulation = len(study) * study.steps, study.example.simulation
+    what = f"{steps:.3g} solver steps" if simulation.tolerance is None else simulation.how
+    say(f"{counted(len(study), 'member')}, {what}")
     try:
         with work({"simulating": max(steps * SECONDS_EACH_STEP, 1.0)}) as running, running.part("simulating") as progress:
             return run_study(
@@ -222,7 +234,7 @@ def _run(
             )
     except KeyboardInterrupt:
         if store is not None:
-            say(f"what is complete is stored in {store}; the same command goes on")
+            say(f"the completed members are stored in {store}; the same command continues")
         raise
 
 

@@ -1,4 +1,4 @@
-"""``barbalat tradeoff``: tracking error against delay margin for all tunings of three schemes."""
+"""``barbalat tradeoff``: tracking error against delay margin for all tunings of three schemes and the user's."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("tradeoff", help="tracking error against delay margin: three schemes and yours, all tunings")
+    parser = commands.add_parser(
+        "tradeoff", help="tracking error against delay margin for all tunings of three schemes and of your own"
+    )
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     add_controllers(parser)
     parser.add_argument("--out", metavar="DIR", help="default: barbalat-tradeoff, none with --json")
@@ -32,10 +34,14 @@ def add(commands: Commands) -> None:
         type=whole,
         default=6,
         metavar="N",
-        help="tunings for each knob, default 6, under a minute; 12 takes four times as long",
+        help="tunings for each setting; default 6, under a minute; 12 takes four times as long",
     )
     parser.add_argument(
-        "--share", type=float, default=1.0, metavar="S", help="added error, in motions, that counts as loss; default 1"
+        "--share",
+        type=float,
+        default=1.0,
+        metavar="S",
+        help="added error, relative to the model's motion, that counts as loss; default 1",
     )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
@@ -72,7 +78,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 EXPECTED_SECONDS = {"simulating": 60.0, "drawing": 3.0}
-"""Until the first tells how far it is."""
+"""Estimate until the first report of progress."""
 
 
 def _found(case: Case, options: argparse.Namespace, running: Work) -> TradeOff:

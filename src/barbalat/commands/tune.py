@@ -1,4 +1,4 @@
-"""``barbalat tune``: the settings of a case's controllers that make one quantity small under constraints."""
+"""``barbalat tune``: settings of a case's controllers that minimise a quantity under constraints."""
 
 from __future__ import annotations
 
@@ -16,39 +16,45 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Register the command and its options."""
-    parser = commands.add_parser("tune", help="settings that make an error small under constraints, as a case file")
+    parser = commands.add_parser("tune", help="find settings with a small error under constraints, and write them as a case file")
     parser.add_argument("case", metavar="CASE", help="a case file, or a bundled case's name")
     add_controllers(parser)
     parser.add_argument(
         "--for", dest="objective", required=True, metavar="METRIC",
-        help="what is made small: a figure of a run, such as rms_e, or a key of certify",
+        help="the quantity to minimise: a figure of a run, such as rms_e, or a key of certify",
     )  # fmt: skip
-    parser.add_argument("--maximize", action="store_true", help="make it large instead")
+    parser.add_argument("--maximize", action="store_true", help="maximise it instead")
     add_list(
         parser, "--subject-to", metavar="REQUIREMENT", form="[<>]",
         help='such as "delay_margin_measured >= 0.02", "gain_margin_measured >= 1.5", "condition < 1" (L1), "max_abs_u < 9"; '
-        "delay_margin is of the loop with its estimates at rest, on which MRAC's gain has no influence, and "
-        "delay_margin_adapting of the linear loop with its law: neither knows limits of the input or a moving command",
+        "delay_margin is that of the loop with frozen estimates, on which MRAC's gain has no influence, and "
+        "delay_margin_adapting that of the linear loop with its law; neither includes limits of the input or a changing command",
     )  # fmt: skip
     add_list(
         parser, "--vary", metavar="PATH=START:STOP[:log]", form="=",
-        help="a number of the case file that is tuned; default: the knobs of each controller's scheme",
+        help="a number of the case file to tune; default: the tunable settings of each controller's scheme",
     )  # fmt: skip
-    parser.add_argument("--controller", metavar="NAME", help="the one that is tuned; default: all, one after the other")
+    parser.add_argument("--controller", metavar="NAME", help="the controller to tune; default: all, one after the other")
     parser.add_argument(
         "--plants", type=whole, default=4, metavar="N", help="the case's plant and N - 1 of its known set; default 4"
     )
     parser.add_argument(
-        "--quantile", type=float, default=1.0, metavar="Q", help="of the plants, from 0 to 1; default 1, the worst of them"
+        "--quantile",
+        type=float,
+        default=1.0,
+        metavar="Q",
+        help="quantile over the plants, from 0 to 1; default 1, the worst plant",
     )
     parser.add_argument(
         "--trials",
         type=whole,
         metavar="N",
-        help="tunings tried for each controller; default 384, at least 288; of more than three numbers 576, at least as many",
+        help="tunings tried for each controller: default 384, minimum 288; with more than three tuned numbers 576 for both",
     )
-    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="of the plants and of the search; default 0")
-    parser.add_argument("--out", metavar="DIR", help="for case file, page and JSON; default: barbalat-tune, none with --json")
+    parser.add_argument("--seed", type=whole, default=0, metavar="S", help="seed of the plants and of the search; default 0")
+    parser.add_argument(
+        "--out", metavar="DIR", help="folder of case file, page and JSON; default: barbalat-tune, none with --json"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON document on standard output")
     add_budget(parser)
     parser.set_defaults(execute=execute)
@@ -94,7 +100,7 @@ def execute(options: argparse.Namespace) -> int:
 
 
 def _space(given: list[str]) -> Space | None:
-    """What ``--vary`` says; None without it."""
+    """The ranges of ``--vary``; None without it."""
     from barbalat.comparison.ranges import Range, Space
     from barbalat.open_numbers.path import FieldPath
     from barbalat.validate import InputError, show

@@ -24,12 +24,12 @@ from barbalat.validate import Array, InputError
 def default_knobs(
     problem: Problem, simulation: Simulation, *, density: int = 12, own: Sequence[Controller] = ()
 ) -> tuple[tuple[TuningGrid, ...], tuple[str, ...]]:
-    """The knobs that the registered schemes say they have, with ``density`` values for each second one.
+    """The knobs that the registered schemes declare, with ``density`` values for each second one.
 
-    Gains go up to the largest that this step resolves, time constants from five steps to the slowest one of the model. Also what
-    is left out, as sentences: tunings, and schemes that don't take the problem. InputError where no scheme takes it.
+    Gains go up to the largest that this step resolves, time constants from five steps to the model's slowest one. Also sentences
+    on what is left out: tunings, and schemes that don't take the problem. InputError if no scheme takes it.
 
-    own  controllers from outside: each joins with its knobs where it says that it has some, else as it is, as one tuning
+    own  controllers from outside: each joins with its knobs if it declares some, or else unchanged, as one tuning
     """
     reach, how = reach_of(problem, simulation, density=density)
     highest = reach.highest_gain
@@ -38,8 +38,8 @@ def default_knobs(
     if twice := next((name for name in names if names.count(name) > 1), None):
         raise InputError(f"two schemes of the trade-off are called {twice!r}; give yours another name")
     left_out = [
-        f"gains above {highest:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate), are left out",
-        f"time constants below five steps, {5 * simulation.dt:g} s, are left out",
+        f"gains above {highest:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate), are omitted",
+        f"time constants below five steps, {5 * simulation.dt:g} s, are omitted",
     ]
     if reach.theta_hat0 is not None:
         left_out.append(f"0 is not in the known set: estimates start in its middle, {validate.show(reach.theta_hat0)}")
@@ -48,7 +48,7 @@ def default_knobs(
         try:
             knobs.make(**next(knobs.tunings())).bind(problem.known)
         except InputError as error:
-            refused.append(f"{knobs.scheme} is left out: {error}")
+            refused.append(f"{knobs.scheme} is omitted: {error}")
         else:
             kept.append(knobs)
     if not kept:
@@ -57,7 +57,7 @@ def default_knobs(
 
 
 def knobs_of(controller: Controller, reach: TuningScale) -> TuningGrid:
-    """The knobs that a controller says it has; none, which is one tuning, where it says nothing."""
+    """The knobs that a controller declares; without any, one tuning."""
     if isinstance(controller, Tunable):
         return controller.knobs(reach)
     return TuningGrid(scheme=controller.name, values={}, make=lambda: controller)
@@ -69,7 +69,7 @@ def all_knobs(reach: TuningScale) -> list[TuningGrid]:
 
 
 def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> tuple[TuningScale, str]:
-    """How far knobs are turned on a case, and how the largest gain was found."""
+    """The ranges of the knobs for a case, and how the largest gain was found."""
     highest, how = largest_gain(problem, simulation)
     reach = TuningScale(
         highest_gain=highest,
@@ -84,13 +84,13 @@ def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> 
 
 
 def start_of(problem: Problem) -> Array | None:
-    """(p,) the middle of a known set without 0, where estimates can't start as they do by default; else None."""
+    """(p,) the middle of a known set that excludes the default start 0; otherwise None."""
     known_set = problem.known.theta_set
     return None if known_set is None or known_set.contains(np.zeros(len(known_set.middle))) else known_set.middle
 
 
 def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: int = 12) -> OutputTuningScale:
-    """How far knobs are turned where the output is fed back; no gain is among them."""
+    """The ranges of the knobs with output feedback, which include no gain."""
     return OutputTuningScale(
         times=_times(problem.known.W_m.poles, simulation, density),
         known=problem.known,
@@ -106,24 +106,26 @@ def _times(modes: Array, simulation: Simulation, density: int) -> Array:
 
 
 SHORTEST_TIME_STEPS = 5
-"""Solver steps in the shortest time constant, and in a sample of what is sampled by nature."""
+"""Solver steps in the shortest time constant, and in a sample of an inherently sampled controller."""
 
 
 def largest_gain(problem: Problem, simulation: Simulation) -> tuple[float, str]:
     """The largest Gamma that the step resolves, and how it was found: an estimate.
 
     ``certify``'s gamma_max for phi(x) = x, one input and a known gain. Otherwise the same frozen oscillator with the largest
-    regressor of the loop that knows theta, u beside phi(x) where its gain is estimated: certify's bound covers whatever the known
-    set allows and would leave out gains that cases use. Faults and a shell are left aside. Raises InputError where the step
+    regressor of the loop with known theta, including u if its gain is estimated: certify's bound covers everything that the known
+    set allows, and would exclude gains that cases use. Faults, a shell and an observer are ignored. Raises InputError if the step
     resolves none.
     """
     problem = problem.nominal
+    if problem.fixed_observer is not None:  # for which no gamma_max is known
+        problem = replace(problem.design, observer=None, sensor=None)
     if problem.plant.inputs == 1 and problem.plant.is_linear and problem.input_gain is None:
         plain = Mrac(gamma=1.0, theta_hat0=start_of(problem))
         found = certify(problem, (plain,), simulation)[plain.name].values.get("gamma_max")
         how = "gamma_max of certify"
     else:
-        found, how = _largest_along_the_ideal_run(problem, simulation), "the oscillator of adaptation where theta is known"
+        found, how = _largest_along_the_ideal_run(problem, simulation), "the oscillator of adaptation with theta known"
     if not found:
         raise InputError(f"simulation.dt = {simulation.dt:g} s resolves no adaptive gain for this command; make it smaller")
     return found, how
@@ -133,7 +135,7 @@ def _largest_along_the_ideal_run(problem: Problem, simulation: Simulation) -> fl
     known, controller = ideal(problem)
     run = simulate(known, [controller], replace(simulation, record_points=4000))[controller.name]
     if np.isfinite(diverged := run.metrics.diverged_at[0]):
-        raise InputError(f"the plant can't follow its model: even with theta known the loop diverges, at t = {diverged:.4g} s")
+        raise InputError(f"the plant cannot follow its model: even with theta known the loop diverges, at t = {diverged:.4g} s")
     square = np.array([np.sum(problem.plant.regressor(x) ** 2) for x in run.x])
     if problem.input_gain is not None:
         square += np.max(run.u.reshape(len(run.t), -1) ** 2, axis=1)

@@ -1,4 +1,4 @@
-"""The plants on which tunings are tried: the case's own, and others that its known set or its parameters' ranges admit."""
+"""The plants on which tunings are tried: the case's own, and others from its known set or from its parameters' ranges."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from barbalat.validate import Array, InputError
 
 
 def plants_of(problem: Problem, known_set: KnownSet, plants: int, seed: int) -> list[Problem]:
-    """The case's plant, and others, drawn from its known set and, where the input's gain is unknown, from its interval.
+    """The case's plant, and others, drawn from its known set and, if the input's gain is unknown, from its interval.
 
-    Of a plant with physical parameters the others are drawn from their ranges. InputError where a truth has a matrix A of its
-    own: no known set says what others like it are.
+    For a plant with physical parameters the others are drawn from their ranges. InputError if a truth has its own matrix A: no
+    known set then describes similar plants.
     """
     random = np.random.default_rng(seed)
     if problem.plant.physical is not None:
         return _of_the_ranges(problem, problem.plant.physical, plants, random)
     if problem.truth is not None and problem.truth.A is not None and plants > 1:
-        raise InputError.of("plants", f"must be 1 where truth.A is one plant, which no known set varies; got {plants}")
+        raise InputError.of("plants", f"must be 1 with truth.A, which is a single plant without variation; got {plants}")
     thetas = known_set.drawn(random, plants - 1)
     found = [problem.plant, *(replace(problem.plant, theta=theta) for theta in thetas)]
-    if problem.known.gains is not None:  # the case's own gain is written out too: all plants then have one structure
+    if problem.known.gains is not None:  # the case's own gain is written out too, so that all plants have one structure
         gains = [[path.gain for path in problem.plant.paths], *problem.known.gains.drawn(random, plants - 1)]
         found = [_with_gains(plant, gain) for plant, gain in zip(found, gains, strict=True)]
     return [replace(problem, plant=plant) for plant in found]
@@ -47,7 +47,7 @@ def _of_the_ranges(problem: Problem, physical: PhysicalPlant, plants: int, rando
 
 
 def parameters_of(problem: TrackingProblem) -> Any:
-    """The values that estimates are compared with, or those that the plant is designed with where the truth has none."""
+    """The values with which estimates are compared, or those of the design plant if the truth has none."""
     true = problem.true_parameters
     return problem.parameters if true is None else true
 

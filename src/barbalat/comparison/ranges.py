@@ -1,4 +1,4 @@
-"""The fields that a tuning turns: their ranges, and where a scheme's own knobs stand in a case file."""
+"""The fields that a tuning varies: their ranges, and the positions of a scheme's own knobs in a case file."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from barbalat.open_numbers.path import FieldPath, Key
 from barbalat.validate import Array, InputError
 
 SIGNIFICANT_DIGITS = 4
-"""Of a tuned number: a case file stays readable, and what is judged is what stands in it."""
+"""Digits of a tuned number: the case file stays readable, and the evaluated value is the one in the file."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """From ``low`` to ``high``, turned in the logarithm where asked."""
+    """From ``low`` to ``high``, on a logarithmic scale if requested."""
 
     low: float
     high: float
@@ -45,7 +45,7 @@ class Range:
             raise InputError(f"START and STOP must be numbers, got {validate.show(text)}") from None
 
     def at(self, share: Array) -> Array:
-        """Values of shares of the way, of few digits."""
+        """The values at these shares of the range, with few digits."""
         if self.logarithmic:
             found = np.exp(np.log(self.low) + (np.log(self.high) - np.log(self.low)) * share)
         else:
@@ -53,7 +53,7 @@ class Range:
         return np.clip([float(f"{value:.{SIGNIFICANT_DIGITS}g}") for value in found], self.low, self.high)
 
     def share(self, value: float) -> float | None:
-        """Where a value lies; None outside."""
+        """The share at which a value is; None outside."""
         if not self.low <= value <= self.high:
             return None
         if self.logarithmic:
@@ -66,7 +66,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Space:
-    """Ranges by the paths of what they are of."""
+    """Ranges by the paths of the varied fields."""
 
     ranges: Mapping[FieldPath, Range]
 
@@ -82,17 +82,17 @@ class Space:
         return np.column_stack([one.at(shares[:, i]) for i, one in enumerate(self.ranges.values())])
 
     def shares(self, row: Array) -> Array | None:
-        """(d,) where a tuning lies; None outside."""
+        """(d,) the shares of a tuning; None outside."""
         found = [one.share(float(value)) for one, value in zip(self.ranges.values(), row, strict=True)]
         return None if any(share is None for share in found) else np.array(found, dtype=float)
 
 
 BEYOND_GRID = 100.0
-"""Factor by which a search goes beyond the grid's ends, of a knob that nothing else bounds."""
+"""Factor by which a search extends the grid's range, for parameters without other bounds."""
 
 
 def of_knobs(knobs: TuningGrid, tables: object, controller: int) -> Space:
-    """The scheme's knobs that stand in the controller's table, each where its name stands once; InputError where none does."""
+    """The scheme's knobs in the controller's table, each at the only position of its name; InputError if there is none."""
     found: dict[FieldPath, Range] = {}
     for name, values in knobs.values.items():
         places = list(_places(tables, name))
@@ -102,14 +102,14 @@ def of_knobs(knobs: TuningGrid, tables: object, controller: int) -> Space:
             found[path] = Range(float(values.min()) / beyond, float(values.max()) * beyond, logarithmic=True)
     if not found:
         raise InputError(
-            f"none of the knobs of {knobs.scheme}, {', '.join(knobs.values)}, stands as a number in the case: say what is tuned, "
-            f"--vary controller[{controller}].KEY=START:STOP[:log]"
+            f"none of the parameters of {knobs.scheme}, {', '.join(knobs.values)}, is a number in the case: give the "
+            f"numbers to tune, --vary controller[{controller}].KEY=START:STOP[:log]"
         )
     return Space(found)
 
 
 def _places(part: object, name: str) -> Iterator[tuple[Key, ...]]:
-    """Where a number of that name stands."""
+    """The positions of numbers with this name."""
     if isinstance(part, dict):
         for key, value in part.items():
             if key == name and isinstance(value, (int, float)) and not isinstance(value, bool):

@@ -1,4 +1,4 @@
-"""The registry: one line for each scheme, by the name that case files use. The contract tests run over it."""
+"""The registry of schemes, one line for each, by their names in case files. The contract tests cover all of them."""
 
 from barbalat.controllers.adrc import Adrc as Adrc
 from barbalat.controllers.baseline import BaselineAlone as BaselineAlone

@@ -1,4 +1,5 @@
-"""Active disturbance rejection: what acts with the input is observed and taken away. Linear; nothing adapts."""
+"""Active disturbance rejection: an observer estimates the disturbance at the input, and the control cancels it. It is linear
+and does not adapt."""
 
 from __future__ import annotations
 
@@ -19,7 +20,7 @@ from barbalat.roles import Role
 from barbalat.validate import Array, InputError, Vector, show
 
 PLACEMENT_TOLERANCE = 1e-6
-"""Of the observer's characteristic polynomial: further off, the output hardly sees a state or the disturbance."""
+"""Relative tolerance of the observer's characteristic polynomial: beyond it a state or the disturbance is hardly observable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +37,7 @@ class Observer:
     def of_state(cls, A: Array, b: Array, bandwidth: float) -> Observer:
         """f_hat = bandwidth/(s + bandwidth) [f] from the whole state: f_hat = xi + bandwidth b^+ x, without x'; x_hat = x.
 
-        InputError where the columns of b depend on each other.
+        InputError if the columns of b are linearly dependent.
         """
         n, m = b.shape
         if np.linalg.matrix_rank(b) < m:
@@ -54,11 +55,11 @@ class Observer:
     def of_output(cls, A: Array, b: Array, c: Array, bandwidth: float) -> Observer:
         """The extended-state observer: xi = (x_hat, f_hat), from c'x, with all n + 1 poles at -bandwidth, for one input.
 
-        InputError where c'x does not see a state or the disturbance: c'(sI - A)^-1 b must not vanish at s = 0.
+        InputError if a state or the disturbance is not observable from c'x: c'(sI - A)^-1 b must not vanish at s = 0.
         """
         n, m = b.shape
         if m > 1:
-            raise InputError(f"output goes with one input, got {m}: leave it out, so that the whole state is measured")
+            raise InputError(f"output needs a plant with one input, got {m}: omit it, so that the whole state is measured")
         extended, seen = np.block([[A, b], [np.zeros((1, n + 1))]]), np.append(c, 0.0)
         try:
             with np.errstate(all="ignore"):
@@ -69,7 +70,8 @@ class Observer:
             off = np.inf
         if not off <= PLACEMENT_TOLERANCE:
             raise InputError(
-                f"output must see every state and a constant disturbance, but {show(c)} does not, or not beyond rounding with "
+                f"the output must make every state and a constant disturbance observable, but {show(c)} does not, or not "
+                f"beyond rounding with "
                 f"the bandwidth {bandwidth:g}"
             )
         return cls(
@@ -81,7 +83,7 @@ class Observer:
         )
 
     def started(self, x: Value) -> Value:
-        """xi with the state measured and no disturbance, x_hat = x and f_hat = 0: M'M = I in both forms."""
+        """xi for the measured state and no disturbance, x_hat = x and f_hat = 0: M'M = I in both forms."""
         wanted = np.concatenate([x, np.zeros(self.N.shape[0] - x.shape[0])]) - self.N @ x
         return self.M.T @ wanted
 
@@ -99,7 +101,7 @@ def _ackermann(A: Array, c: Array, bandwidth: float) -> Array:
     """g with all eigenvalues of A - g c' at -bandwidth: (A + bandwidth I)^N O^-1 [0 ... 0 1]', O the observability matrix."""
     size, rows = len(A), [c]
     for _ in range(size - 1):
-        rows.append(rows[-1] @ A / bandwidth)  # scaled, so that rows are of one size
+        rows.append(rows[-1] @ A / bandwidth)  # scaled, so that the rows have similar magnitudes
     last = np.zeros(size)
     last[-1] = np.float64(bandwidth) ** -(size - 1)
     column = np.linalg.solve(np.array(rows), last)
@@ -107,7 +109,7 @@ def _ackermann(A: Array, c: Array, bandwidth: float) -> Array:
 
 
 class State(NamedTuple):
-    """What the controller integrates; it estimates no parameters."""
+    """The controller's states; it estimates no parameters."""
 
     xi: Value  # the observer's
 
@@ -121,7 +123,7 @@ class Equations:
     b_0: float
     k_0: Array | float
     x0: Array
-    limits: Array | None = None  # of the input, where the observer is fed with what is left of u
+    limits: Array | None = None  # of the input, if the observer receives sat(u)
 
     roles: ClassVar[Mapping[str, Role]] = {"xi": Role.predictor("state of the observer")}
 
@@ -145,17 +147,18 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class Adrc(Scheme):
-    """u = (k_0 r - theta_0'x_hat - f_hat)/b_0, f_hat of an observer of x' = A x + b (b_0 u + f), f' = 0; A = A_m + b theta_0'.
+    """u = (k_0 r - theta_0'x_hat - f_hat)/b_0, with f_hat from an observer of x' = A x + b (b_0 u + f), f' = 0; A = A_m + b
+    theta_0'.
 
     bandwidth  omega_o [rad/s]: every pole of the observer is at -omega_o
-    output     c, (n,): the extended-state observer of order n + 1 that measures c'x alone, as in the textbooks. By default the
-               whole state is measured, and the disturbance alone observed: f_hat = omega_o/(s + omega_o) [f]
-    nominal    theta_0, (n,), or (n m,) with m inputs: the parameters that the observer assumes; zero by default, so that it has
-               the model's A_m. A chain of integrators, as in the textbooks, is the theta_0 that makes A one
+    output     c, (n,): the extended-state observer of order n + 1 then measures only c'x, as in the textbooks. By default the
+               whole state is measured, and only the disturbance is observed: f_hat = omega_o/(s + omega_o) [f]
+    nominal    theta_0, (n,), or (n m,) with m inputs: the parameters that the observer assumes; zero by default, so that it uses
+               the model's A_m. For the textbooks' chain of integrators, give the theta_0 that makes A one
     b_0        the assumed effectiveness of the input, > 0; 1 by default
-    saturated_predictor  against windup: the observer is fed with sat(u); off by default
+    saturated_predictor  against windup: the observer receives sat(u); off by default
 
-    The bandwidth of the textbooks' state feedback, omega_c, is that of the reference model.
+    The textbooks' bandwidth of the state feedback, omega_c, is that of the reference model.
 
     Source: Gao, Scaling and bandwidth-parameterization based controller tuning, ACC 2003; Han, From PID to active disturbance
     rejection control, IEEE Trans. Industrial Electronics 56(3), 2009.

@@ -1,4 +1,4 @@
-"""The controller that is there without adaptation, alone: what every adaptive one is compared with."""
+"""The baseline alone, without adaptation, with which every adaptive controller is compared."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from barbalat.validate import Array, Vector
 
 
 class State(NamedTuple):
-    """Nothing is kept, and nothing estimated."""
+    """No state and no estimate."""
 
     theta_hat: Value  # (0,)
 
@@ -49,9 +49,9 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class BaselineAlone(Scheme):
-    """u = k_0 r - theta_0'phi(x): the baseline of the plant, and nothing adapts; an unknown input gain counts as 1.
+    """u = k_0 r - theta_0'phi(x): the plant's baseline without adaptation; an unknown input gain is taken as 1.
 
-    nominal  theta_0, (p,): by default the baseline's own, else the middle of the known set, zero without one
+    nominal  theta_0, (p,): by default the baseline's own, or else the middle of the known set, or zero without one
     """
 
     _: KW_ONLY

@@ -1,4 +1,4 @@
-"""Feedback and feedforward gains that a scheme adapts, u = -k_x_hat'phi(x) + k_r_hat r; ideal are theta/omega and k_0/omega."""
+"""Adapted feedback and feedforward gains, u = -k_x_hat'phi(x) + k_r_hat r, whose ideal values are theta/omega and k_0/omega."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ class GainSettings(Adaptive, Protocol):
 
 
 def check_gains(settings: GainSettings) -> None:
-    """The checks of such settings that need no plant; stores what was accepted."""
+    """Check and store the settings as far as this is possible without the plant."""
     check_common(settings)
     object.__setattr__(settings, "gamma", gain.accept("gamma", settings.gamma))
     if settings.gamma_r is not None:
         validate.freeze(settings, gamma_r=validate.positive("gamma_r", settings.gamma_r))
     elif Gain(settings.gamma).dimensions:
-        raise InputError("gamma_r is missing: give the feedforward's gain, a number, where gamma is a list or a matrix")
+        raise InputError("gamma_r is missing: give the feedforward's gain, a number, if gamma is a list or a matrix")
     if settings.k_r0 is not None:
         matrix = validate.dimensions(settings.k_r0) == 2
         given = validate.array("k_r0", settings.k_r0, (None, None)) if matrix else validate.number("k_r0", settings.k_r0)
@@ -48,15 +48,15 @@ def check_gains(settings: GainSettings) -> None:
 
 
 def feedforward_gain(settings: GainSettings) -> float:
-    """gamma_r, or gamma in its place."""
+    """gamma_r, or gamma if it is not given."""
     return float(settings.gamma if settings.gamma_r is None else settings.gamma_r)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ControlGains:
-    """Both gains on a plant: where they start, what they are projected onto, and the control that they make.
+    """Both gains for a plant: their initial values, the sets onto which they are projected, and the control that they give.
 
-    With m inputs and q commands k_x (p m,) and k_r (m q,) stand row by row, and each input has an omega of its own.
+    With m inputs and q commands k_x (p m,) and k_r (m q,) are stored row by row, and each input has its own omega.
     """
 
     matched: MatchedTerm
@@ -70,8 +70,8 @@ class ControlGains:
 
     @classmethod
     def of(cls, settings: GainSettings, known: Known) -> ControlGains:
-        """InputError where the settings don't fit the plant."""
-        projection_set(settings.projection, known)  # refuses what is no switch, and a projection onto nothing
+        """InputError if the settings don't fit the plant."""
+        projection_set(settings.projection, known)  # refuses a value that is no switch, and a projection without a set
         regressor, gamma = known.matched.regressor, Gain(settings.gamma)
         gamma.require_size("gamma", regressor.size(known.n) * known.inputs)
         if known.inputs > 1 and gamma.is_matrix:
@@ -100,7 +100,7 @@ class ControlGains:
         return -self.matched.phi(x).T @ k_x_hat + k_r_hat.reshape(self.inputs, -1) @ r.reshape(-1)
 
     def exciting(self, k_x_hat: Value, k_r_hat: Value, x: Value, u: Value) -> Value:
-        """The exciting signals: phi(x) and, with several inputs, K_r'K_r r, which is r but for its directions' lengths."""
+        """The exciting signals: phi(x) and, with several inputs, K_r'K_r r, which is r up to scaling of its directions."""
         if self.inputs == 1:
             return self.with_input(x, u)
         Phi, m = self.matched.phi(x), self.inputs
@@ -108,7 +108,7 @@ class ControlGains:
         return np.concatenate([Phi, np.outer(of_r, np.eye(m).reshape(-1)).reshape(of_r.shape[0] * m, m)])
 
     def with_input(self, x: Value, u: Value) -> Value:
-        """phi(x) and u: as long as k_r_hat is not zero they span what phi(x) and r do, which excites the gains."""
+        """phi(x) and u: if k_r_hat is not zero they span the same space as phi(x) and r, which excite the gains."""
         return np.concatenate([self.matched.phi(x), u.reshape(1)])
 
     def ideal(self, theta: Array, omega: Array) -> Array:
@@ -132,7 +132,7 @@ class ControlGains:
 
 
 class GainEquations:
-    """Equations that adapt both gains, whatever law moves them. Their state has the fields theta_hat and k_r_hat."""
+    """Equations that adapt both gains, for any law. Their state has the fields theta_hat and k_r_hat."""
 
     gains: ControlGains
 
@@ -180,7 +180,7 @@ def _initial_feedforward(given: float | Array | None, known: Known, interval: Pa
 
 
 def sets_of_ideal_gains(known: Known) -> tuple[KnownSet | None, ParameterBox | None]:
-    """Sets that hold k_x = theta/omega and k_r = k_0/omega, as far as theta and omega are known; else omega counts as 1."""
+    """Sets that contain k_x = theta/omega and k_r = k_0/omega, if theta and omega are known; an unknown omega counts as 1."""
     theta, gains = known.theta_set, known.gains
     if gains is None:
         return theta, None

@@ -1,4 +1,4 @@
-"""The controller to which all adaptive ones aspire: the parameters are known, and nothing is left to estimate."""
+"""The ideal of all adaptive controllers: the parameters are known, and nothing is estimated."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
-    """What the controller keeps."""
+    """The controller's states."""
 
-    theta_hat: Value  # (p,) the parameters, at rest
+    theta_hat: Value  # (p,) the parameters, constant
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """Eq. (3) with the estimate at rest."""
+    """Eq. (3) with constant parameters."""
 
     k_0: Array | float
     matched: MatchedTerm
@@ -45,12 +45,14 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class KnownParameters(Scheme):
-    """u = k_0 r - theta'phi(x), over omega where the plant's input gain is unknown: what every estimate is to converge to.
+    """u = k_0 r - theta'phi(x), divided by omega if the plant's input gain is unknown: the values to which estimates should
+    converge.
 
-    With ``theta=problem.parameters`` the loop is the reference model as long as nothing stands between controller and plant:
-    the benchmark for what a delay, a limit or noise does to the tracking alone.
+    With ``theta=problem.parameters`` the loop equals the reference model if nothing lies between controller and plant; it shows
+    how a delay, a limit or noise alone affects the tracking.
 
-    theta  (p,), the input gains last where the problem has them unknown; not checked against the plant, nor the known set
+    theta  (p,), with the input gains last if the problem has unknown ones; checked neither against the plant nor against the
+           known set
 
     Source: the matching condition below (2).
     """

@@ -1,4 +1,4 @@
-"""L1 adaptive control for measured states: eqs (5)-(8), an MRAC whose control passes a low-pass filter C(s)."""
+"""L1 adaptive control for measured states: eqs (5)-(8), an MRAC whose control passes through a low-pass filter C(s)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from barbalat.controllers.settings import Scheme, bound_with_lyapunov_law, check
 from barbalat.controllers.steps import Filter, Unmoved, half_step
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import ModifiedError, applied, limits_of_predictor
-from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
+from barbalat.linear.systems import StateSpace, TransferFunction, two_slopes
 from barbalat.problem.known_set import EstimateSet, Gain, KnownSet, gain, limit
 from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
@@ -29,18 +29,18 @@ from barbalat.validate import Array, InputError, Vector
 class Predictor:
     """Predictor (8) and law (7) in one implicit step; with C = 1 the MRAC.
 
-    V = x_tilde'P x_tilde + theta_tilde'Gamma^-1 theta_tilde falls by at least T |x_tilde|^2 a sample, for every Gamma, T.
-    The predictor is fed with the estimate as the known set leaves it: with C = 1 it then stays with the reference model.
+    V = x_tilde'P x_tilde + theta_tilde'Gamma^-1 theta_tilde decreases by at least T |x_tilde|^2 per sample, for every Gamma and
+    T. The predictor uses the estimate after projection onto the known set: with C = 1 it then follows the reference model.
     """
 
     continuous: Equations
     sample_time: float
-    known_set: KnownSet | None  # what the step keeps to; with a leakage it holds the origin as well
+    known_set: KnownSet | None  # the set that the step respects; with a leakage it also contains the origin
     end: Array  # (I - T A_m)^-1
     filter: Filter
     coupling: Array | float  # T b'P (I - T A_m)^-1 b > 0; (m, m) with m inputs
     windup: ModifiedError | None = None
-    frozen: Value = None  # where it holds, the estimates rest and nothing is remembered; None: it never does
+    frozen: Value = None  # where it is true, estimates and memory are held; None: never
 
     explicit: ClassVar[bool] = False
 
@@ -49,7 +49,7 @@ class Predictor:
         modifications, estimate_set = equations.modifications, equations.estimate_set
         if modifications.dead_zone is not None:
             raise InputError(
-                "discretization = 'midpoint' takes no dead zone on sqrt(e'P e): its implicit step has no closed form; take "
+                "discretization = 'midpoint' cannot have a dead zone on sqrt(e'P e): its implicit step has no closed form; take "
                 "'euler', or a dead zone in a law on the parametric model"
             )
         implicit.require_projectable(equations.gamma, estimate_set)
@@ -91,23 +91,23 @@ class Predictor:
         return replace(self, frozen=frozen)
 
     def _remembered(self, before: Any, memory: Any) -> Any:
-        """The memory with what was learnt; the filters of what is measured go on while it rests."""
+        """The memory with new data; while it is held, only the filters of the measurements continue."""
         learning = self.continuous.modifications.learning
         return memory if self.frozen is None or learning is None else resting(self.frozen, learning.roles, before, memory)
 
     def _unmoved(self, state: State, before: Sample, u: Value, now: Sample) -> Unmoved:
         c, T = self.continuous, self.sample_time
         phi = (c.matched.with_input(before.x, u) + c.matched.with_input(now.x, u)) / 2
-        # A_m acts on x_mid - x_tilde: what is measured enters as in the midpoint rule, what is estimated at the sample's end
+        # A_m acts on x_mid - x_tilde: measurements enter as in the midpoint rule, estimates at the end of the sample
         measured = np.dot(c.b, c.matched.known_input(u)) - c.A_m @ ((now.x - before.x) / 2)
         if c.enters is not None:
-            measured = measured + np.dot(c.enters, before.r)  # as the sampled model takes it, held over the sample
+            measured = measured + np.dot(c.enters, before.r)  # held over the sample, as in the sampled model
         x_hat = self.end @ (state.x_hat + T * measured)
         error = (now.x - x_hat) @ (c.P @ c.b) - np.dot(self.coupling, phi.T @ state.theta_hat)
         return Unmoved(x_hat, error, phi)
 
     def _moved(self, state: State, memory: Any, unmoved: Unmoved, w: Value) -> Value:
-        """The estimate at the sample's end, with the leakage w."""
+        """The estimate at the end of the sample, with the leakage w."""
         c, T, learning = self.continuous, self.sample_time, self.continuous.modifications.learning
         pull = () if learning is None else (learning.gamma_c * memory.R, learning.gamma_c * memory.Q)
         gain, rest = implicit.at_rest(c.gamma, state.theta_hat, T, w, *pull)
@@ -124,9 +124,9 @@ class Predictor:
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
-    theta_hat: Value  # (p,) estimate of theta, and of omega where the input gain is unknown
+    theta_hat: Value  # (p,) estimate of theta, and of omega if the input gain is unknown
     x_hat: Value  # (n,) predictor
     filter: Value  # (order of C,) state of the filter C(s); (order of C, m) with m inputs
     memory: Any = ()  # of composite learning
@@ -147,9 +147,9 @@ class Equations:
     x0: Array
     estimate_set: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
-    enters: Array | None = None  # by what the command enters beside the input
+    enters: Array | None = None  # the matrix by which the command enters the state directly
     theta_0: Array | None = None  # of a baseline, which is not filtered
-    limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
+    limits: Array | None = None  # of the input, if the predictor receives sat(u)
 
     @property
     def roles(self) -> dict[str, Role]:
@@ -165,11 +165,11 @@ class Equations:
         return u if self.theta_0 is None else u + self.baseline(x, r)
 
     def baseline(self, x: Value, r: Value) -> Value:
-        """What is there without adaptation, and passes no filter."""
+        """The part of the control without adaptation, which is not filtered."""
         return np.dot(self.k_0, r) - self.matched.phi(x).T @ self.theta_0
 
     def filter_input(self, state: State, x: Value, r: Value) -> Value:
-        """What C(s) filters. With an unknown gain u = C/(1 - C)[-theta_hat'phi - omega_hat u + k_0 r] stands for (5)."""
+        """The input of C(s). With an unknown gain, (5) becomes u = C/(1 - C)[-theta_hat'phi - omega_hat u + k_0 r]."""
         theta_hat, omega_hat = self.matched.split(state.theta_hat)
         wanted = -self.matched.phi(x).T @ theta_hat + np.dot(self.k_0, r)
         beside = 0.0 if self.theta_0 is None else self.baseline(x, r)
@@ -180,7 +180,7 @@ class Equations:
         return wanted - omega_hat * (self.C.output(state.filter, 0 * wanted) + beside)
 
     def applied(self, u: Value) -> Value:
-        """What the predictor is fed with."""
+        """The control that the predictor receives."""
         return applied(u, self.limits)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
@@ -213,11 +213,11 @@ class L1Adaptive(Scheme):
     gamma       adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     filter      C(s): stable, strictly proper, C(0) = 1; starts at rest. ``None`` means C = 1, which is the standard MRAC
     theta_hat0  (p,), zero by default; inside the known set
-    projection  onto the known set; by default on where one is given. An unknown input gain's estimate is always projected
+    projection  onto the known set; by default on if there is one. The estimate of an unknown input gain is always projected
     leakage, dead_zone  modifications of the law, none by default: see ``adaptation.lyapunov``
     learning    a memory of past data; none by default
-    saturated_predictor  against windup: the predictor is fed with sat(u), times omega_hat where the input gain is unknown, so
-                that x_tilde does not see the limit; off by default
+    saturated_predictor  against windup: the predictor receives sat(u), times omega_hat if the input gain is unknown, so that the
+                         limit does not affect x_tilde; off by default
 
     Source: eqs (5)-(8); Hovakimyan and Cao, L1 Adaptive Control Theory, section 2.1.
     """
@@ -236,7 +236,7 @@ class L1Adaptive(Scheme):
     def __post_init__(self) -> None:
         check_common(self)
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
-        Modifications.of(self)  # refuses what can't go together
+        Modifications.of(self)  # refuses parts that can't be combined
         if self.filter is not None:
             object.__setattr__(self, "filter", require_low_pass(TransferFunction.accept("filter", self.filter)))
 
@@ -244,14 +244,15 @@ class L1Adaptive(Scheme):
     def knobs(cls, reach: TuningScale) -> TuningGrid:
         return TuningGrid(
             scheme="L1-AC",
-            values={"kappa": reach.times, "gamma": reach.gains(1e-7, reach.density)},
-            make=lambda kappa, gamma: cls(
+            values={"kappa": reach.times, "slope_ratio": reach.slope_ratios, "gamma": reach.gains(1e-7, reach.density)},
+            make=lambda kappa, slope_ratio, gamma: cls(
                 gamma=gamma,
-                filter=input_filter(kappa),
+                filter=two_slopes(kappa, slope_ratio),
                 theta_hat0=reach.theta_hat0,
                 saturated_predictor=reach.saturated,
                 name="L1-AC",
             ),
+            whole=("slope_ratio",),
             aims=("condition", "error_bound"),
         )
 
@@ -264,7 +265,7 @@ class L1Adaptive(Scheme):
         )
 
     def _filter(self, *, unknown_gain: bool) -> StateSpace:
-        """C(s), or C/(1 - C), which is C with its output fed back to its input, around an unknown gain."""
+        """C(s), or with an unknown gain C/(1 - C), which is C with positive feedback of its output."""
         if self.filter is None:
             return StateSpace.gain(1.0)
         C = self.filter.realise()
@@ -272,12 +273,12 @@ class L1Adaptive(Scheme):
 
 
 def require_low_pass(C: TransferFunction) -> TransferFunction:
-    """C(s) as the scheme asks for it: strictly proper, stable, C(0) = 1."""
+    """Return C(s) if it is strictly proper and stable with C(0) = 1; InputError otherwise."""
     shown = f"num = {validate.show(C.num)}, den = {validate.show(C.den)}"
     if C.relative_degree < 1:
         raise InputError(f"filter must be strictly proper (degree of num below that of den), got {shown}")
     if not C.is_stable:
         raise InputError(f"filter must be stable, but a pole has real part {C.poles.real.max():.6g}: {shown}")
-    if abs(C.dc_gain - 1) > 1e-9:  # coefficients are typed in decimal: a ratio of two of them carries that much
+    if abs(C.dc_gain - 1) > 1e-9:  # coefficients are typed as decimals, and a ratio of two of them has this error
         raise InputError(f"filter must have unit DC gain, C(0) = 1, got {C.dc_gain:.9g}: {shown}")
     return C

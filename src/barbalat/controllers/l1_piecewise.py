@@ -1,7 +1,7 @@
-"""L1 adaptive control with the piecewise-constant law, the one that flies: sampled by nature, without an adaptive gain.
+"""L1 adaptive control with the piecewise-constant law, the one used in flight: always sampled, without an adaptive gain.
 
-The law estimates no parameters but what acts on the plant, sigma, anew at every sample. As it is linear and forgets within a
-sample, the whole is a linear time-invariant sampled controller: see ``realisation``.
+The law estimates no parameters but sigma, the uncertainty that acts on the plant, anew at every sample. As it is linear and has
+no memory beyond a sample, the whole controller is linear, time-invariant and sampled: see ``realisation``.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from barbalat.controllers.piecewise_predictor import SPAN, AsFlown, PredictorSte
 from barbalat.controllers.settings import Scheme, require_taken
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
-from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.linear.systems import TransferFunction, two_slopes
 from barbalat.problem.regressors import MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Sample, Value, kept
@@ -27,19 +27,19 @@ from barbalat.roles import Role
 from barbalat.validate import Array, InputError
 
 PATENT_NOTE = (
-    "This is the piecewise-constant L1 law of published papers; nothing of the flight code L1Quad is used in it. That code\n"
+    "This is the piecewise-constant L1 law of published papers; it does not use the flight code L1Quad. That code\n"
     "names US patent 8,712,559 for the law: ask whether it covers your use before you fly it."
 )
 
 
 class State(NamedTuple):
-    """What is kept from sample to sample; no parameter is estimated."""
+    """The states from sample to sample; no parameter is estimated."""
 
     theta_hat: Value  # (0,)
     x_hat: Value  # (n,) predictor
-    sigma_hat: Value  # (n,) what acts on the plant: the first m entries with the input, the others beside it
-    filter: Value  # (N,) states of C(s), and of the inverse where what is unmatched is compensated
-    span: Value  # () samples that x_hat - x gathers over: 1 unless measurements are missed
+    sigma_hat: Value  # (n,) estimated uncertainty: the first m entries at the input, the others unmatched
+    filter: Value  # (N,) states of C(s), and of the inverse if the unmatched part is compensated
+    span: Value  # () samples over which x_hat - x accumulates: 1 unless measurements are missed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -51,13 +51,13 @@ class Equations:
     filter: FilterStep
     matched: MatchedTerm
     k_0: Array  # (m, q)
-    direct: Array | None  # theta_0 (p m,), whose baseline acts unfiltered; None: the command passes the filter
+    direct: Array | None  # theta_0 (p m,) of a baseline that acts unfiltered; None: the command passes the filter
     x0: Array
-    limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
-    frozen: Value = None  # where it holds, sigma_hat rests; None: it never does
+    limits: Array | None = None  # of the input, if the predictor receives sat(u)
+    frozen: Value = None  # where it is true, sigma_hat is held; None: never
 
     roles: ClassVar[Mapping[str, Role]] = {
-        "sigma_hat": Role.estimates("sigma", meaning="sigma_hat, what acts on the plant"),
+        "sigma_hat": Role.estimates("sigma", meaning="sigma_hat, the total disturbance of the plant"),
         "span": SPAN,
     }
 
@@ -86,7 +86,7 @@ class Equations:
         return replace(self, frozen=frozen)
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
-        """The signals that pass C(s): k_0 r - sigma_hat of the inputs, and sigma_hat beside them."""
+        """The signals that pass C(s): k_0 r - sigma_hat at the inputs, and the unmatched sigma_hat."""
         m = self.matched.inputs
         wanted = -sigma_hat[:m] if self.direct is not None else self._commanded(r) - sigma_hat[:m]
         return np.concatenate([wanted, sigma_hat[m:]])
@@ -103,14 +103,15 @@ class L1PiecewiseConstant(Scheme):
     """u = C(s)[k_0 r - sigma_hat_m - H_m(s)^-1 H_um(s) sigma_hat_um], sigma_hat = -B^-1 Phi^-1 e^(A_m T) x_tilde at each sample.
 
     B = [b, b_um] with b'b_um = 0, Phi = A_m^-1 (e^(A_m T) - I), predictor x_hat' = A_m x_hat + b u + B sigma_hat, exact from
-    sample to sample, x_tilde = x_hat - x. It acts at samples by nature: no other discretization, no adaptive gain, no known set.
+    sample to sample, x_tilde = x_hat - x. The scheme is always sampled: it has no other discretization, no adaptive gain and no
+    known set.
 
-    sample_time  T [s], a whole number of solver steps
+    sample_time  T [s]; at fixed steps a whole number of them
     filter       C(s): stable, strictly proper, C(0) = 1, by the trapezoidal rule; starts at rest. ``None`` means C = 1
-    output       c, (n,), or (m, n) with m inputs: what the unmatched sigma_hat_um does to c'x is cancelled, by C H_m^-1 H_um with
-                 H = c'(sI - A_m)^-1 [b, b_um]. By default it is only estimated
-    as_flown     the form of flight codes, with its baseline unfiltered; the exact form by default
-    saturated_predictor  against windup: the predictor is fed with sat(u); off by default
+    output       c, (n,), or (m, n) with m inputs: the effect of the unmatched sigma_hat_um on c'x is cancelled, by C H_m^-1 H_um
+                 with H = c'(sI - A_m)^-1 [b, b_um]. By default it is only estimated
+    as_flown     the form of flight codes, with the baseline unfiltered; the exact form by default
+    saturated_predictor  against windup: the predictor receives sat(u); off by default
 
     Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 3.3; the form as flown: Wu et al., L1Quad (2023), whose
     code is not used here. US patent 8,712,559 is named by that project: ask before you fly this law.
@@ -144,17 +145,21 @@ class L1PiecewiseConstant(Scheme):
         T = reach.sample_time
         return TuningGrid(
             scheme="L1 piecewise",
-            values={"kappa": reach.times[reach.times >= T]},
-            make=lambda kappa: cls(
-                sample_time=T, filter=input_filter(kappa), saturated_predictor=reach.saturated, name="L1 piecewise"
+            values={"kappa": reach.times, "slope_ratio": reach.slope_ratios},
+            make=lambda kappa, slope_ratio: cls(
+                sample_time=T,
+                filter=two_slopes(kappa, slope_ratio),
+                saturated_predictor=reach.saturated,
+                name="L1 piecewise",
             ),
             traded=False,
+            whole=("slope_ratio",),
             aims=("reference_distance",),
         )
 
     @property
     def assumed_sample_time(self) -> float:
-        """T as the controller's own numbers take it [s]."""
+        """The sample time in the controller's own coefficients [s]."""
         assumed = None if self.as_flown is None else self.as_flown.assumed_sample_time
         return self.sample_time if assumed is None else assumed
 
@@ -176,7 +181,8 @@ class L1PiecewiseConstant(Scheme):
 
 
 def input_directions(b: Array) -> Array:
-    """B = [b, b_um], (n, n): beside b an orthonormal basis of what is orthogonal to it; InputError where b's columns depend."""
+    """B = [b, b_um], (n, n), with an orthonormal basis of the complement of b; InputError if b's columns are linearly
+    dependent."""
     columns = b.reshape(len(b), -1)
     m = columns.shape[1]
     left, sizes, _ = np.linalg.svd(columns)
@@ -186,10 +192,10 @@ def input_directions(b: Array) -> Array:
 
 
 class Realisation(NamedTuple):
-    """s[k+1] = A s[k] + B y[k], u[k] = C s[k] + D y[k] with y = (x, r), which is what is measured at sample k.
+    """s[k+1] = A s[k] + B y[k], u[k] = C s[k] + D y[k] with y = (x, r), the measurement at sample k.
 
-    s = (x_hat, the filter's states before their sample); in the exact form x_hat is e^(A_m T) x + Phi b u of the last sample:
-    the predictor forgets what it was.
+    s = (x_hat, the filter's states before their sample); in the exact form x_hat is e^(A_m T) x + Phi b u of the last sample, so
+    that the predictor forgets its previous state.
     """
 
     A: Array
@@ -199,14 +205,14 @@ class Realisation(NamedTuple):
 
 
 def realisation(equations: Equations) -> Realisation:
-    """The linear time-invariant system that the controller is, for phi(x) = x and without limits."""
+    """The controller as a linear time-invariant system, for phi(x) = x and without limits."""
     p, f = equations.predictor, equations.filter
     m, n = len(equations.k_0), len(equations.x0)
     K = np.zeros((m, n)) if equations.direct is None else equations.direct.reshape(n, m).T
     zero, k_0 = np.zeros((n, equations.k_0.shape[1])), equations.k_0
-    sign = np.diag([-1.0] * m + [1.0] * (n - m))  # sigma_hat in what passes the filter
+    sign = np.diag([-1.0] * m + [1.0] * (n - m))  # sigma_hat in the filter's input
     command = np.vstack([k_0, zero[m:]]) * (equations.direct is None)
-    # what passes the filter: w = sign sigma_hat + command r with sigma_hat = -G (x_hat - x)
+    # the filter's input: w = sign sigma_hat + command r with sigma_hat = -G (x_hat - x)
     w_s, w_y = np.hstack([-sign @ p.G, np.zeros((n, len(f.A)))]), np.hstack([sign @ p.G, command])
     z_s, z_y = np.hstack([np.zeros((len(f.A), n)), np.eye(len(f.A))]) + f.B @ w_s, f.B @ w_y
     u_s, u_y = f.C @ z_s + f.D @ w_s, f.C @ z_y + f.D @ w_y
@@ -220,6 +226,6 @@ def realisation(equations: Equations) -> Realisation:
 
 
 def started(equations: Equations, x: Array, r: Any) -> Array:
-    """s[0] of the realisation, where the predictor starts at the measured x and the filter at rest."""
+    """s[0] of the realisation, with the predictor at the measured x and the filter at rest."""
     first = equations._filtered(np.zeros(len(x)), r)
     return np.concatenate([x, -equations.filter.B @ first])

@@ -1,4 +1,4 @@
-"""A linear controller on the same problem: nominal state feedback, feedforward, and K(s) on the model-following error."""
+"""A linear controller for the same problem: nominal state feedback, feedforward, and K(s) on the model-following error."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from barbalat.validate import Array, InputError, Vector, freeze
 
 
 class State(NamedTuple):
-    """What the controller integrates; it estimates nothing."""
+    """The controller's states; it estimates nothing."""
 
     K: Value  # (order of K,) state of the controller K(s)
 
@@ -34,7 +34,7 @@ class Equations:
     c: Array
     theta_0: Array
     K: StateSpace
-    L: Array  # (order of K,) by which K(s) learns what the limits keep from the plant; zero without anti_windup
+    L: Array  # (order of K,) gain by which K(s) receives what the limits cut off; zero without anti_windup
     limits: Array | None = None
 
     roles: ClassVar[Mapping[str, Role]] = {"K": Role.other("state of the linear controller K(s)")}
@@ -60,17 +60,18 @@ class Equations:
 class LinearFeedback(Scheme):
     """u = k_0 r - theta_0'x + K(s)[c'(x_m - x)]: model following without adaptation.
 
-    controller  K(s), proper, a TransferFunction, StateSpace or python-control system; an integrator is allowed. Starts at rest
-    output      c, (n,): the combination of the states that is fed back, P b by default
-    nominal     theta_0, (n,): the parameters that are assumed; by default a baseline's, else the middle of the known set,
-                 zero without one
-    unmodelled  W(s), stable and proper: the size of the unmodelled dynamics that mu is computed for; none by default
-    anti_windup  > 0 [u for each unit of c'e]: K(s) is driven by L (sat(u) - u) too, L the gain of a Kalman filter that reads the
-                 output of K(s) with noise of this size beside an error of size 1; with a PI of this k_p it is back-calculation
-                 with the time constant T_i. Off by default
+    controller  K(s), proper, a TransferFunction, StateSpace or python-control system; it may contain an integrator. Starts at
+                rest
+    output      c, (n,): the combination of states that is fed back; P b by default
+    nominal     theta_0, (n,): the assumed parameters; by default a baseline's, or else the middle of the known set, or zero
+                without one
+    unmodelled  W(s), stable and proper: the size of the unmodelled dynamics for which mu is computed; none by default
+    anti_windup  > 0 [u for each unit of c'e]: K(s) also receives L (sat(u) - u), where L is the gain of a Kalman filter that
+                 measures the output of K(s) with noise of this size, for an error of size 1; with a PI controller whose k_p has
+                 this value it is back-calculation with the time constant T_i. Off by default
 
-    Any linear controller of the measured states closes some loop L(s) at the plant's input, and with c'(sI - A_m)^-1 b
-    minimum phase a scalar K(s) can give every such loop of its relative degree: nothing is lost by feeding back c'x.
+    Any linear controller of the measured states closes some loop L(s) at the plant's input. If c'(sI - A_m)^-1 b is minimum
+    phase, a scalar K(s) can give every such loop of its relative degree, so that feeding back c'x is no restriction.
     """
 
     controller: StateSpace | TransferFunction
@@ -101,7 +102,7 @@ class LinearFeedback(Scheme):
 
     @classmethod
     def knobs(cls, reach: TuningScale) -> TuningGrid:
-        """A PI controller on b'P(x_m - x), of which b'(sI - A_m)^-1'P b is an integrator where it is fast."""
+        """A PI controller on b'P(x_m - x), for which b'(sI - A_m)^-1'P b behaves as an integrator at high frequencies."""
         known = reach.known
         fast = float(np.reshape(known.b, (known.n, -1))[:, 0] @ known.P @ np.reshape(known.b, (known.n, -1))[:, 0])
 
@@ -133,7 +134,8 @@ class LinearFeedback(Scheme):
 
 
 def _learning(K: StateSpace, noise: float) -> Array:
-    """L of the Kalman filter for xi' = A xi + B w, y = C xi + noise v: A - L C is stable; InputError where no L makes it so."""
+    """L of the Kalman filter for xi' = A xi + B w, y = C xi + noise v, such that A - L C is stable; InputError if there is
+    none."""
     from scipy.linalg import solve_continuous_are
 
     try:
@@ -144,5 +146,5 @@ def _learning(K: StateSpace, noise: float) -> Array:
 
 
 def require_linear_plant(known: Known) -> None:
-    """InputError for a plant with what is beyond linear feedback."""
+    """InputError for a plant with features that linear feedback does not take."""
     require_taken(LinearFeedback, known)

@@ -1,4 +1,5 @@
-"""The MIT rule, for teaching: the gains follow the gradient of the squared error as if they stood still; nothing is proven."""
+"""The MIT rule, for teaching: a gradient descent of the squared error that treats the gains as constant; nothing is
+guaranteed."""
 
 from __future__ import annotations
 
@@ -17,17 +18,17 @@ from barbalat.validate import Array, Vector
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
-    theta_hat: Value  # (p,) the feedback's gains, estimate of k_x = theta/omega
-    k_r_hat: Value  # (1,) the feedforward's, of k_r = k_0/omega
-    Psi: Value  # (n, p) the model's response to phi(x)', as if through b
-    psi_r: Value  # (n,) the same to r
+    theta_hat: Value  # (p,) the feedback gains, estimate of k_x = theta/omega
+    k_r_hat: Value  # (1,) the feedforward gain, estimate of k_r = k_0/omega
+    Psi: Value  # (n, p) the model's response to phi(x)' as an input through b
+    psi_r: Value  # (n,) the model's response to r
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations(GainEquations):
-    """de/dk_x = -omega (sI - A_m)^-1 b [phi'] and de/dk_r = omega (sI - A_m)^-1 b [r], once plant and model are alike."""
+    """de/dk_x = -omega (sI - A_m)^-1 b [phi'] and de/dk_r = omega (sI - A_m)^-1 b [r], when plant and model agree."""
 
     A_m: Array
     b: Array
@@ -38,7 +39,7 @@ class Equations(GainEquations):
 
     @property
     def roles(self) -> dict[str, Role]:
-        response = "the model's response to what the gains multiply"
+        response = "the model's response to the gains' inputs"
         return super().roles | {"Psi": Role.filter(f"{response}, phi(x)"), "psi_r": Role.filter(f"{response}, r")}
 
     def initial(self) -> State:
@@ -66,21 +67,21 @@ class Equations(GainEquations):
 
 @dataclass(frozen=True, eq=False)
 class MitRule(Scheme):
-    """u = -k_x_hat'phi(x) + k_r_hat r with the gains going down the gradient of (c'e)^2/2: dk/dt = -gamma (c'e) d(c'e)/dk.
+    """u = -k_x_hat'phi(x) + k_r_hat r, with gains that descend the gradient of (c'e)^2/2: dk/dt = -gamma (c'e) d(c'e)/dk.
 
     With G(s) = c'(sI - A_m)^-1 b, k_x_hat' = proj(Gamma (c'e) G[phi(x)]), k_r_hat' = proj(-gamma_r (c'e) G[r]); the input's gain
-    omega > 0 is taken into Gamma, as in the textbook. Its known limits: the gradient is that of gains that stand still, so
-    above some gain, or some size of the command, they burst away from the ideal ones; no Gamma holds for every command.
+    omega > 0 is absorbed into Gamma, as in the textbook. Its known limitation: the gradient assumes constant gains, so that above
+    some adaptive gain, or some size of the command, the gains diverge from their ideal values; no Gamma works for every command.
 
     gamma       adaptive gain Gamma > 0 of the feedback: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
-    gamma_r     of the feedforward, > 0; by default gamma, where that is a number
-    output      c, (n,): whose error is squared; the first state by default
-    normalization  alpha > 0 of the normalised rule, which divides by alpha + |G[phi]|^2 + G[r]^2; by default not normalised
-    feedforward_only  k_x_hat stays at theta_hat0: of a plant k_p G(s), omega = k_p, with the model k_0 G(s) the rule is then the
-                 textbook's theta' = -gamma e y_m, for gamma_r = gamma k_0; off by default
+    gamma_r     adaptive gain of the feedforward, > 0; by default gamma, if that is a number
+    output      c, (n,): c'e is the error whose square is minimised; the first state by default
+    normalization  alpha > 0 of the normalised rule, which divides by alpha + |G[phi]|^2 + G[r]^2; not normalised by default
+    feedforward_only  hold k_x_hat at theta_hat0: for a plant k_p G(s), omega = k_p, and the model k_0 G(s), the rule is then the
+                      textbook's theta' = -gamma e y_m, with gamma_r = gamma k_0; off by default
     theta_hat0  k_x_hat(0), (p,), zero by default; inside the known set
-    k_r0        k_r_hat(0), by default k_0, or the nearest that an interval of the input's gain allows
-    projection  onto what the known set, divided by the input's gain, leaves possible; by default on where one is given
+    k_r0        k_r_hat(0), by default k_0, or the nearest value that the interval of the input's gain allows
+    projection  onto the known set divided by the input's gain; by default on if there is a known set
 
     Source: Astrom and Wittenmark, Adaptive Control, second edition, sections 5.2 and 5.3; the feedforward alone is example 5.1.
     """

@@ -26,11 +26,11 @@ from barbalat.validate import Array, InputError, Vector
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
-    theta_hat: Value  # (p,) estimate of theta, and of omega where the input gain is unknown
+    theta_hat: Value  # (p,) estimate of theta, and of omega if the input gain is unknown
     memory: Any = ()  # of composite learning
-    e_d: Value = np.zeros(0)  # (n,) the error that the input's limit causes; (0,) without the remedy against windup
+    e_d: Value = np.zeros(0)  # (n,) the error due to the input's limit; (0,) without the remedy against windup
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,9 +47,9 @@ class Equations:
     x0: Array
     estimate_set: EstimateSet | None
     modifications: Modifications = field(default_factory=Modifications)
-    enters: Array | None = None  # by what the command enters beside the input
+    enters: Array | None = None  # the matrix by which the command enters the state directly
     windup: ModifiedError | None = None
-    limits: Array | None = None  # of the input, where windup is cared for
+    limits: Array | None = None  # of the input, if there is a remedy against windup
 
     @property
     def roles(self) -> dict[str, Role]:
@@ -87,8 +87,8 @@ class Equations:
         return state._replace(theta_hat=limit(state.theta_hat, self.estimate_set))
 
     def sampled(self, T: float) -> Predictor:
-        """Return the sampled form, L1-AC's with C = 1: its predictor is then the model, adapted to ``limits`` where there are
-        any."""
+        """Return the sampled form, which is L1-AC's with C = 1: its predictor is then the model, adapted to ``limits`` if
+        there are any."""
         with_predictor = l1.Equations(
             A_m=self.A_m,
             b=self.b,
@@ -115,10 +115,10 @@ class Mrac(Scheme):
 
     gamma       adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     theta_hat0  (p,), zero by default; inside the known set
-    projection  onto the known set; by default on where one is given. An unknown input gain's estimate is always projected
+    projection  onto the known set; by default on if there is one. The estimate of an unknown input gain is always projected
     leakage, dead_zone  modifications of the law, none by default: see ``adaptation.lyapunov``
     learning    a memory of past data; none by default
-    modified_error  against windup where the input saturates: see ``ModifiedError``; none by default
+    modified_error  against windup when the input saturates: see ``ModifiedError``; none by default
 
     Source: eqs (3)-(4); Ioannou and Sun, Robust Adaptive Control, section 6.2.
     """
@@ -139,10 +139,10 @@ class Mrac(Scheme):
             validate.instance("modified_error", self.modified_error, ModifiedError)
             if self.learning is not None:
                 raise InputError(
-                    "modified_error can't go with composite learning, whose memory takes u as what reaches the plant"
+                    "modified_error cannot be combined with composite learning, whose memory assumes that u reaches the plant"
                 )
         object.__setattr__(self, "gamma", gain.accept("gamma", self.gamma))
-        Modifications.of(self)  # refuses what can't go together
+        Modifications.of(self)  # refuses parts that can't be combined
 
     @classmethod
     def knobs(cls, reach: TuningScale) -> TuningGrid:

@@ -1,4 +1,4 @@
-"""MRAC with a closed-loop reference model, which is fed back with the error: its transients oscillate less at a high gain."""
+"""MRAC with a closed-loop reference model, into which the error is fed back: its transients oscillate less at a high gain."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from barbalat.validate import Array, Matrix, Vector
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
     theta_hat: Value  # (p,) estimate of theta
     x_c: Value  # (n,) the closed-loop model's state
@@ -28,7 +28,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """The law (4) with x_c in the place of x_m, and P of A_m + L."""
+    """The law (4) with x_c in place of x_m, and P for A_m + L."""
 
     known: Known
     L: Array  # (n, n)
@@ -62,12 +62,12 @@ class Equations:
 class MracClosedLoop(Scheme):
     """u = -theta_hat'phi(x) + k_0 r, theta_hat' = proj(Gamma (e_c'P b) phi(x)), e_c = x - x_c, x_c' = A_m x_c + b k_0 r - L e_c.
 
-    P solves P (A_m + L) + (A_m + L)'P = -I. The error is still reported against the open-loop model (2).
+    P solves P (A_m + L) + (A_m + L)'P = -I. Results still report the error with respect to the open-loop model (2).
 
     gamma           adaptive gain Gamma > 0: a number, a diagonal (p,) or an s.p.d. matrix (p, p)
     model_feedback  L, (n, n): A_m + L must be Hurwitz; L = 0 gives the standard MRAC
     theta_hat0      (p,), zero by default; inside the known set
-    projection      onto the known set; by default on where one is given
+    projection      onto the known set; by default on if there is one
 
     Source: Gibson, Annaswamy and Lavretsky, On adaptive control with closed-loop reference models, IEEE Access 1 (2013).
     """

@@ -1,4 +1,4 @@
-"""Direct MRAC, which adapts its feedforward too: of the input's gain only the sign is known, and it is never divided by."""
+"""Direct MRAC, which also adapts its feedforward: only the sign of the input's gain is known, and nothing is divided by it."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from barbalat.validate import Array, Vector
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
-    theta_hat: Value  # (p,) the feedback's gains, estimate of k_x = theta/omega
-    k_r_hat: Value  # (1,) the feedforward's, of k_r = k_0/omega
+    theta_hat: Value  # (p,) the feedback gains, estimate of k_x = theta/omega
+    k_r_hat: Value  # (1,) the feedforward gain, estimate of k_r = k_0/omega
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations(GainEquations):
-    """The Lyapunov law of both gains, driven by the tracking error; omega > 0 of b omega u stands nowhere."""
+    """The Lyapunov law of both gains, driven by the tracking error; omega > 0 of b omega u does not occur in it."""
 
     b: Array
     P: Array
@@ -43,16 +43,18 @@ class Equations(GainEquations):
 class DirectMrac(Scheme):
     """u = -k_x_hat'phi(x) + k_r_hat r, k_x_hat' = proj(Gamma (e'P b) phi(x)), k_r_hat' = proj(-gamma_r (e'P b) r).
 
-    The plant's input may have any effectiveness omega > 0: its sign is that of b, and nothing more need be known of it. The
+    The plant's input may have any effectiveness omega > 0: its sign is that of b, and nothing else needs to be known of it. The
     estimates are of k_x = theta/omega, reported as theta_hat, and k_r = k_0/omega, reported as k_r_hat. With several inputs each
-    has its own, so that the plant's input matrix is b diag(omega), known but for these factors: an unknown coupling is none.
+    has its own omega, so that the plant's input matrix is b diag(omega): unknown factors are admitted, an unknown coupling of
+    inputs is not.
 
     gamma       adaptive gain Gamma > 0 of the feedback: a number, a diagonal (p,) or an s.p.d. matrix (p, p); with m inputs a
                 number or a diagonal (p m,)
-    gamma_r     of the feedforward, > 0; by default gamma, where that is a number
+    gamma_r     adaptive gain of the feedforward, > 0; by default gamma, if that is a number
     theta_hat0  k_x_hat(0), (p,), zero by default; inside the known set
-    k_r0        k_r_hat(0), with m inputs (m, q); by default k_0, or the nearest that an interval of the input's gain allows
-    projection  onto what the known set, divided by the input's gain, leaves possible; by default on where one is given
+    k_r0        k_r_hat(0), with m inputs (m, q); by default k_0, or the nearest value that the interval of the input's gain
+                allows
+    projection  onto the known set divided by the input's gain; by default on if there is a known set
 
     Source: Ioannou and Sun, Robust Adaptive Control, section 6.2; Lavretsky and Wise, Robust and Adaptive Control, section 9.2;
     for first order Astrom and Wittenmark, Adaptive Control, example 5.7.

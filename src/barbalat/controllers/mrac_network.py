@@ -1,4 +1,4 @@
-"""MRAC with a network of one hidden layer: not linear in its weights, which a modification keeps bounded."""
+"""MRAC with a network of one hidden layer, which is nonlinear in its weights; a modification keeps them bounded."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ from barbalat.validate import Array, InputError, Vector
 
 DEFAULT_NEURONS = 10
 LEAKAGES = np.geomspace(1e-4, 1.0, 12)
-"""sigma that are tried: from one at which weights hardly fade to one at which they stay as small as e'P b."""
+"""The values of sigma that are tried, from one at which the weights hardly decay to one at which they stay as small as e'P b."""
 DOUBLE_BITS = 53
-"""Of a number in [0, 1): what a draw keeps of 64 random bits."""
+"""The bits of 64 random ones that a number in [0, 1) uses."""
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
-    theta_hat: Value  # ((1 + N) m,) W_hat, the outer weights row by row, those of the constant 1 first
-    V_hat: Value  # (1 + n, N) the inner weights, those of the constant 1 in the first row
+    theta_hat: Value  # ((1 + N) m,) W_hat, the outer weights row by row, with those of the constant 1 first
+    V_hat: Value  # (1 + n, N) the inner weights, with those of the constant 1 in the first row
 
 
 def initial_inner_weights(seed: int, spread: float, shape: tuple[int, int]) -> Array:
-    """Evenly distributed in [-spread, spread); the same bits for a seed with every version of NumPy.
+    """Uniformly distributed in [-spread, spread); a seed gives the same bits with every version of NumPy.
 
-    NumPy promises that of a generator's raw bits alone, not of its distributions.
+    NumPy guarantees that only for a generator's raw bits, not for its distributions.
     """
     raw = np.random.PCG64(seed).random_raw(shape[0] * shape[1])
     even = (np.asarray(raw, dtype=np.uint64) >> np.uint64(64 - DOUBLE_BITS)) * 2.0**-DOUBLE_BITS
@@ -44,7 +44,8 @@ def initial_inner_weights(seed: int, spread: float, shape: tuple[int, int]) -> A
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations:
-    """The gradient law of both layers, with the inner one's linear part taken from the outer one: then the pair is passive."""
+    """The gradient law of both layers, with the inner layer's linear part subtracted in the outer one, which makes the pair
+    passive."""
 
     B: Array  # (n, m)
     P: Array
@@ -83,7 +84,7 @@ class Equations:
         return -self.regressor_at(state, x, r).T @ state.theta_hat + np.dot(self.k_0, r)
 
     def regressor_at(self, state: State, x: Value, u: Value) -> Value:
-        """The factor of the outer weights: h, and with m inputs the matrix ((1 + N) m, m) that it makes."""
+        """The factor of the outer weights: h, or with m inputs the matrix ((1 + N) m, m) formed from it."""
         h = np.concatenate([np.ones(1), np.tanh(state.V_hat.T @ self.layer_input(x))])
         if self.inputs == 1:
             return h
@@ -111,19 +112,20 @@ class Equations:
 class NetworkMrac(Scheme):
     """u = -W_hat'h + k_0 r, h = (1, tanh(z)), z = V_hat'x_bar, x_bar = (1, x/scale): one hidden layer learns theta'phi(x).
 
-    With mu = b'P e, h' = (0, 1 - tanh^2(z)) and the leakage w, of each neuron W_i' = gamma (mu (h_i - h_i' z_i) - w W_i) and
+    With mu = b'P e, h' = (0, 1 - tanh^2(z)) and the leakage w, each neuron has W_i' = gamma (mu (h_i - h_i' z_i) - w W_i) and
     V_i' = gamma_v (mu'W_i h_i' x_bar - w V_i), where W_i has a weight for each input: all inputs share the hidden layer. The
-    e-modification is w = nu |mu|_1. phi(x) is not used: the network needs x alone. W_hat starts at zero.
+    e-modification is w = nu |mu|_1. phi(x) is not used: the network uses x itself. W_hat starts at zero.
 
     gamma       adaptive gain > 0 of the outer weights
-    leakage     FixedSigma (sigma-modification) or EpsilonModification (e-modification): keeps the weights bounded, and lets
-                them fade at the rate gamma w: with inner weights that have faded only the constant is left to learn
-    gamma_v     that of the inner weights, > 0; by default gamma
-    neurons     N, of the hidden layer; 10 by default
-    scale       (n,), sizes of the states, by which x is divided; 1 by default. tanh tells states far above theirs not apart
-    seed        of the initial inner weights V_hat(0), even in [-spread, spread]; 0 by default
+    leakage     FixedSigma (sigma-modification) or EpsilonModification (e-modification): keeps the weights bounded and lets them
+                decay at the rate gamma w; once the inner weights have decayed, only the constant can be learnt
+    gamma_v     adaptive gain of the inner weights, > 0; by default gamma
+    neurons     N, the neurons of the hidden layer; 10 by default
+    scale       (n,), typical magnitudes of the states, by which x is divided; 1 by default. tanh saturates for states far above
+                them
+    seed        determines the initial inner weights V_hat(0), uniform in [-spread, spread]; 0 by default
     spread      > 0; 1 by default
-    V_hat0      (1 + n, N), these weights themselves, instead of seed and spread; the constant's first
+    V_hat0      (1 + n, N), these weights themselves, instead of seed and spread; those of the constant first
 
     Source: Lewis, Yesildirek and Liu, IEEE Trans. Neural Networks 7(2), 1996, and the texts on the modifications.
     """
@@ -167,7 +169,7 @@ class NetworkMrac(Scheme):
 
     @classmethod
     def knobs(cls, reach: TuningScale) -> TuningGrid:
-        highest = reach.highest_square / (1 + DEFAULT_NEURONS)  # what multiplies the outer weights is at most 1 in each entry
+        highest = reach.highest_square / (1 + DEFAULT_NEURONS)  # each entry of the outer weights' factor is at most 1
         return TuningGrid(
             scheme="MRAC, network",
             values={"gamma": highest * np.geomspace(1e-8, 1.0, 8 * reach.density), "sigma": LEAKAGES},
@@ -178,7 +180,7 @@ class NetworkMrac(Scheme):
 
     def bind(self, known: Known) -> Equations:
         require_taken(NetworkMrac, known)
-        assert self.leakage is not None  # the constructor has seen to it
+        assert self.leakage is not None  # the constructor has checked it
         n = known.n
         return Equations(
             B=known.b.reshape(n, -1),
@@ -195,5 +197,5 @@ class NetworkMrac(Scheme):
         if self.V_hat0 is not None:
             return validate.array("V_hat0", self.V_hat0, (1 + n, None))
         neurons = DEFAULT_NEURONS if self.neurons is None else self.neurons
-        budget.require("neurons", neurons, lambda count: budget.of_kernel(count * (1 + n + m)))  # each has so many states
+        budget.require("neurons", neurons, lambda count: budget.of_kernel(count * (1 + n + m)))  # states per neuron
         return initial_inner_weights(self.seed, self.spread, (1 + n, neurons))

@@ -25,11 +25,11 @@ PARAMETRIC_MODEL = {
     "n_d": Role.filter("dynamic normalising signal of (16)"),
     "swapping": Role.filter("swapping term of the auxiliary input (14)"),
 }
-"""What schemes on the parametric model keep beside the estimates and the law's memory."""
+"""The states of schemes on the parametric model, other than the estimates and the law's memory."""
 
 
 def minimum_phase_model(c_0: Array, known: Known) -> TransferFunction:
-    """W_m(s) = c_0'(sI - A_m)^-1 b; InputError where it has a zero in Re s >= 0 or is zero."""
+    """W_m(s) = c_0'(sI - A_m)^-1 b; InputError if it has a zero in Re s >= 0 or is zero."""
     W_m = _model(c_0.tobytes(), known.A_m.tobytes(), known.b.tobytes())
     if not W_m.num.any():
         raise InputError(f"c_0 must not be zero, got {validate.show(c_0)}")
@@ -47,7 +47,7 @@ def _model(c_0: bytes, A_m: bytes, b: bytes) -> TransferFunction:
     return transfer_function(c, A.reshape(len(b_), len(b_)), b_)
 
 
-@lru_cache(maxsize=64)  # by the model itself, which is the same one for the same numbers
+@lru_cache(maxsize=64)  # keyed by the model object, which is the same for the same numbers
 def auxiliary_filter(W_m: TransferFunction, tau: float) -> StateSpace:
     """Q(s) = W_m(s)^-1/(tau s + 1)^n*, n* the relative degree of W_m: proper, stable, of the order of the plant."""
     lag = np.array([1.0])
@@ -57,7 +57,7 @@ def auxiliary_filter(W_m: TransferFunction, tau: float) -> StateSpace:
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
     theta_hat: Value  # (p,) estimate of theta, (p m,) with m inputs
     memory: Any  # of the law
@@ -130,7 +130,7 @@ class ParametricEquations(Equations, Protocol):
 
 
 class Learnt(NamedTuple):
-    """What is new of a state at the sample's end once the law has learnt."""
+    """The new parts of a state at the end of the sample, after the law has learnt."""
 
     theta_hat: Value
     memory: Any
@@ -139,9 +139,10 @@ class Learnt(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Estimator(SampledForm):
-    """Filters by the midpoint rule, the law as in ``adaptation.implicit``; docs/sampled.md has what holds.
+    """The filters use the midpoint rule, and the law the step of ``adaptation.implicit``; docs/sampled.md has the guarantees.
 
-    A scheme's own ``advance`` takes the filters' middles, then ``learnt``, ``swapped`` and ``filtered``, in this order.
+    A scheme's own ``advance`` computes the filters' middle values, then calls ``learnt``, ``swapped`` and ``filtered``, in this
+    order.
 
     model   of the filters xi and Xi
     filter  Q(s) of the auxiliary input; None without one
@@ -152,15 +153,15 @@ class Estimator(SampledForm):
     law: SampledLaw
     model: LinearStep
     filter: Filter | None
-    frozen: Value = field(default=None, kw_only=True)  # where it holds, estimates and memory rest; None: it never does
+    frozen: Value = field(default=None, kw_only=True)  # where it is true, estimates and memory are held; None: never
 
     explicit: ClassVar[bool] = False
 
     def learnt(self, state: Any, z: Value, phi: Value, driven: Value) -> Learnt:
-        """``driven`` is what n_d' adds, held over the sample."""
+        """Advance the law; ``driven`` is the input of n_d', held over the sample."""
         c, T = self.continuous, self.sample_time
         decay = np.exp(-c.normalization.delta_0 * T)
-        n_d = decay * state.n_d + (1 - decay) / c.normalization.delta_0 * driven  # (16), exact for what was held
+        n_d = decay * state.n_d + (1 - decay) / c.normalization.delta_0 * driven  # (16), exact for the held input
         data = SampleData(T, z, phi, c.normalization.m_s_squared(phi, (state.n_d + n_d) / 2))
         moved = self.law.sampled_step(state.theta_hat, state.memory, data, c.estimate_set)
         return Learnt(kept(self.frozen, state.theta_hat, moved.theta_hat), kept(self.frozen, state.memory, moved.memory), n_d)
@@ -169,13 +170,13 @@ class Estimator(SampledForm):
         return replace(self, frozen=frozen)
 
     def swapped(self, state: Any, following: Any, Xi_mid: Value) -> Value:
-        """The swapping term's state at the sample's end, which exists with an auxiliary input alone."""
+        """The state of the swapping term at the end of the sample; it exists only with an auxiliary input."""
         if self.filter is None:
             return state.swapping
         return self.model.end(state.swapping, Xi_mid @ (following.theta_hat - state.theta_hat) / self.sample_time)
 
     def filtered(self, state: Any, following: Any, before: Sample, now: Sample) -> Value:
-        """The state of Q(s) at the sample's end; ``following`` has all else of it."""
+        """The state of Q(s) at the end of the sample; ``following`` has the rest of the new state."""
         if self.filter is None:
             return state.filter
         argument = self.continuous.auxiliary_input_argument

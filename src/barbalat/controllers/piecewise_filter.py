@@ -1,4 +1,4 @@
-"""What the estimates of the piecewise-constant law pass on their way to u: C(s), and C(s) H_m^-1 H_um for the unmatched ones."""
+"""The filters from the piecewise-constant law's estimates to u: C(s), and C(s) H_m^-1 H_um for the unmatched ones."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
 DEPENDENCE_TOLERANCE = 1e-9
-"""Relative: what is smaller is rounding of products of matrices with entries of size 1."""
+"""Relative tolerance: smaller entries are rounding errors of products of matrices with entries of size 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class FilterStep:
 
 
 def filter_step(A_m: Array, B: Array, m: int, C: TransferFunction | None, c: Array | None, T: float) -> FilterStep:
-    """The filter for samples of T [s]; ``c``, (m, n), is the output that the unmatched is to leave alone, ``None`` for none."""
+    """The filter for samples of T [s]; ``c``, (m, n), is the output from which the unmatched part is removed, or ``None``."""
     n = len(A_m)
     single, known = (StateSpace.gain(1.0), 0) if C is None else (C.realise(), C.relative_degree)
     order = single.order
@@ -52,9 +52,9 @@ def filter_step(A_m: Array, B: Array, m: int, C: TransferFunction | None, c: Arr
 def _compensation(A_m: Array, B: Array, m: int, C: StateSpace, known: int, c: Array) -> tuple[Array, Array, Array]:
     """-C(s) H_m(s)^-1 H_um(s): (A, B, C) from sigma_hat_um to u, as the v that keeps c'w zero in w' = A_m w + b v + b_um zeta.
 
-    zeta = C(s) sigma_hat_um, of which as many derivatives are ``known`` as C(s) has relative degree, itself among them, so that
+    zeta = C(s) sigma_hat_um; as many of its derivatives (from the zeroth) are ``known`` as the relative degree of C(s), so that
     nothing is differentiated. With r_i the relative degree of c_i, v is chosen such that (d/dt + a)^r_i c_i'w = 0, from zero:
-    c_i'w is zero, and a, on which H_m^-1 H_um does not depend, only lets roundings decay.
+    c_i'w is zero, and a, on which H_m^-1 H_um does not depend, only lets rounding errors decay.
     """
     b, b_um, k = B[:, :m], B[:, m:], len(A_m) - m
     A_z, B_z, C_z = (np.kron(np.eye(k), part) for part in (C.A, C.B[:, None], C.C[None, :]))
@@ -77,8 +77,8 @@ def _compensation(A_m: Array, B: Array, m: int, C: StateSpace, known: int, c: Ar
     zeros = np.linalg.eigvals(A_m + b @ K_w).real.max()
     if not zeros < 0:
         raise InputError(
-            f"output must be one whose transfer function H_m(s) is minimum phase, but a zero has real part {zeros:.4g}; "
-            "leave output out, and what is unmatched is only estimated"
+            f"output must be one whose transfer function H_m(s) is minimum phase, but a zero has real part {zeros:.4g}"
+            "; omit output, and unmatched disturbances are only estimated"
         )
     A = np.block([[A_z, np.zeros((len(A_z), len(A_m)))], [b @ K_z + b_um @ C_z, A_m + b @ K_w]])
     return A, np.vstack([B_z, np.zeros((len(A_m), k))]), np.hstack([K_z, K_w])

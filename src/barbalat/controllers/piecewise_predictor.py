@@ -1,4 +1,4 @@
-"""The predictor of the piecewise-constant law and its estimate, from sample to sample: exact, and as flight codes have it."""
+"""The predictor of the piecewise-constant law and its estimate, from sample to sample: exact, or in the form of flight codes."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, Vector
 
 SPAN = Role.other("samples that the prediction error gathers over: 1 unless measurements are missed")
-"""The role of what counts them; see ``next_span``."""
+"""The role of the sample counter; see ``next_span``."""
 
 
 @dataclass(frozen=True, eq=False)
 class PredictorStep:
-    """x_hat[k+1] of x_hat, x and what acts through B: sigma_hat, and the known input v (m,) on its first columns.
+    """x_hat[k+1] from x_hat, x and the inputs through B: sigma_hat, and the known input v (m,) through its first columns.
 
     sigma_hat = -G x_tilde, x_tilde = x_hat - x.
     """
@@ -29,11 +29,11 @@ class PredictorStep:
     of_acting: Array  # (n, n)
     G: Array  # (n, n)
     answered: Array  # (n, n) G^-1
-    memory: float  # of x_hat from one sample to the next: the spectral radius of of_x_hat
+    memory: float  # decay of x_hat per sample: the spectral radius of of_x_hat
 
     @classmethod
     def exact(cls, A_m: Array, B: Array, T: float) -> PredictorStep:
-        """x_hat' = A_m x_hat + b v + B sigma_hat with v and sigma_hat held: B^-1 Phi^-1 inverts what B does in a sample."""
+        """x_hat' = A_m x_hat + b v + B sigma_hat with v and sigma_hat held: B^-1 Phi^-1 inverts the effect of B over a sample."""
         held = HeldSystem.of(A_m, B, T)
         G = np.linalg.solve(held.Gamma, held.Phi)
         return cls(held.Phi, np.zeros_like(A_m), held.Gamma, G, inverse(G), memory_of(A_m, T))
@@ -47,17 +47,17 @@ class PredictorStep:
         return -(self.G @ x_tilde)
 
     def measured_again(self, x_hat: Value, x: Value, sigma_hat: Value, span: Value) -> Value:
-        """x_hat at a measurement ``span`` samples after the last one, see ``shared``; sigma_hat rested in between."""
+        """x_hat at a measurement ``span`` samples after the last one, see ``shared``; sigma_hat was held in between."""
         return x + shared(x_hat - x, -(self.answered @ sigma_hat), span)
 
 
 def inverse(G: Array) -> Array:
-    """G^-1; of a G that is singular in numbers, as for samples far beyond the loop's own, the pseudo-inverse."""
+    """G^-1, or the pseudo-inverse if G is numerically singular, as for samples far longer than the loop's own time scale."""
     return np.linalg.pinv(G) if np.isfinite(G).all() else np.full_like(G, np.nan)
 
 
 LONGEST_SPAN = 1e4
-"""Samples: beyond them nothing is counted, so that a long freeze leads no number out of an export's range, 1e6 at least."""
+"""The count of samples stops here, so that a long freeze leads no number out of an export's range, which is at least 1e6."""
 
 
 def memory_of(A_m: Array, T: float) -> float:
@@ -66,17 +66,17 @@ def memory_of(A_m: Array, T: float) -> float:
 
 
 def shared(error: Value, answered: Value, span: Value) -> Value:
-    """The prediction error as one sample would have left it, of one that gathered over ``span`` samples without a measurement.
+    """One sample's share of a prediction error that accumulated over ``span`` samples without a measurement.
 
-    The law takes the whole of an error for the work of one sample. Applied to what gathered in m samples it would answer m times
-    what acts, and until the next measurement again for several samples: a loop in which two of three are missed runs away. So
-    what came on top of the error that sigma_hat already answers counts by its share.
+    The law treats the whole error as the effect of one sample. Applied to an error of m samples it would compensate m times the
+    uncertainty, and until the next measurement for several samples: a loop that misses two of three samples would diverge. So the
+    part of the error that sigma_hat does not yet explain is divided by the number of samples.
     """
     return answered + (error - answered) / np.maximum(span, 1.0)
 
 
 def next_span(frozen: Value, span: Value, memory: float) -> Value:
-    """1 after a measurement, and 1 + memory + memory^2 + ... while there is none: what a constant error gathers to."""
+    """1 after a measurement, and 1 + memory + memory^2 + ... without one: the sum to which a constant error accumulates."""
     return kept(frozen, np.minimum(1 + memory * span, LONGEST_SPAN), 1 + 0 * span)
 
 
@@ -84,12 +84,12 @@ def next_span(frozen: Value, span: Value, memory: float) -> Value:
 class AsFlown(Settings):
     """x_hat[k+1] = x_hat + T [A_m x + b (theta_0'phi(x) + u) + B sigma_hat + A_s x_tilde], A_s = diag(a): Euler's step.
 
-    sigma_hat = -B^-1 diag(a e^(aT)/(e^(aT) - 1)) x_tilde, each state for itself, and u = k_0 r - theta_0'phi(x)
-    + C(s)[-sigma_hat_m - ...]: the baseline is not filtered.
+    sigma_hat = -B^-1 diag(a e^(aT)/(e^(aT) - 1)) x_tilde, each state separately, and u = k_0 r - theta_0'phi(x) +
+    C(s)[-sigma_hat_m - ...]: the baseline is not filtered.
 
     predictor_poles      a [1/s], a number for all states or (n,), at most 0; with 0 the factor is 1/T
-    nominal              theta_0, (p,) or (p m,): of the baseline, which the predictor knows; zero by default
-    assumed_sample_time  T in these numbers [s], where the loop does not run as fast as it is told to; sample_time by default
+    nominal              theta_0, (p,) or (p m,): the baseline's parameters, which the predictor knows; zero by default
+    assumed_sample_time  T in these formulas [s], if it differs from the loop's real sample time; sample_time by default
 
     Source: Wu et al., L1Quad, arXiv 2302.07208, section III.
     """
@@ -117,15 +117,15 @@ class AsFlown(Settings):
         return validate.vector("as_flown.predictor_poles", self.predictor_poles, n)
 
     def baseline(self, parameters: int) -> Array:
-        """(p,) the parameters theta_0 that the predictor assumes; zeros where none are given."""
+        """(p,) the parameters theta_0 that the predictor assumes; zero by default."""
         if self.nominal is None:
             return np.zeros(parameters)
         return validate.vector("as_flown.nominal", self.nominal, parameters)
 
     def step(self, A_m: Array, B: Array, T: float) -> PredictorStep:
-        """From sample to sample, by the assumed T [s]."""
+        """The step from sample to sample, with the assumed T [s]."""
         a = self.poles(len(A_m))
-        with np.errstate(over="ignore"):  # of a T far beyond the loop's own: the factor tends to 0
+        with np.errstate(over="ignore"):  # for a T far longer than the loop's own time scale the factor tends to 0
             decay = -np.expm1(-a * T)  # a e^(aT)/(e^(aT) - 1) = a/(1 - e^(-aT)), which is 1/T for a = 0
         factor = np.where(a == 0, 1 / T, a / np.where(a == 0, 1.0, decay))
         A_s, memory = np.diag(a), float(np.abs(1 + T * a).max())

@@ -25,7 +25,7 @@ from barbalat.controllers.settings import (
     require_taken,
 )
 from barbalat.controllers.steps import Filter, LinearStep
-from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
+from barbalat.controllers.tuning_grid import SLOWNESS_RATIO, TuningGrid, TuningScale
 from barbalat.controllers.windup import applied, limits_of_predictor
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import EstimateSet
@@ -75,8 +75,8 @@ class Equations(OnParametricModel):
     theta_hat0: Array
     x0: Array
     estimate_set: EstimateSet | None
-    limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
-    enters: Array | None = None  # by what the command enters beside the input
+    limits: Array | None = None  # of the input, if the parametric model receives sat(u)
+    enters: Array | None = None  # the matrix by which the command enters the state directly
 
     def estimation(self, state: State, x: Value) -> Estimation:
         z = self.c_0 @ (x - state.xi)  # (13)
@@ -85,7 +85,7 @@ class Equations(OnParametricModel):
         return Estimation(phi, m_s_squared, (z - state.theta_hat @ phi) / m_s_squared)
 
     def auxiliary_input_argument(self, state: State, x: Value) -> Value:
-        """The signal that -Q(s) filters; the paper prints its second term with the opposite sign, an erratum: see RobustMrac."""
+        """The input of -Q(s); the paper prints its second term with the opposite sign, an erratum: see RobustMrac."""
         estimation = self.estimation(state, x)
         return estimation.epsilon * estimation.m_s_squared + self.c_0 @ state.swapping
 
@@ -123,8 +123,8 @@ class RobustMrac(Scheme):
     c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default. With m inputs (m, n), b'P by default
     normalization  of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
-    projection     onto the known set; by default on where one is given
-    saturated_predictor  against windup: the parametric model and n_d are fed with sat(u); off by default
+    projection     onto the known set; by default on if there is one
+    saturated_predictor  against windup: the parametric model and n_d receive sat(u); off by default
 
     Erratum of (14). By the swapping lemma, without modelling error and with x_m(0) = x(0),
         c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat'] + W_m(s)[u_a],
@@ -133,8 +133,8 @@ class RobustMrac(Scheme):
 
     Windup. With xi' = A_m xi + b sat(u) the model z = theta'phi is exact whatever the limit does, and so is
         c_0'e = epsilon m_s^2 + c_0'(sI - A_m)^-1 [Xi theta_hat'] + W_m(s)[u_a + sat(u) - u]:
-    what the limit takes away moves e and is not learnt from. Fed with u, epsilon would hold W_m(s)[sat(u) - u], which no theta
-    explains.
+    what the limit cuts off moves e and does not affect learning. With u instead, epsilon would contain W_m(s)[sat(u) - u], which
+    no theta explains.
 
     Source: eqs (13)-(16); Ioannou and Sun, section 9.4; Datta and Ioannou (1994). Windup: our own, from (13).
     """
@@ -157,16 +157,20 @@ class RobustMrac(Scheme):
 
     @classmethod
     def knobs(cls, reach: TuningScale) -> TuningGrid:
+        slowest = max(reach.times[-1], 1 / Normalization().delta_0)  # tau < 1/delta_0
         return TuningGrid(
             scheme="Robust MRAC",
-            values={"tau": reach.times, "covariance0": np.geomspace(1e-2, 1e4, reach.density)},
+            values={
+                "tau": np.geomspace(reach.times[0], slowest, len(reach.times)),
+                "covariance0": np.geomspace(1e-2, 1e4, reach.density),
+            },
             make=lambda tau, covariance0: cls(
                 tau=tau,
                 law=LeastSquares(covariance0=covariance0),
                 theta_hat0=reach.theta_hat0,
                 saturated_predictor=reach.saturated,
             ),
-            open=("covariance0",),  # what it does depends on the size of c_0
+            open=("covariance0",),  # the effect of covariance0 depends on the size of c_0
             aims=("tau_below", "complementary_sensitivity_peak"),
         )
 
@@ -182,8 +186,8 @@ class NormalizedMrac(Scheme):
     c_0            (n,); W_m(s) = c_0'(sI - A_m)^-1 b must be minimum phase; P b by default. With m inputs (m, n), b'P by default
     normalization  of the estimation error: eq. (16)
     theta_hat0     (n,), zero by default; inside the known set
-    projection     onto the known set; by default on where one is given
-    saturated_predictor  against windup: the parametric model and n_d are fed with sat(u); off by default
+    projection     onto the known set; by default on if there is one
+    saturated_predictor  against windup: the parametric model and n_d receive sat(u); off by default
 
     Source: Section II; Ioannou and Sun, section 6.5.
     """
@@ -206,7 +210,7 @@ class NormalizedMrac(Scheme):
 
     @classmethod
     def knobs(cls, reach: TuningScale) -> TuningGrid:
-        # the normalised law turns at Gamma at most, whatever phi(x) is
+        # the rate of the normalised law is at most Gamma for every phi(x)
         slow = reach.frequencies / SLOWNESS_RATIO
         return TuningGrid(
             scheme="Normalised MRAC",
@@ -220,10 +224,6 @@ class NormalizedMrac(Scheme):
         return _bound(self, known)
 
 
-SLOWNESS_RATIO = 100.0
-"""Below the model's slowest rate: from there on a law adapts nothing within a run."""
-
-
 def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
     check_common(settings)
     if settings.c_0 is not None:
@@ -234,9 +234,9 @@ def _check_model_and_law(settings: RobustMrac | NormalizedMrac) -> None:
 
 
 def _bound(settings: RobustMrac | NormalizedMrac, known: Known) -> Equations | several.Equations:
-    """The equations of both schemes on a plant. c_0 is P b by default.
+    """The equations of both schemes for a plant. c_0 is P b by default.
 
-    W_m is then strictly positive real (Kalman-Yakubovich), so minimum phase of relative degree 1.
+    W_m is then strictly positive real (Kalman-Yakubovich), and therefore minimum phase with relative degree 1.
     """
     require_taken(type(settings), known)
     if known.inputs > 1:

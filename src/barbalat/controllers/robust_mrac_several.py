@@ -1,7 +1,7 @@
 """Robust and normalised MRAC for several inputs: the parametric model (13) with an equation for each input.
 
-With C_0 (m, n) in the place of c_0', W_m(s) = C_0 (sI - A_m)^-1 B is square: z = C_0 (x - xi) = phi'theta with phi (p m, m), and
-epsilon, which drives the law, is a vector. With C_0 = B'P W_m is strictly positive real. See docs/equations.md, section 12.
+With C_0 (m, n) in place of c_0', W_m(s) = C_0 (sI - A_m)^-1 B is square: z = C_0 (x - xi) = phi'theta with phi (p m, m), and
+epsilon, which drives the law, is a vector. For C_0 = B'P, W_m is strictly positive real. See docs/equations.md, section 12.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from barbalat.validate import Array, InputError
 class AuxiliaryFilter:
     """Q(s) = W_m(s)^-1/(tau s + 1): q' = A q + B v, Q[v] = C q + D v.
 
-    C_0 q is v behind the lag, with the input that makes it so: C_0 q' = (v - C_0 q)/tau.
+    C_0 q is v after the lag, by an input chosen so that C_0 q' = (v - C_0 q)/tau.
     """
 
     A: Array
@@ -51,7 +51,7 @@ class AuxiliaryFilter:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Equations(OnParametricModel):
-    """The equations for several inputs: those of one input with epsilon a vector."""
+    """The equations for several inputs: those for one input with a vector epsilon."""
 
     A_m: Array
     B: Array  # (n, m)
@@ -64,8 +64,8 @@ class Equations(OnParametricModel):
     theta_hat0: Array
     x0: Array
     estimate_set: EstimateSet | None
-    limits: Array | None = None  # of the inputs, where the parametric model is fed with what is left of u
-    enters: Array | None = None  # (n, q), by what the commands enter beside the inputs
+    limits: Array | None = None  # of the inputs, if the parametric model receives sat(u)
+    enters: Array | None = None  # (n, q), the matrix by which the commands enter the state directly
 
     def estimation(self, state: State, x: Value) -> Estimation:
         z = self.C_0 @ (x - state.xi)  # (13)
@@ -111,7 +111,7 @@ def equations(
     estimate_set: EstimateSet | None,
     limits: Array | None,
 ) -> Equations:
-    """InputError where W_m has no relative degree one for each input, or a zero in Re s >= 0."""
+    """InputError if W_m does not have relative degree one for each input, or has a zero in Re s >= 0."""
     if isinstance(law, ModifiedLaw) and law.leakage is not None and law.leakage.one_input_only:
         raise InputError(f"{type(law.leakage).__name__} takes plants with one input, got {known.inputs}; give a sigma")
     C_0 = known.b.T @ known.P if c_0 is None else validate.array("c_0", c_0, (known.inputs, known.n))

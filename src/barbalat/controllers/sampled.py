@@ -1,4 +1,4 @@
-"""Any controller as a flight computer runs it: measured at its sample times, its control held in between."""
+"""Any controller as a flight computer runs it: it measures at its sample times and holds its control in between."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ DISCRETIZATIONS = ("midpoint", "euler")
 
 @dataclass(frozen=True, eq=False)
 class Euler(SampledForm):
-    """The continuous equations with explicit Euler steps from sample to sample: what is often done, and what chatters."""
+    """The continuous equations with explicit Euler steps from sample to sample: a common choice, which may chatter."""
 
     continuous: Equations
     sample_time: float
@@ -38,14 +38,14 @@ def _moved(state: Any, rates: Any, T: float) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class Sampled(Scheme):
-    """A controller that acts every ``sample_time`` and holds u in between, while the plant moves on.
+    """A controller that acts every ``sample_time`` and holds u in between.
 
     controller      any of the schemes
-    sample_time     [s], a whole number of solver steps
-    discretization  "midpoint", whose Lyapunov function no gain and no sample time can make grow (docs/sampled.md), or "euler"
+    sample_time     [s]; at fixed steps a whole number of them
+    discretization  "midpoint", whose Lyapunov function does not grow for any gain or sample time (docs/sampled.md), or "euler"
 
-    The MRAC's midpoint form has a predictor, as the L1-AC has, and is driven by the prediction error: in continuous time that
-    predictor is the model, and sampled it stays with it to the order of sample_time. Raises InputError.
+    The MRAC's midpoint form has a predictor, like L1-AC, and is driven by the prediction error: in continuous time that predictor
+    is the model, and in sampled form it agrees with the model to the order of sample_time. Raises InputError.
     """
 
     controller: Controller
@@ -66,7 +66,7 @@ class Sampled(Scheme):
 
     @property
     def feedback(self) -> str:
-        """What is fed back: "state" or "output"."""
+        """The signal that is fed back: "state" or "output"."""
         return feedback_of(self.controller)
 
     def bind(self, known: object) -> SampledEquations:

@@ -19,9 +19,10 @@ from barbalat.validate import Array, InputError
 
 
 class Scheme(Settings, Controller):
-    """The base of the package's schemes, by which type checkers know a list of several as one of controllers.
+    """The base of the package's schemes; with it type checkers accept a list of schemes as one of controllers.
 
-    beyond  names of ``PLANT_FEATURES`` that it does not take: its ``bind`` asks ``require_taken``, docs and schema show them
+    beyond  names of ``PLANT_FEATURES`` that the scheme does not take: its ``bind`` calls ``require_taken``, docs and schema show
+            them
     """
 
     beyond: ClassVar[tuple[str, ...]] = ()
@@ -29,11 +30,11 @@ class Scheme(Settings, Controller):
 
 @runtime_checkable
 class PatentNamed(Protocol):
-    """A scheme for whose law somebody names a patent: who exports it is told."""
+    """A scheme for whose law somebody claims a patent; users who export it are told so."""
 
     @property
     def patent(self) -> str:
-        """What is to be asked before it flies, as sentences."""
+        """Sentences on what to ask before it flies."""
         ...
 
 
@@ -58,7 +59,7 @@ class LyapunovSettings(Adaptive, ModifiedSettings, Protocol):
 
 
 def check_common(settings: Adaptive) -> None:
-    """The checks of a name, and of an initial estimate, if one is given."""
+    """Check the name, and the initial estimate if one is given."""
     validate.label("name", settings.name)
     if settings.theta_hat0 is not None:
         object.__setattr__(settings, "theta_hat0", validate.vector("theta_hat0", settings.theta_hat0))
@@ -67,8 +68,8 @@ def check_common(settings: Adaptive) -> None:
 def initial_estimate(theta_hat0: Array | None, estimate_set: EstimateSet | None, known: Known) -> Array:
     """theta_hat(0), (p,), inside the known set if there is one.
 
-    Unless given it is zero, or the centre of a set without zero; 1 or the nearest bound for an input gain. Beside a baseline
-    it is the baseline's theta_0 instead of zero, so that the control starts as the baseline's.
+    The default is zero, or the centre of a set that does not contain zero; for an input gain 1, or the nearest bound. With a
+    baseline, the default is its theta_0 instead of zero, so that the control starts as the baseline's.
     """
     gains = known.inputs if known.matched.gain_unknown else 0
     of_baseline = np.zeros(known.parameters - gains) if known.theta_0 is None else known.theta_0
@@ -89,11 +90,11 @@ def initial_estimate(theta_hat0: Array | None, estimate_set: EstimateSet | None,
 
 @dataclass(frozen=True)
 class PlantFeature:
-    """What a plant may have and not every scheme takes.
+    """A feature of plants that not every scheme takes.
 
-    found    whether it is there, of what is known of the plant
-    refusal  what is said behind the name of a scheme that does not take it; {inputs} is their number
-    others   what is said behind the names of those that do
+    found    whether a plant has it, from its known part
+    refusal  the message after the name of a scheme that does not take it; {inputs} is the number of inputs
+    others   the text after the names of the schemes that do
     """
 
     found: Callable[[Known], bool]
@@ -108,7 +109,7 @@ PLANT_FEATURES = {
     ),
     "a baseline": PlantFeature(
         lambda known: known.theta_0 is not None,
-        "takes no baseline, since no part of it can be told from one",
+        "cannot have a baseline, since none of its parts can be separated from one",
         "take a baseline",
     ),
     "another regressor than x": PlantFeature(
@@ -117,12 +118,12 @@ PLANT_FEATURES = {
         "take others",
     ),
 }
-"""By the names with which schemes declare them in ``beyond``."""
+"""The plant features, by the names that schemes list in ``beyond``."""
 
 
 def require_taken(scheme: type[Scheme], known: Known) -> None:
-    """InputError for a plant with a feature that the scheme declares as beyond it; it tells which schemes take it."""
-    from barbalat.controllers import SCHEMES  # they are made after this room
+    """InputError for a plant with a feature that the scheme does not take; the message lists schemes that do."""
+    from barbalat.controllers import SCHEMES  # the registry is imported after this room
 
     for name in scheme.beyond:
         feature = PLANT_FEATURES[name]
@@ -140,13 +141,13 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def beyond_of(scheme: type) -> tuple[str, ...]:
-    """Plant features that a scheme declares as beyond it; of one from outside nothing is known before it is bound."""
+    """The plant features that a scheme declares as not taken; for a class from outside they are unknown until it is bound."""
     beyond: tuple[str, ...] = getattr(scheme, "beyond", ())
     return beyond
 
 
 def bound_with_lyapunov_law(settings: LyapunovSettings, known: Known) -> dict[str, Any]:
-    """The fields that the equations of L1-AC and of the MRAC have in common, on a plant; InputError where the two don't fit."""
+    """The fields that the equations of L1-AC and of the MRAC share, for a plant; InputError if the two don't fit."""
     gamma, modifications = Gain(settings.gamma), Modifications.of(settings)
     if known.theta_0 is not None:
         require_separable(modifications)
@@ -169,17 +170,17 @@ def bound_with_lyapunov_law(settings: LyapunovSettings, known: Known) -> dict[st
 
 
 def require_separable(modifications: Modifications) -> None:
-    """InputError for modifications of a law that take the baseline for a part of what was learnt."""
+    """InputError for modifications of a law that would treat the baseline as a part of what was learnt."""
     if modifications.leakage is not None:
         raise InputError(
-            "leakage pulls the estimates to zero, and the baseline's gains with them: give no leakage beside a baseline"
+            "leakage pulls the estimates to zero, and the baseline's gains with them: do not combine leakage with a baseline"
         )
     if modifications.learning is not None:
-        raise InputError("composite learning takes no baseline: its memory holds u as all that enters beside theta'phi")
+        raise InputError("composite learning cannot have a baseline: its memory assumes that only u and theta'phi enter")
 
 
 def projection_set(projection: bool | None, known: Known) -> EstimateSet | None:
-    """The set to project onto: by default the known set where one is given; unknown input gains are always projected onto theirs.
+    """The set to project onto: by default the known set, if there is one; unknown input gains are always projected.
 
     u is divided by their estimates, which must stay away from zero.
     """

@@ -1,7 +1,7 @@
-"""Sampled controllers whose steps dissipate in x_tilde and theta_hat: implicit ones in closed form, O(n^2) for each sample.
+"""Sampled controllers whose steps are dissipative in x_tilde and theta_hat: implicit steps in closed form, O(n^2) per sample.
 
-docs/sampled.md states and proves what holds. What is measured is taken in the sample's middle, x_mid = (x + x_next)/2, what is
-estimated at its end.
+docs/sampled.md states and proves the guarantees. Measurements are taken at the middle of the sample, x_mid = (x + x_next)/2,
+estimates at its end.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from barbalat.validate import Array
 
 
 def half_step(A: Array, T: float) -> Array:
-    """(I - T/2 A)^-1, which exists for every T > 0 where A is Hurwitz."""
+    """(I - T/2 A)^-1, which exists for every T > 0 if A is Hurwitz."""
     return np.linalg.inv(np.eye(len(A)) - T / 2 * A)
 
 
@@ -56,15 +56,15 @@ class Filter:
 
 
 class Unmoved(NamedTuple):
-    """The end of the sample, were the estimates zero or at rest."""
+    """The end of the sample if the estimates were zero or did not change."""
 
     x_hat: Value  # (n,) predictor with zero estimates
-    error: Value  # x_tilde'P b with the estimates as they are; (m,) with m inputs
+    error: Value  # x_tilde'P b with the present estimates; (m,) with m inputs
     phi: Value  # regressor in the middle
 
 
 class SampledForm:
-    """A sampled form that starts as its continuous equations do, and holds their control."""
+    """A sampled form with the initial state and the control of its continuous equations."""
 
     continuous: Equations
 
@@ -77,7 +77,7 @@ class SampledForm:
 
 @dataclass(frozen=True, eq=False)
 class Still(SampledForm):
-    """A controller without any state that moves."""
+    """A controller without a changing state."""
 
     continuous: Equations
     sample_time: float
@@ -90,7 +90,7 @@ class Still(SampledForm):
 
 @dataclass(frozen=True, eq=False)
 class Tustin(SampledForm):
-    """A linear controller on the output or on the state, whose NamedTuple is the state of its linear system."""
+    """A linear controller on the output or on the state, whose NamedTuple contains the state of its linear system."""
 
     continuous: Equations
     sample_time: float
@@ -99,6 +99,6 @@ class Tustin(SampledForm):
     explicit: ClassVar[bool] = False
 
     def advance(self, state: Any, before: Sample, u: Value, now: Sample) -> Any:
-        rest = type(state)(np.zeros(state[0].shape))  # at the origin the derivative is the forcing alone
+        rest = type(state)(np.zeros(state[0].shape))  # at the origin the derivative is only the forcing
         forcings = [self.continuous.derivative(rest, *sample, u)[0] for sample in (before, now)]
         return type(state)(self.step.end(state[0], (forcings[0] + forcings[1]) / 2))

@@ -1,9 +1,9 @@
-"""A scheme's knobs: the settings that a trade-off turns, and how far for a case. A scheme that has some says so itself."""
+"""A scheme's knobs: the settings that a trade-off varies, and their ranges for a case. A scheme declares its own knobs."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Protocol, runtime_checkable
 
@@ -15,14 +15,20 @@ from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Controller
 from barbalat.validate import Array, Vector
 
+SLOW_SLOPE = 10.0
+"""Multiple of the slowest time constant: |s kappa_2/(s kappa_2 + 1)| of a second slope is 0.995 or more for everything faster."""
+SLOWNESS_RATIO = 100.0
+"""Ratio to the model's slowest rate: anything slower has no effect within a run."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TuningGrid:
-    """A scheme and the settings that are varied, all combinations of them; ``make`` builds the controller.
+    """A scheme and the settings that are varied, in all combinations; ``make`` builds the controller.
 
-    traded  whether trade-offs have it where nobody says which; contests have all
-    open    those whose values end where a grid has to end, and not at what the step or the model sets: a search goes beyond
-    aims    keys of its certificate that its designers look at: what they promise of it, and under which condition
+    traded  whether trade-offs include it by default; contests include all schemes
+    open    settings whose range ends arbitrarily, and not because of the step or the model: a search may leave it
+    whole   settings whose values already cover their whole range
+    aims    keys of its certificate that designers look at: its guarantees and their conditions
     """
 
     scheme: str
@@ -30,6 +36,7 @@ class TuningGrid:
     make: Callable[..., Controller]
     traded: bool = True
     open: tuple[str, ...] = ()
+    whole: tuple[str, ...] = ()
     aims: tuple[str, ...] = ()
 
     def tunings(self) -> Iterator[dict[str, float]]:
@@ -39,16 +46,17 @@ class TuningGrid:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TuningScale:
-    """How far knobs are turned for a case.
+    """The ranges of knobs for a case.
 
-    highest_gain  that the step resolves
-    highest_square  that it resolves of a gain times the square of what it multiplies: what highest_gain is for another regressor
-    times         time constants [s], from five steps to the model's slowest
-    density       values of a knob beside another one
-    known         what the designer knows
-    sample_time   of a scheme that is sampled by nature [s]
-    saturated     whether schemes that have something against windup have it switched on
-    theta_hat0    where estimates start; None leaves that to each scheme
+    highest_gain  the highest gain that the step resolves
+    highest_square  the highest product, that the step resolves, of a gain and the squared norm of its regressor: the same as
+                    highest_gain for another regressor
+    times         time constants [s], from five steps to the model's slowest; ``sampled`` has others
+    density       number of values of a knob in combination with another one
+    known         the known part of the plant
+    sample_time   of a scheme that is always sampled [s]
+    saturated     whether schemes with a remedy against windup use it
+    theta_hat0    the initial estimates; None leaves them to each scheme
     """
 
     highest_gain: float
@@ -60,16 +68,35 @@ class TuningScale:
     saturated: bool = False
     theta_hat0: Vector | None = None
 
+    def sampled(self, sample_time: float, beyond: float) -> TuningScale:
+        """The ranges for a contest of sampled controllers: gains ``beyond`` times as large, time constants from half a sample to
+        ten times the slowest.
+
+        The midpoint form of a lag has its pole at zero if the time constant is half a sample, and rings if it is shorter.
+        """
+        return replace(
+            self,
+            highest_gain=beyond * self.highest_gain,
+            highest_square=beyond * self.highest_square,
+            times=np.geomspace(sample_time / 2, 10 * self.times[-1], len(self.times)),
+            sample_time=sample_time,
+        )
+
     def gains(self, lowest: float, count: int) -> Array:
-        """``count`` gains from ``lowest`` times the highest up to that."""
+        """``count`` gains from ``lowest`` times the highest gain up to the highest."""
         return self.highest_gain * np.geomspace(lowest, 1.0, count)
 
     @property
     def nominal(self) -> Array | None:
-        """The gains of x that a scheme without estimates assumes, (n m,): the middle of the known set, as linear designs do."""
+        """The parameters that a scheme without estimates assumes, (n m,): the middle of the known set, as in linear designs."""
         theta_set = self.known.theta_set
         linear = isinstance(self.known.matched.regressor, Linear)
         return theta_set.middle if theta_set is not None and linear else None
+
+    @property
+    def slope_ratios(self) -> Array:
+        """Ratios of the second to the first time constant of ``two_slopes``: 1, and one so large that C is (6)."""
+        return np.array([1.0, SLOW_SLOPE * self.times[-1] / self.times[0]])
 
     @property
     def frequencies(self) -> Array:
@@ -79,12 +106,12 @@ class TuningScale:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutputTuningScale:
-    """What the ranges of knobs follow from, of a case whose output is fed back.
+    """The ranges of knobs for a case with output feedback.
 
     times        time constants [s], from five steps to the model's slowest
-    known        what the designer knows
-    sample_time  of a scheme that is sampled by nature [s]
-    saturated    whether schemes that have something against windup have it switched on
+    known        the known part of the plant
+    sample_time  of a scheme that is always sampled [s]
+    saturated    whether schemes with a remedy against windup use it
     """
 
     times: Array
@@ -95,17 +122,18 @@ class OutputTuningScale:
 
 @runtime_checkable
 class OutputTunable(Protocol):
-    """A scheme that feeds back the output and says which of its settings are tuned, like ``Tunable``."""
+    """A scheme with output feedback that declares its tuned settings, like ``Tunable``."""
 
     def output_knobs(self, reach: OutputTuningScale) -> TuningGrid:
-        """Its settings that are varied, and how far."""
+        """The settings that are varied, with their ranges."""
         ...
 
 
 @runtime_checkable
 class Tunable(Protocol):
-    """A scheme's class that says which of its settings trade tracking for robustness; others enter trade-offs by hand only."""
+    """A scheme's class that declares which of its settings trade tracking for robustness; others enter trade-offs only by
+    hand."""
 
     def knobs(self, reach: TuningScale) -> TuningGrid:
-        """Its settings that are varied, and how far."""
+        """The settings that are varied, with their ranges."""
         ...

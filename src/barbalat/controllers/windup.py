@@ -1,8 +1,8 @@
-"""Remedies against windup: what an adaptive law must not learn from an input that is at its limit.
+"""Remedies against windup: they keep an adaptive law from learning from an input at its limit.
 
-Two are offered, each off unless asked. Where a scheme computes what the plant's state or output should be (L1-AC's predictor, the
-parametric model of the normalised schemes), that is fed with sat(u), what reaches the plant: ``saturated_predictor``. The MRAC
-compares with the reference model instead, and gets the modified error.
+There are two, both off by default. If a scheme computes what the plant's state or output should be (L1-AC's predictor, the
+parametric model of the normalised schemes), this computation receives sat(u), which reaches the plant: ``saturated_predictor``.
+The MRAC compares with the reference model instead, and uses the modified error.
 """
 
 from __future__ import annotations
@@ -21,17 +21,18 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, kw_only=True)
 class ModifiedError(Settings):
-    """MRAC driven by e - e_d, e_d' = A_m e_d + b omega_hat (sat(u) - u_c): the error that the limit causes is not learnt from.
+    """MRAC driven by e - e_d, e_d' = A_m e_d + b omega_hat (sat(u) - u_c): the error due to the limit is not learnt from.
 
     mu      0: the modified error of Karason and Annaswamy. Above 0 the positive mu-modification: beyond the inner limits
             u = (u_c + mu sat_inner(u_c))/(1 + mu), which keeps the control away from its limits
     margin  of the inner limits, 0 <= margin < 1: they are (1 - margin) times the actuator's
 
-    u_c = (-theta_hat'phi + k_0 r)/omega_hat is the control without remedy; omega_hat = 1 where the input gain is known, and what
-    multiplies omega in the law is otherwise sat(u). Then exactly (e - e_d)' = A_m (e - e_d) - b (theta_tilde'phi
-    + omega_tilde sat(u)), so that V = (e - e_d)'P(e - e_d) + theta_tilde'Gamma^-1 theta_tilde, omega_tilde among theta_tilde,
-    decreases as without a limit: the estimates and e - e_d are bounded. x_m + e_d is the adapted reference model. That e_d itself
-    stays bounded is not claimed: with a limited input an unstable plant can be lost from far enough out, whatever is learnt.
+    u_c = (-theta_hat'phi + k_0 r)/omega_hat is the control without remedy; omega_hat = 1 if the input gain is known, and
+    otherwise sat(u) is the regressor of omega in the law. Then exactly (e - e_d)' = A_m (e - e_d) - b (theta_tilde'phi +
+    omega_tilde sat(u)), so that V = (e - e_d)'P(e - e_d) + theta_tilde'Gamma^-1 theta_tilde, with omega_tilde included in
+    theta_tilde, decreases as without a limit: the estimates and e - e_d are bounded. x_m + e_d is the adapted reference model.
+    Boundedness of e_d itself is not claimed: with a limited input an unstable plant can diverge from a large enough initial
+    state, whatever is learnt.
 
     Source: Karason and Annaswamy (1994), IEEE TAC 39(11); Lavretsky and Hovakimyan (2007), Automatica 43(3), whose estimated
     gain of the control deficiency is omega_hat here.
@@ -48,13 +49,13 @@ class ModifiedError(Settings):
         validate.freeze(self, margin=margin)
 
     def control(self, u_c: Value, limits: Array) -> Value:
-        """u from the control without remedy; with mu = 0 that itself, in every bit."""
+        """u from the control without remedy; with mu = 0 it is unchanged, bit for bit."""
         inner = np.clip(u_c, (1 - self.margin) * limits[0], (1 - self.margin) * limits[1])
         return (u_c + self.mu * inner) / (1 + self.mu)
 
 
 def known_limits(remedy: str, known: Known | OutputKnown) -> Array:
-    """The actuators' limits, [lower, upper]; InputError where there are none."""
+    """The actuators' limits, [lower, upper]; InputError if there are none."""
     if known.saturation is None:
         raise InputError(f"{remedy} needs plant.input.saturation, which is not given")
     return known.saturation
@@ -63,10 +64,10 @@ def known_limits(remedy: str, known: Known | OutputKnown) -> Array:
 def limits_of_predictor(
     saturated_predictor: bool, known: Known | OutputKnown, *, remedy: str = "saturated_predictor"
 ) -> Array | None:
-    """The actuators' limits where the remedy, ``saturated_predictor`` or one of another name, is asked for."""
+    """The actuators' limits if the remedy, ``saturated_predictor`` or one of another name, is switched on; otherwise None."""
     return known_limits(remedy, known) if saturated_predictor else None
 
 
 def applied(u: Value, limits: Array | None) -> Value:
-    """sat(u): what is left of the control where its limits are cared for."""
+    """sat(u): the control after its limits, if these are taken into account."""
     return u if limits is None else np.clip(u, limits[0], limits[1])

@@ -1,9 +1,9 @@
-"""Mixed-sensitivity H-infinity design: as fast a loop as the unmodelled dynamics allow.
+"""Mixed-sensitivity H-infinity design: the fastest loop that the unmodelled dynamics allow.
 
-||[W_S S; W_KS K S; W_T T]||_inf <= 1 with W_T the size of the unmodelled dynamics, so that |W_T T| <= 1 keeps the loop
-stable under them, and W_S = (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2, which asks for the bandwidth w_B and for |S| to fall
-with the square of the frequency below it, as it does with a PI controller on this plant. The largest w_B that can be had is
-found by bisection. Source: Skogestad and Postlethwaite, Multivariable Feedback Control, sections 2.8 and 9.3.
+||[W_S S; W_KS K S; W_T T]||_inf <= 1 with W_T the size of the unmodelled dynamics, so that |W_T T| <= 1 guarantees stability, and
+W_S = (s/sqrt(M) + w_B)^2/(s + w_B sqrt(A))^2, which requires the bandwidth w_B and that |S| falls with the square of the
+frequency below it, as it does with a PI controller on this plant. The largest feasible w_B is found by bisection. Source:
+Skogestad and Postlethwaite, Multivariable Feedback Control, sections 2.8 and 9.3.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from barbalat.validate import Array, InputError
 def design_model(known: Known, output: Array | None = None) -> tuple[Array, TransferFunction]:
     """(c, c'(sI - A_m)^-1 b): the plant between u and c'x once the nominal theta'x is cancelled; c is P b by default.
 
-    P b makes it strictly positive real, so minimum phase of relative degree one: the choice that limits a linear loop
-    least. Raises InputError for c = 0, and for a plant with several inputs, an unknown gain or a regressor other than x.
+    P b makes it strictly positive real, and therefore minimum phase with relative degree one: the choice that limits a linear
+    loop least. Raises InputError for c = 0, and for a plant with several inputs, an unknown gain or a regressor other than x.
     """
     require_linear_plant(known)
     c = known.P @ known.b if output is None else validate.vector("output", output, known.n)
@@ -50,7 +50,7 @@ def delay_weight(delay: float) -> TransferFunction:
 def default_delay(known: Known) -> float:
     """A tenth of the fastest time constant in the family [s]: 0.1/max |eigenvalue of A_m + b theta'| over the set's corners.
 
-    What the model leaves out is then taken to begin a decade above what it describes.
+    The unmodelled dynamics are then assumed to begin a decade above the model's.
     """
     require_linear_plant(known)
     corners = [np.zeros(known.n)] if known.theta_set is None else product(*zip(*known.theta_set.extent, strict=True))
@@ -59,16 +59,17 @@ def default_delay(known: Known) -> float:
 
 
 SENSITIVITY_PEAK = 2.0
-"""M: the largest |S| that W_S lets through; gives a gain margin of 2 and a phase margin of 29 degrees at least (ibid., 2.4)."""
+"""M: the largest |S| that W_S allows; it gives a gain margin of at least 2 and a phase margin of at least 29 degrees (ibid.,
+2.4)."""
 STEADY_SENSITIVITY = 1e-6
 """A: |S| at zero frequency; an integrator itself would put a pole of W_S on the axis, which the synthesis does not allow."""
 BANDWIDTH_SHARE = 0.9
-"""Of the largest bandwidth: at the limit itself the controller becomes improper and its fast pole runs away."""
+"""Share of the largest bandwidth: at the limit itself the controller becomes improper and its fast pole goes to infinity."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MixedSensitivity:
-    """A design: controller on the error, the weights, the bandwidth asked for [rad/s], and the norm reached (at most 1)."""
+    """A design: controller on the error, the weights, the requested bandwidth [rad/s], and the norm reached (at most 1)."""
 
     controller: StateSpace
     W_S: TransferFunction
@@ -79,12 +80,12 @@ class MixedSensitivity:
 
 
 def mixed_sensitivity(model: TransferFunction, delay: float, bandwidth: float | None = None) -> MixedSensitivity:
-    """A controller K(s) on the error for the model, which must bear the unmodelled delay [s] at its input.
+    """A controller K(s) on the error for the model, such that the loop tolerates the unmodelled delay [s] at its input.
 
     bandwidth  w_B of W_S [rad/s]; by default 0.9 times the largest one for which the norm stays at or below 1
 
-    Raises InputError without the package slycot (extra ``robust``), for a model with poles on the imaginary
-    axis, and where the weights cannot be met.
+    Raises InputError without the package slycot (extra ``robust``), for a model with poles on the imaginary axis, and if the
+    weights cannot be met.
     """
     delay = validate.positive("unmodelled_delay", delay)
     if abs(model.poles.real).min(initial=np.inf) < 1e-9 * max(1.0, float(np.abs(model.poles).max(initial=0.0))):
@@ -108,7 +109,7 @@ def mixed_sensitivity(model: TransferFunction, delay: float, bandwidth: float | 
 
 
 def in_time_unit(model: TransferFunction, unit: float) -> TransferFunction:
-    """The model with its time counted in ``unit`` s: in units of the delay the synthesis is conditioned best."""
+    """The model with time in units of ``unit`` s: in units of the delay the synthesis is best conditioned."""
     return TransferFunction(*(c * unit ** -np.arange(len(c) - 1.0, -1.0, -1.0) for c in (model.num, model.den)))
 
 
@@ -138,7 +139,7 @@ def generalised_plant(G: StateSpace, W_S: StateSpace, W_KS: float, W_T: StateSpa
 
 
 def _effort(scaled: TransferFunction) -> float:
-    """W_KS: K S may be as large as the inverse of the model at ten over the delay, so that K rolls off from there on."""
+    """W_KS: K S may be as large as the inverse of the model at ten over the delay, so that K rolls off above that frequency."""
     return float(abs(scaled.at(10j)))
 
 
@@ -163,7 +164,7 @@ def _largest_bandwidth(scaled: TransferFunction) -> float:
 
 
 def _suboptimal(plant: tuple[Array, Array, Array, Array]) -> tuple[StateSpace, float] | None:
-    """The central controller of norm below 1 and the norm it reaches; ``None`` where there is none."""
+    """The central controller of norm below 1 and the norm it reaches; ``None`` if there is none."""
     slycot = _slycot()
     A, B, C, D = plant
     try:
@@ -180,7 +181,8 @@ def _suboptimal(plant: tuple[Array, Array, Array, Array]) -> tuple[StateSpace, f
 
 
 def _closed(plant: tuple[Array, Array, Array, Array], K: StateSpace) -> tuple[Array, Array, Array, Array]:
-    """The closed loop from w to what is weighted, with u = K v around the generalised plant, whose v doesn't hold u itself."""
+    """The closed loop from w to the weighted outputs, with u = K v, for a generalised plant whose v doesn't contain u
+    directly."""
     A, B, C, D = plant
     w, u = B[:, [0]], B[:, [1]]
     weighted, v = C[:-1], C[[-1]]

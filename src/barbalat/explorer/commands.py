@@ -1,4 +1,4 @@
-"""The commands and disturbances of a page: formulas as a module, records as their points, the rest as runs of equal rows."""
+"""The commands and disturbances of a page: formulas as a module, records as points, all others as runs of equal rows."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from barbalat.loop.packing import column, symbols
 from barbalat.lowering.operations import read
 from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.wasm.loop import loop
+from barbalat.problem.faults import FaultSignal
 from barbalat.protocols import BreakingSignal, InterpolatedSignal, Signal
 from barbalat.run.kernel.breaks import breaks_inside, can_be_split
 from barbalat.run.kernel.grid import final_row, signal_table
@@ -23,38 +24,39 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 MOST_RUNS = 20_000
-"""Of equal rows that a page holds: some 500 kB."""
+"""Largest number of equal rows in a page: some 500 kB."""
 MOST_POINTS = 20_000
-"""Of a record that a page holds: some 430 kB."""
+"""Largest number of points of a record in a page: some 430 kB."""
 GRID_FACTORS = (0.5, 2.0, 0.25, 4.0, 0.2, 5.0, 10.0)
-"""Steps that a page offers where signals jump, in steps of the case: for each their places in the grid are looked up here."""
+"""Steps that a page offers if signals jump, as multiples of the case's step: the jumps' positions in the grid are tabulated
+for each."""
 HORIZON_FACTORS = (0.5, 2.0, 0.25, 0.75, 1.5, 0.1, 3.0, 5.0)
-"""Likewise horizons, at the case's own step."""
+"""Horizons that it offers, at the case's own step."""
 MOST_GRID_BYTES = 250_000
-"""Of all that is looked up, the case's own step aside, those first that stand first above; in a page a third more."""
+"""Largest size of these tables, without that of the case's own step, in the above order; in a page they take a third more."""
 
 
 def is_formula(signal: Signal) -> bool:
-    """Whether a page's module computes it, which takes a formula of t and of the signal's own numbers, without jumps."""
+    """Whether a page's module computes it, which requires a formula of t and of the signal's own numbers, without jumps."""
     if not isinstance(signal, Continuous) or isinstance(signal, InterpolatedSignal):
         return False
     try:
         _, t = symbols("t", 1)
         (opened,), _ = _opened((signal,))
         return isinstance(opened(t), type(t))
-    except (TypeError, ValueError, RuntimeError):  # what turns one of them into a number or branches on it is no formula
+    except (TypeError, ValueError, RuntimeError):  # code that turns one of them into a number or branches on it is no formula
         return False
 
 
 def is_computed(signal: Signal) -> bool:
-    """Whether a page computes its values, by a formula or between the points of a record; for all others rows are kept."""
-    return isinstance(signal, InterpolatedSignal) or is_formula(signal)
+    """Whether a page computes its values: those of formulas, records and faults; for all others rows are stored."""
+    return isinstance(signal, (InterpolatedSignal, FaultSignal)) or is_formula(signal)
 
 
 def points_of(signal: Signal, longest: float) -> dict[str, str] | None:
-    """For a page's JSON, the points of a record up to the first behind ``longest`` [s]; None for any other signal.
+    """The points of a record for a page's JSON, up to the first after ``longest`` [s]; None for any other signal.
 
-    InputError where they are more than a page holds.
+    InputError if they exceed what a page holds.
     """
     if not isinstance(signal, InterpolatedSignal):
         return None
@@ -69,12 +71,12 @@ def points_of(signal: Signal, longest: float) -> dict[str, str] | None:
 
 
 def breaks_anywhere(signals: Sequence[Signal]) -> bool:
-    """Whether a grid of steps has to be looked at before it can be used."""
+    """Whether a grid of steps has to be computed before it can be used."""
     return any(isinstance(signal, (BreakingSignal, InterpolatedSignal)) or not is_computed(signal) for signal in signals)
 
 
 def smooth_module(signals: Sequence[Signal]) -> tuple[bytes, Array]:
-    """A module whose blocks give out the formulas' values at the time in a row; and their numbers, its parameters."""
+    """A module whose blocks return the formulas' values at the time in a row; and their numbers, its parameters."""
     import casadi as ca
 
     smooth = tuple(signal for signal in signals if is_formula(signal))
@@ -97,9 +99,9 @@ def _opened(signals: tuple[Signal, ...]) -> tuple[tuple[Any, ...], Any]:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A run's steps where signals jump.
+    """A run's steps, with the jumps of signals.
 
-    cuts    (K, 3) the breaks inside of steps: the step, the place in steps, the time [s]
+    cuts    (K, 3) the breaks inside steps: the step, the position within it, the time [s]
     starts  rows at which the values of the other signals change, and values (len(starts), nodes * signals) from there on
     last    (signals,) their values at t_end
     """
@@ -123,9 +125,9 @@ class Grid:
 
     @classmethod
     def of(cls, signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool = False) -> Grid:
-        """InputError where a signal that a page does not compute has more different rows than a page holds.
+        """InputError if a signal that a page does not compute has more different rows than a page holds.
 
-        whole  steps stay whole where a signal breaks, as those with a memory do
+        whole  steps are not split at breaks, as for steps with a memory
         """
         in_pieces = not whole and can_be_split(signals, simulation)
         table = signal_table(signals, simulation, 0, simulation.steps, in_pieces=in_pieces)
@@ -151,11 +153,11 @@ class Grid:
 
 
 def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool, most_steps: int) -> list[Grid]:
-    """Grids of this run and of runs with other steps or another horizon, all for one kind of kernel: in pieces, or not.
+    """Grids for this run and for runs with other steps or another horizon, all for one kind of kernel: in pieces, or not.
 
-    InputError where the run's own has too many rows.
+    InputError if the run's own grid has too many rows.
     """
-    simulation = replace(simulation, solver=RK4)  # whose nodes are those of all methods
+    simulation = replace(simulation, solver=RK4)  # its nodes include those of all methods
     own = Grid.of(signals, simulation, whole=whole)
     found, room = [own], MOST_GRID_BYTES
     for other in _runs_offered(simulation):
@@ -170,10 +172,10 @@ def grids_of(signals: tuple[Signal, ...], simulation: Simulation, *, whole: bool
 
 
 def _runs_offered(simulation: Simulation) -> Iterator[Simulation]:
-    """The run with other steps, and with other horizons, as far as the step divides the horizon."""
+    """The run with other steps, and with other horizons, if the step divides the horizon."""
     steps = [(factor * simulation.dt, simulation.t_end) for factor in GRID_FACTORS]
     for dt, t_end in [*steps, *((simulation.dt, factor * simulation.t_end) for factor in HORIZON_FACTORS)]:
         try:
             yield replace(simulation, dt=float(f"{dt:.12g}"), t_end=float(f"{t_end:.12g}"))
-        except InputError:  # it is no whole number of steps
+        except InputError:  # not a whole number of steps
             continue

@@ -1,4 +1,4 @@
-"""Theorem 1's condition on the filter, as a page estimates it: the impulse response of W_b (1 - C), simulated; no certificate."""
+"""A page's estimate of Theorem 1's condition on the filter: the impulse response of W_b (1 - C), simulated; no certificate."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from barbalat.protocols import Value
 from barbalat.validate import Array, InputError
 
 TAYLOR_TERMS = 4
-"""Of e^(hA) in a step, as RK4 has them on a linear system."""
+"""Terms of e^(hA) in a step, those of RK4 on a linear system."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,12 +37,12 @@ class Filtered:
     index: int
 
     def parts(self, case: Case) -> list[Array] | None:
-        """None where the condition has no meaning: another scheme or plant, no projection onto a box."""
+        """These arrays; None if the condition is meaningless: for another scheme or plant, or without projection onto a box."""
         problem = case.problem
         if not isinstance(problem, Problem):
             return None
         equations = case.controllers[self.index].bind(problem.known)
-        # Theorem 1 is of this scheme's own C(s) and x_hat; its set's bounds, which move, are numbers of a box alone
+        # Theorem 1 is about this scheme's own C(s) and x_hat; only a box has bounds as separate numbers
         if not isinstance(equations, Equations) or not isinstance(known_set := equations.estimate_set, ParameterBox):
             return None
         plain = problem.known.inputs == 1 and not problem.known.matched.gain_unknown
@@ -50,7 +50,7 @@ class Filtered:
         return [problem.known.A_m, problem.known.b, C.A, C.B, C.C, known_set.lower, known_set.upper] if plain else None
 
     def read(self, cases: Sequence[Case]) -> Numbers:
-        """InputError where one has none."""
+        """InputError if one has none."""
         columns = []
         for case in cases:
             parts = self.parts(case)
@@ -64,7 +64,8 @@ class Filtered:
 
 
 def condition_of(case: Case, index: int, sliders: Sequence[Slider], at: At) -> dict[str, Any] | None:
-    """For a page's JSON; sliders whose effect can't be followed are named: once they are moved there is no estimate."""
+    """The condition for a page's JSON; sliders whose effect can't be reproduced are named: if they are moved there is no
+    estimate."""
     target = Filtered(index)
     parts = target.parts(case)
     if parts is None:

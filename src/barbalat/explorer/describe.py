@@ -1,4 +1,4 @@
-"""Everything that a page knows of a case, as data: modules, the numbers that go into them, what their outputs are."""
+"""Everything that a page contains about a case, as data: modules, their numbers, and the meaning of their outputs."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from barbalat.cases.build import Case
 from barbalat.explorer.commands import HORIZON_FACTORS, breaks_anywhere, grids_of, is_computed, points_of, smooth_module
 from barbalat.explorer.condition import condition_of
 from barbalat.explorer.encoded import doubles
+from barbalat.explorer.faults import fault_of, fixed
+from barbalat.explorer.faults import rules as rules_of_faults
 from barbalat.explorer.judging import kept, rules
 from barbalat.explorer.sliders import DELAY_PATH, GRID_KEYS, Slider, Sliders, Variant
 from barbalat.explorer.source import Source
@@ -28,6 +30,7 @@ from barbalat.open_numbers.path import FieldPath, Key
 from barbalat.open_numbers.probe import Target
 from barbalat.pictures.symbols import estimated
 from barbalat.problem.command_gain import commanded, gains_at_rest
+from barbalat.problem.labels import UNLABELLED
 from barbalat.protocols import DiscretizedEquations
 from barbalat.run.engine.judging import watched_in_sweeps
 from barbalat.run.engine.stability_label import MOST_LOOKS, MOST_WINDOWS, WINDOW_PIECES
@@ -41,12 +44,12 @@ from barbalat.solvers import SOLVERS, Tableau
 from barbalat.validate import InputError
 
 MOST_STEPS = 10_000_000
-"""Of a run in a page: some seconds."""
+"""Largest number of steps of a run in a page: some seconds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """A case as its page has it.
+    """A case as its page represents it.
 
     toggles  the controllers whose projection can be switched
     """
@@ -57,17 +60,13 @@ class Described:
 
     @classmethod
     def of(cls, source: Source) -> Described:
-        """InputError for a case that no page can simulate yet."""
         case = source.at({})
-        if case.problem.shell is not None or case.problem.faults:
-            raise InputError(
-                "a page has neither shell nor faults yet: run and sweep have them; take them out of the case to explore it"
-            )
+        case.simulation.require_steps("a page that simulates")
         return cls(source, case, tuple(i for i in range(len(case.controllers)) if _switches(source, case, i)))
 
     @cached_property
     def variants(self) -> list[Variant]:
-        """Every controller, those that can be switched both ways."""
+        """Every controller; those that can be switched, in both versions."""
         found = [Variant(i, False, Target.of(self.case, i, self.case.simulation)) for i in range(len(self.case.controllers))]
         switched = self.source.at({}, self.toggles)
         return found + [Variant(i, True, Target.of(switched, i, switched.simulation)) for i in self.toggles]
@@ -97,6 +96,7 @@ class Described:
                 "module": base64.b64encode(module).decode(), "parameters": doubles(values),
                 "smooth": [is_computed(signal) for signal in problem.signals],
                 "points": [points_of(signal, max(HORIZON_FACTORS) * simulation.t_end) for signal in problem.signals],
+                "faults": [fault_of(signal) for signal in problem.signals], "drawing": rules_of_faults(problem.signals),
                 "grids": self._grids() if breaks_anywhere(problem.signals) else None,
             },
             "noise": self._noise(),
@@ -107,7 +107,7 @@ class Described:
                     "group": _group_name(one.number.path, self.case),
                     "value": one.number.value, "values": doubles(one.number.values), "whole": one.number.whole,
                     "log": one.number.logarithmic, "without": list(one.number.without),
-                    "signals": one.signals.places, "scales": one.signals.scales,
+                    "signals": one.signals.places, "scales": one.signals.scales, "drawn": one.signals.drawn,
                     "grids": None if one.signals.grids is None else [grid.as_data() for grid in one.signals.grids],
                     "copied": one.copied,
                     "excludes": [k for k, other in enumerate(self.sliders) if other is not one and one.excludes(other)],
@@ -118,10 +118,11 @@ class Described:
             "case_file": self.source.case_file(self.slots(), self.toggles),
             "own_file": self.source.own_file,
             "toggles": list(self.toggles), "watching": WATCHING, "judge": rules(self.case), "about_u": about_u(problem),
+            "fixed": fixed(problem),
         }  # fmt: skip
 
     def slots(self) -> list[FieldPath]:
-        """Places in a copied case file that take a number of the page: the sliders', horizon and step, the delay."""
+        """Positions in a copied case file for numbers of the page: the sliders', horizon and step, the delay."""
         own = [FieldPath(("simulation", key)) for key in GRID_KEYS]
         return [
             *(one.number.path for one in self.sliders),
@@ -130,15 +131,15 @@ class Described:
         ]
 
     def _noise(self) -> dict[str, Any] | None:
-        """The seed as digits: numbers of a page have 53 bits."""
-        noise, channels = self.case.problem.noise, self.case.problem.dynamics.outputs
+        """The seed as digits: numbers of a page have only 53 bits."""
+        noise, channels = self.case.problem.noise, self.case.problem.measured
         if noise is None:
             return None
         module = base64.b64encode(normal_module(channels)).decode()
         return {"module": module, "seed": str(noise.seed), "channels": channels, "sample_time": noise.sample_time}
 
     def _delay(self) -> dict[str, Any]:
-        """It has a slider where the case has one number that is the delay."""
+        """It has a slider if a number of the case is the delay."""
         own = self.case.problem.delay
         tried = own + self.case.simulation.dt
         try:
@@ -194,7 +195,7 @@ def _module(case: Case, target: Target, solver: str) -> str:
 
 
 def _switches(source: Source, case: Case, i: int) -> bool:
-    """Whether switching the i-th controller's projection makes a case with another kernel."""
+    """Whether switching the i-th controller's projection gives a case with another kernel."""
     try:
         switched = source.at({}, [i])
     except InputError:
@@ -207,6 +208,8 @@ def _group_name(path: FieldPath, case: Case) -> str:
     first, *rest = group(path)
     if first == "controller":
         return case.controllers[int(rest[0])].name
+    if first == "faults":
+        return f"Fault {int(rest[0]) + 1}: {case.problem.faults[int(rest[0])].kind}"
     known = {"plant": "Plant", "reference_model": "Model", "reference": "Command", "uncertainty": "Known set"}
     return known.get(str(first), str(first).replace("_", " ").capitalize())
 
@@ -219,15 +222,19 @@ SYMBOLS = {
     "gain": ("input gain", ""), "start": ("start", "s"), "sigma_bound": ("σ bound", ""), "lower": ("least", ""),
     "upper": ("greatest", ""), "input_gain": ("input gain", ""), "g_0": ("dead zone g₀", ""), "c_0_min": ("least c₀", ""),
     "frequencies": ("frequency", "rad/s"), "amplitudes": ("amplitude", ""), "rate_limit": ("rate limit", "1/s"),
-    "lag": ("sensor lag", "s"), "std": ("noise, standard deviation", ""),
+    "lag": ("sensor lag", "s"), "std": ("noise, standard deviation", ""), "share": ("share of the time", ""),
+    "burst": ("length of a burst", "s"), "times": ("from, to", "s"), "time": ("at most", "s"),
+    "jitter": ("jitter that is taken, of a sample", ""), "longest_outage": ("longest outage", "s"), "fade": ("fade", "s"),
 }  # fmt: skip
-"""Symbol and unit by a number's key, where the key alone does not say it."""
+"""Symbol and unit by a number's key, if the key does not determine them."""
 
 
 def label(path: FieldPath) -> str:
     """Symbol, indices counted from 1, and unit."""
     keys = [key for key in path.keys if isinstance(key, str)]
     symbol, unit = SYMBOLS.get(keys[-1], (keys[-1].replace("_", " "), ""))
+    if keys[0] == "shell" and len(keys) > 2:  # of a channel
+        symbol, unit = f"{keys[1]} of {keys[2]}", "s" if keys[1] == "stuck" else ""
     if keys[-1] in ("num", "den"):
         symbol = f"{keys[-2].replace('_', ' ')} {keys[-1]}"
     places = ",".join(str(int(index) + 1) for index in path.keys[len(path.vector) :])
@@ -235,9 +242,9 @@ def label(path: FieldPath) -> str:
 
 
 def group(path: FieldPath) -> tuple[Key, ...]:
-    """The table that it stands in: a controller's keys are ("controller", i)."""
+    """The table that contains it: a controller's keys are ("controller", i)."""
     first = path.keys[0]
-    return path.keys[:2] if first in ("controller", "reference") and isinstance(path.keys[1], int) else (first,)
+    return path.keys[:2] if first in ("controller", "reference", "faults") and isinstance(path.keys[1], int) else (first,)
 
 
 def outputs(case: Case, members: Members) -> dict[str, Any]:
@@ -248,8 +255,9 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
     rows = loop.theta_hat_rows
     gains, true = gains_at_rest(case.problem), true_values(case.problem, loop)
+    names = case.problem.labels or UNLABELLED
     panels = [
-        {"state": state, "commands": [{"index": k, "gain": float(gains[state, k])} for k in commands]}
+        {"state": state, "name": names.name(state), "commands": [{"index": k, "gain": float(gains[state, k])} for k in commands]}
         for state, commands in commanded(case.problem)
     ]
     return {
@@ -258,6 +266,7 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
             "commands": loop.commands or 1, "delayed": shape.delayed,
         },
         "rhythm": members.rhythm.sample_every and float(loop.sample_time or 0.0),
+        "jitters": loop.around is not None and loop.around.jitters,
         "operations": [list(part) for part in accumulators.layout],
         "theta_hat": [rows.start, rows.stop],
         "x": [int(i) for i in marked.x.reshape(-1)], "x_m": [int(i) for i in marked.x_m.reshape(-1)],
@@ -272,7 +281,7 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
 
 
 def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
-    """What is drawn beside theta_hat, entry by entry, with what it is to become."""
+    """What is drawn in addition to theta_hat, entry by entry, with the true values."""
     found = []
     for part in loop.other_estimates:
         if part.size <= MOST_REPORTED:
@@ -285,13 +294,13 @@ def _beside(case: Case, loop: ClosedLoop) -> list[dict[str, Any]]:
 
 
 def numbers_handed(members: Members) -> int:
-    """The module's parameters up to the step; the delay's weights, which are the solver's, stand behind it."""
+    """The number of the module's parameters up to the step; the delay's weights, which belong to the solver, follow it."""
     time, dt, solver = members.longest_delay, members.simulation.dt, members.simulation.solver
     return members.program.shape.parameters - (delay.weights(time, dt, solver).size if members.loop.delayed else 0)
 
 
 def delay_weights() -> dict[str, dict[str, str]]:
-    """``delay.weights`` by solver: of whole steps, however many, and a module that makes them of a fraction."""
+    """``delay.weights`` by solver: for whole steps, and a module that computes them for a fraction."""
     return {
         name: {
             "whole": doubles(delay.weights(1.0, 1.0, tableau).reshape(-1)),
@@ -302,7 +311,7 @@ def delay_weights() -> dict[str, dict[str, str]]:
 
 
 def _weights_module(tableau: Tableau) -> bytes:
-    """Its blocks give out the weights of the fraction in a row."""
+    """Its blocks return the weights for the fraction in a row."""
     import casadi as ca
 
     fraction, nothing = ca.SX.sym("fraction"), ca.SX(0, 1)
@@ -312,21 +321,21 @@ def _weights_module(tableau: Tableau) -> bytes:
     return module_of(optimize(read(traced), fused=False), LoopShape(0, rows, 0, 1), (0.0,) * rows)
 
 
-# The page's kernel watches ``run.kernel.step.coupling_function``, and ``templates/stability.js`` looks at the windows, and at
-# the steps of one with an exit, by the rules of ``run.engine.stability_label``.
+# The page's kernel monitors ``run.kernel.step.coupling_function``, and ``templates/stability.js`` examines the windows, and the
+# steps of one with an exit, by the rules of ``run.engine.stability_label``.
 
 MOST_STATES = 40
-"""Of a loop whose spectrum is taken after every run: some dozens of them cost less than drawing."""
+"""Largest number of states of a loop whose spectrum is computed after every run: some dozens cost less than drawing."""
 
 
 WATCHING = {"windows": MOST_WINDOWS, "looks": MOST_LOOKS, "pieces": WINDOW_PIECES, "every": WATCH_EVERY}
-"""How the windows of a run are cut and looked at: see ``run.engine.stability_label``."""
+"""The division of a run into windows and their evaluation: see ``run.engine.stability_label``."""
 
 
 def judged(target: Target) -> bool:
     """Whether a page judges the step.
 
-    ``barbalat run`` judges large loops, and laws that take explicit steps from sample to sample.
+    Large loops, and laws that take explicit steps from sample to sample, are judged only by ``barbalat run``.
     """
     reader = target.family.reader
     equations = reader.loop.equations
@@ -334,7 +343,7 @@ def judged(target: Target) -> bool:
 
 
 def spectrum_of(target: Target) -> dict[str, Any] | None:
-    """Its rows are a state, signals and noise there, its parameters the run's; None where the page does not judge the step."""
+    """Its rows are a state with signals and noise, its parameters the run's; None if the page does not judge the step."""
     import casadi as ca
 
     if not judged(target):

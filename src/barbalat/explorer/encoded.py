@@ -1,4 +1,4 @@
-"""Arrays as text of a page."""
+"""Arrays as text in a page."""
 
 from __future__ import annotations
 
@@ -10,5 +10,5 @@ from barbalat.validate import Array
 
 
 def doubles(values: Array) -> str:
-    """Numbers as a page reads them: base64 of little-endian doubles."""
+    """Numbers in the form that a page reads: base64 of little-endian doubles."""
     return base64.b64encode(np.ascontiguousarray(values, dtype="<f8").tobytes()).decode()

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from html import escape
 from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from barbalat.explorer.source import ObjectSource, Source
 from barbalat.loop.binding import numbered
 from barbalat.open_numbers.path import FieldPath
 from barbalat.papers.claim import Claim
+from barbalat.pictures.scripts import CHARTS, UPLOT, UPLOT_LICENCE, UPLOT_STYLE, as_script_data, script_of
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.solvers.registry import solver_of
@@ -30,12 +31,12 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 FRAME_HEIGHT = 900
-"""Of a page in a notebook's cell, in CSS pixels."""
+"""Height of a page in a notebook's cell, in CSS pixels."""
 
 
 @dataclass(frozen=True, eq=False)
 class PageContents:
-    """A page's data and the HTML of its certificates; ``names`` are its controllers'."""
+    """A page's data and the HTML of its certificates; ``names`` are those of its controllers."""
 
     data: dict[str, Any]
     certificates: str
@@ -43,32 +44,32 @@ class PageContents:
     lessons: tuple[Lesson, ...]
 
     def page(self, claims: Sequence[Claim]) -> str:
-        """The whole page, with the verdicts on these claims; InputError where it would be too large."""
+        """The whole page, with the verdicts on these claims; InputError if it would be too large."""
         lessons = [lesson.as_data(self.names, claims) for lesson in self.lessons]
         return html(self.data | {"lessons": lessons}, self.certificates)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Explorer:
-    """A page with a slider for each number of a case; ``html`` is the whole of it, one file that asks for nothing elsewhere."""
+    """A page with a slider for each number of a case; ``html`` is the whole of it, one file that needs no network."""
 
     source: Source
     lessons: tuple[Lesson, ...] = ()
 
     @cached_property
     def html(self) -> str:
-        """The page; InputError where the case can't be simulated in one."""
+        """The page; InputError if a page can't simulate the case."""
         return self.contents.page(())
 
     @cached_property
     def contents(self) -> PageContents:
-        """All that is on the page but for the verdicts on claims that its lessons name."""
+        """The content of the page except for the verdicts on claims that its lessons name."""
         described = Described.of(self.source)
         names = tuple(controller.name for controller in described.case.controllers)
         return PageContents(described.as_data(), section(described.case), names, self.lessons)
 
     def save(self, path: str | Path) -> Path:
-        """Write it to a file."""
+        """Write the page to a file."""
         place = Path(path)
         place.write_text(self.html, encoding="utf-8")
         return place
@@ -76,7 +77,7 @@ class Explorer:
     def at(
         self, numbers: Mapping[str, float], *, projection: Mapping[int, bool] | None = None, solver: str | None = None
     ) -> Case:
-        """The case with a page's numbers, as *copy as Python* writes them; InputError for what the page can't have."""
+        """The case with a page's numbers, as *copy as Python* writes them; InputError for numbers that the page can't have."""
         toggled = [i for i, on in (projection or {}).items() if on != self.source.projected(i)]
         case = self.source.at({FieldPath.parse(path): value for path, value in numbers.items()}, toggled)
         if solver is None:
@@ -94,7 +95,7 @@ class Explorer:
 def explore(problem: TrackingProblem, controllers: Controller | Iterable[Controller], simulation: Simulation) -> Explorer:
     """A page that simulates these controllers on the problem, with a slider for each number.
 
-    Runs in it have no fused multiply-adds: ``Simulation(fused=False)`` has their bits.
+    Its runs use no fused multiply-adds: ``Simulation(fused=False)`` gives the same bits.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
@@ -114,9 +115,7 @@ def section(case: Case) -> str:
         f"{''.join(map(_row, certificate.rows))}</tbody></table></div></details>"
         for name, certificate in found.items()
     ]
-    note = (
-        "They belong to the case as it is given, whatever the sliders say; for a copied case file barbalat certify has its own."
-    )
+    note = "They belong to the given case, for any position of the sliders; for a copied case file use barbalat certify."
     return f'<h2>Certificates of the case</h2><p class="note">{note}</p>{"".join(parts)}'
 
 
@@ -126,10 +125,11 @@ def _row(row: CertificateRow) -> str:
 
 
 LARGEST_PAGE = 1_500_000
-"""Bytes: what a mail takes and a phone opens at once."""
+"""Largest size in bytes: a page that can be mailed and opened on a phone."""
 WORKER_FILES = (
     "bytes.js",
     "grid.js",
+    "faults.js",
     "kernel.js",
     "noise.js",
     "figures.js",
@@ -140,41 +140,37 @@ WORKER_FILES = (
     "worker.js",
 )
 PAGE_FILES = (
-    "bytes.js", "setting.js", "lessons.js", "address.js", "copies.js", "panels.js", "zoom.js", "charts.js", "table.js",
-    "controls.js", "page.js",
-)  # fmt: skip
-"""Scripts in the order in which one needs the other."""
+    "bytes.js",
+    "setting.js",
+    "lessons.js",
+    "address.js",
+    "copies.js",
+    "panels.js",
+    "table.js",
+    "controls.js",
+    "page.js",
+)
+"""Scripts in the order of their dependencies; those of the charts come before them."""
 
 
 def html(data: dict[str, Any], certificates: str) -> str:
-    """The whole page; InputError where it would be too large to be sent."""
+    """The whole page; InputError if it would be too large to be sent."""
     parts = {
         "TITLE": escape(str(data["case"])),
         "VERSION": escape(barbalat.__version__),
-        "STYLE": _text("uplot/uPlot.min.css") + _text("page.css"),
-        "UPLOT": _text("uplot/uPlot.iife.min.js"),
-        "LICENCE": escape(_text("uplot/LICENSE").strip()),
+        "STYLE": UPLOT_STYLE.read_text("utf-8") + _template("page.css").read_text("utf-8"),
+        "UPLOT": UPLOT.read_text("utf-8"),
+        "LICENCE": escape(UPLOT_LICENCE.read_text("utf-8").strip()),
         "DATA": as_script_data(data),
-        "WORKER": as_script_data("\n".join(map(_script, WORKER_FILES))),
-        "PAGE": "\n".join(map(_script, PAGE_FILES)),
+        "WORKER": as_script_data("\n".join(script_of(_template(name)) for name in WORKER_FILES)),
+        "PAGE": "\n".join(map(script_of, [*CHARTS, *map(_template, PAGE_FILES)])),
         "CERTIFICATES": certificates,
     }
-    page = re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], _text("explore.html"))
+    page = re.sub(r"\{\{([A-Z]+)\}\}", lambda found: parts[found[1]], _template("explore.html").read_text("utf-8"))
     if (size := len(page.encode())) > LARGEST_PAGE:
         raise InputError(f"the page would have {size} bytes, more than {LARGEST_PAGE}: explore fewer controllers at a time")
     return page
 
 
-def as_script_data(part: Any) -> str:
-    """JSON that no text in it can end: a script element knows no escapes but those of JSON."""
-    return json.dumps(part, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-
-
-def _text(name: str) -> str:
-    return (resources.files("barbalat.explorer") / "templates" / name).read_text("utf-8")
-
-
-def _script(name: str) -> str:
-    """A module's text without its imports and exports: one file holds them all, from which modules can't be imported."""
-    text = re.sub(r"^import .*;$", "", _text(name), flags=re.MULTILINE)
-    return re.sub(r"^export ", "", text, flags=re.MULTILINE)
+def _template(name: str) -> Traversable:
+    return resources.files("barbalat.explorer") / "templates" / name

@@ -1,4 +1,4 @@
-"""What a number of the case does to its commands and disturbances, as far as a page can follow it."""
+"""The effect of a number of the case on its commands and disturbances, as far as a page can reproduce it."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.explorer.commands import Grid, breaks_anywhere, is_computed, is_formula
+from barbalat.explorer.faults import drawn_by
 from barbalat.loop.structure import identical
 from barbalat.open_numbers.numbers import At, Number
+from barbalat.open_numbers.path import Key
 from barbalat.open_numbers.probe import thinned
 from barbalat.protocols import InterpolatedSignal, Signal
 from barbalat.run.kernel.template import Columns
@@ -20,32 +22,36 @@ from barbalat.validate import InputError
 
 @dataclass(frozen=True, eq=False)
 class InSignals:
-    """What a number is among the signals.
+    """The effect of a number on the signals.
 
-    places  entries of the smooth signals' numbers
-    scales  those of the other signals, counted among them, whose every value is the number, less it, or zero
-    grids   where those follow otherwise: for each value of the number, at the case's own step and horizon
+    places  indices of the smooth signals' numbers
+    scales  factors of the other signals, counted among them, whose every value is the number, its negative, or zero
+    grids   if those depend on it otherwise: a grid for each value of the number, at the case's own step and horizon
+    drawn   the fault's signal and the keys in it, if the number determines a fault
     """
 
     places: list[int]
     scales: list[int]
     grids: list[Grid] | None = None
+    drawn: tuple[int, list[Key]] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class SignalSearch:
-    """Looks for it in cases with other values of the number."""
+    """Finds the effect from cases with other values of the number."""
 
     case: Case
     at: At
 
     def of(self, number: Number, room: int) -> tuple[Number, InSignals] | None:
-        """The number, with fewer values where grids of at most ``room`` bytes follow; None where a page can't follow it."""
+        """The number, with fewer values if grids of at most ``room`` bytes depend on it; None if a page can't reproduce it."""
+        if (drawn := drawn_by(number.path, self.case.problem.signals)) is not None:
+            return number, InSignals([], [], drawn=drawn)
         found = self._moved(number)
         return self._gridded(number, room) if found is None else (number, found)
 
     def _moved(self, number: Number) -> InSignals | None:
-        """None where signals follow from it in another way."""
+        """None if signals depend on it in another way."""
         tried_values = [number.value, number.values[0], number.values[-1]]
         tried = [self.case, *(self.at(number.path, float(v)) for v in tried_values[1:])]
         signals = [case.problem.signals for case in tried]
@@ -65,7 +71,7 @@ class SignalSearch:
         return InSignals([int(i) for i in moved], scales) if (values[moved] == tried_values).all() else None
 
     def _gridded(self, number: Number, room: int) -> tuple[Number, InSignals] | None:
-        """The number with the values of which signals that jump have a grid like the case's own, and those grids."""
+        """The number with the values for which signals that jump have a grid like the case's own, and those grids."""
         simulation, whole = self.case.simulation, self.case.problem.delay > 0
         given, grids = list[float](), list[Grid]()
         own = self.case.problem.signals
@@ -73,7 +79,7 @@ class SignalSearch:
             try:
                 signals = self.at(number.path, value).problem.signals
                 grid = Grid.of(signals, replace(simulation, solver=RK4), whole=whole)
-            except InputError:  # no case, or too many rows
+            except InputError:  # no valid case, or too many rows
                 continue
             if any(is_computed(one) and not identical(one, mine) for one, mine in zip(signals, own, strict=True)):
                 return None
@@ -88,7 +94,8 @@ class SignalSearch:
         return replace(number, values=np.array([given[i] for i in fits])), InSignals([], [], [grids[i] for i in fits])
 
     def _scaled(self, signals: Sequence[tuple[Signal, ...]], values: Sequence[float]) -> list[int] | None:
-        """Which signals that are kept as rows are the number times -1, 0 or 1 throughout; None where they follow otherwise."""
+        """Which signals that are stored as rows are the number times -1, 0 or 1 throughout; None if they depend on it
+        otherwise."""
         rough = [tuple(signal for signal in one if not is_computed(signal)) for one in signals]
         moved = [i for i in range(len(rough[0])) if not all(identical(one[i], rough[0][i]) for one in rough)]
         if not moved:
@@ -106,6 +113,6 @@ class SignalSearch:
 
 
 def _same_records(signals: Sequence[Signal], others: Sequence[Signal]) -> bool:
-    """Whether signals of which a page keeps the points are the same in two cases."""
+    """Whether signals that a page stores as points are the same in two cases."""
     pairs = zip(signals, others, strict=True)
     return all(identical(one, other) for one, other in pairs if isinstance(one, InterpolatedSignal))

@@ -1,4 +1,4 @@
-"""What a page needs for the judge's verdict: the rows that its kernels keep, and the numbers of the judge's rules."""
+"""A page's data for the judge's verdict: the rows that its kernels keep, and the numbers of the judge's rules."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from barbalat.judge.settings import LOST_SHARE, component_names
 from barbalat.judge.verdict import FOLLOWS_SHARE, LEAST_SAID
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import unflatten
-from barbalat.run.engine.judging import SAMPLES_EACH_REVERSAL, watched_in_sweeps
+from barbalat.run.engine.judging import SAMPLES_EACH_REVERSAL, passes, watched_in_sweeps
 from barbalat.signals.smooth import Clock
 
 
 def rules(case: Case) -> dict[str, Any]:
-    """By the names that ``templates/judge.js`` has for them, with the case's bands and which signals are the time."""
+    """The rules under the names used in ``templates/judge.js``, with the case's bands and which signals are the time."""
     judge, beside = case.judge, Uncommanded.of(case.problem, case.simulation.t_end)
     return {
         "cycle": judge.cycle, "closely": judge.closely, "follows": dict(judge.follows), "lost": dict(judge.lost),
@@ -34,11 +34,12 @@ def rules(case: Case) -> dict[str, Any]:
         "firstPieces": cycles.FIRST_PIECES,
         "samplesEachReversal": SAMPLES_EACH_REVERSAL, "slowest": cycles.slowest_period(case.problem.model.matrices[0]),
         "clock": [isinstance(signal, Clock) for signal in case.problem.signals],
+        "passing": [passes(signal) for signal in case.problem.signals],
     }  # fmt: skip
 
 
 def kept(case: Case, loop: ClosedLoop) -> dict[str, Any]:
-    """What a controller's kernels keep behind the states of its loop, and what the components are called."""
+    """The rows that a controller's kernels keep after the states of its loop, and the names of the components."""
     memory, names, labels = watched_in_sweeps(case.judge).memory(loop), component_names(case.problem), case.problem.labels
     marked, _ = unflatten(loop._initial, np.arange(loop.size), 0)
     rows = np.asarray(marked.x).reshape(-1)

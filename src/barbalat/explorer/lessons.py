@@ -1,4 +1,4 @@
-"""Lessons of a page: a setting to begin from, a goal that the page checks, and the claims that it is about."""
+"""Lessons of a page: an initial setting, a goal that the page checks, and the claims that it is about."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from barbalat.papers.claim import Claim
 
 @dataclass(frozen=True, kw_only=True)
 class FigureGoal:
-    """The largest entry of a controller's figure, over every step, against a number: a bound, or a share of another figure.
+    """The largest entry of a controller's figure, over every step, compared with a number: a bound, or a share of another figure.
 
     share_of  None; "start", the same figure of the lesson's first run; or another controller's name
     """
@@ -40,7 +40,7 @@ class BoundedGoal:
 
 @dataclass(frozen=True, kw_only=True)
 class SettingGoal:
-    """A number of the case that the goal holds on to, by its place."""
+    """A number of the case that the goal requires, by its place."""
 
     path: str
     relation: Literal["<=", ">="]
@@ -70,13 +70,13 @@ class Goal(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Lesson:
-    """What a page sets up, says and checks.
+    """The setup, the text and the checks of a lesson.
 
-    shown       the controllers that are simulated, by their names
-    numbers     by their places; the rest is the case's own
-    projection  by controller, where it is not the case's own
-    goal        in words, and what has to hold for it
-    example     numbers that reach it from the beginning; a page shows them on request
+    shown       the names of the controllers that are simulated
+    numbers     by their places; the others are the case's own
+    projection  by controller, if it differs from the case's own
+    goal        in words, and the conditions for it
+    example     numbers that reach it from the start; a page shows them on request
     claims      rows of the ledger
     """
 
@@ -92,7 +92,7 @@ class Lesson:
     projection: Mapping[str, bool] = field(default_factory=dict)
 
     def as_data(self, names: Sequence[str], claims: Sequence[Claim]) -> dict[str, Any]:
-        """For a page of controllers with these names; ``claims`` are those that were measured, of which there may be none."""
+        """For a page of controllers with these names; ``claims`` are those that were measured, possibly none."""
         return {
             "key": self.key, "title": self.title, "text": self.text, "goal": self.goal,
             "numbers": dict(self.numbers), "example": dict(self.example),
@@ -104,7 +104,7 @@ class Lesson:
 
 
 def _claim(name: str, claims: Sequence[Claim]) -> dict[str, Any]:
-    """A row of the ledger: with its finding where it was measured in the same run, else its name alone."""
+    """A row of the ledger: with its finding if it was measured in the same run, or only its name."""
     found = [claim for claim in claims if claim.id == name]
     if not found:
         return {"id": name}

@@ -1,4 +1,4 @@
-"""Section V as pages: lessons on Figures 2 to 5, and on what the paper says of its schemes, each to be tried."""
+"""Section V as pages: lessons on Figures 2 to 5, and on what the paper says about its schemes, each to be tried."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ TAU_PATH, KAPPA_PATH, GAMMA_PATH, MRAC_GAMMA_PATH = (
 )
 STEP_PATH, DELAY_PATH = "simulation.dt", "plant.input.delay"
 PAPER = "jafari_2013"
-"""The paper beside whose reproduction these pages stand."""
+"""The paper to whose reproduction these pages belong."""
 PAPER_CASE = "paper"
-"""The bundled case that these lessons are about."""
+"""The bundled case of these lessons."""
 OSCILLATING_RATE, QUIET_RATE = 20.0, 1.0
 """Variation of an estimate [1/s]: one sweep of the box per second, there and back; and the command's own."""
 QUIET_GAIN = 300.0
-"""Of L1-AC, far below the onset at the paper's step: what is seen is not the solver's."""
+"""Gain of L1-AC, far below the onset at the paper's step, so that the solver has no visible effect."""
 
 ON_THE_PAPER_S_EXAMPLE = (
     Lesson(
-        key="figure-2", title="Figure 2: robust MRAC, and what tau buys", shown=("Robust MRAC",),
+        key="figure-2", title="Figure 2: robust MRAC, and the benefit of tau", shown=("Robust MRAC",),
         text=(
-            "The error dies out and the estimates converge. In the transient the auxiliary input keeps the error "
-            "small, in proportion to τ."
+            "The error vanishes and the estimates converge. In the transient the auxiliary input keeps the error small, in "
+            "proportion to τ."
         ),
-        goal="Bring the largest error to 0.6 of what it is here, or less.",
+        goal="Reduce the largest error to at most 0.6 of its present value.",
         checks=(FigureGoal(controller="Robust MRAC", figure="max_abs_e", relation="<", value=0.6, share_of="start"),),
         example={TAU_PATH: 0.25}, claims=("figures-2-5", "tau-error"),
     ),
     Lesson(
         key="figure-3", title="Figure 3: L1-AC at h = 1e-4 s", shown=("L1",),
         text=(
-            "The estimates sweep through the whole known set, thousands of times a second. Look for what they "
-            "depend on."
+            "The estimates sweep through the whole known set, thousands of times a second. "
+            "Find out what this depends on."
         ),
         goal="Quieten the estimates (variation below 1 per s) without a smaller step.",
         checks=(
@@ -51,10 +51,10 @@ ON_THE_PAPER_S_EXAMPLE = (
         example={GAMMA_PATH: QUIET_GAIN}, claims=("numerical-oscillation", "oscillation-without-filter", "smaller-gain"),
     ),
     Lesson(
-        key="onset", title="Where the oscillation begins", shown=("L1",), numbers={GAMMA_PATH: 3000.0},
+        key="onset", title="The onset of the oscillation", shown=("L1",), numbers={GAMMA_PATH: 3000.0},
         text=(
-            "At this gain the loop oscillates at h = 1e-4 s. Halve the step and it is gone: the onset is at a "
-            "fixed product of step and √Γ."
+            "At this gain the loop oscillates at h = 1e-4 s. "
+            "With half the step the oscillation disappears: the onset is at a fixed product of step and √Γ."
         ),
         goal="Make it oscillate (variation above 20 per s) at half this step.",
         checks=(
@@ -66,8 +66,8 @@ ON_THE_PAPER_S_EXAMPLE = (
     Lesson(
         key="figure-4", title="Figure 4: a tenth of the step", shown=("L1",), numbers={STEP_PATH: 1e-5},
         text=(
-            "The same controller, the same gain, six million steps instead of six hundred thousand: the estimates"
-            " move with the command alone."
+            "The same controller, the same gain, six million steps instead of six hundred thousand"
+            ": only the command moves the estimates."
         ),
         goal="Bring the oscillation back (variation above 20 per s) at this step.",
         checks=(
@@ -78,7 +78,7 @@ ON_THE_PAPER_S_EXAMPLE = (
     ),
     Lesson(
         key="figure-5", title="Figure 5: a hundred times the gain", shown=("L1",), numbers={STEP_PATH: 1e-5, GAMMA_PATH: 1e6},
-        text="At Γ = 1e6 the smaller step does not help any more.",
+        text="At Γ = 1e6 the smaller step no longer helps.",
         goal="Find a gain of at least 5e4 whose estimates are quiet at this step (variation below 1 per s).",
         checks=(
             SettingGoal(path=GAMMA_PATH, relation=">=", value=5e4),
@@ -95,21 +95,20 @@ ON_THE_PAPER_S_EXAMPLE = (
         example={GAMMA_PATH: QUIET_GAIN}, claims=("no-projection",),
     ),
     Lesson(
-        key="bias", title="What the filter costs", shown=("L1",), numbers={GAMMA_PATH: QUIET_GAIN},
-        text="Far from any oscillation an error remains that no gain removes. It is the filter's.",
-        goal="Bring the error of the tail to 0.55 of what it is here, or less.",
+        key="bias", title="The cost of the filter", shown=("L1",), numbers={GAMMA_PATH: QUIET_GAIN},
+        text="Without any oscillation an error remains that no gain removes. The filter causes it.",
+        goal="Reduce the error of the tail to at most 0.55 of its present value.",
         checks=(FigureGoal(controller="L1", figure="tail_max_abs_e", relation="<", value=0.55, share_of="start"),),
         example={KAPPA_PATH: 0.01}, claims=("bias-kappa", "best-kappa-zero", "bound-10"),
     ),
     Lesson(
         key="kappa", title="Toward kappa = 0.05", shown=("L1",), numbers={GAMMA_PATH: QUIET_GAIN},
         text=(
-            "The paper's condition on the filter ends at κ = 0.05 s, and with it the guarantee. What the loop "
-            "does there is another question."
+            "The paper's condition on the filter ends at κ = 0.05 s, and with it the guarantee. "
+            "The behaviour of the loop beyond this limit is another question."
         ),
         goal=(
-            "Take κ beyond 0.05 s, where nothing is guaranteed any more, and find the loop bounded, with three "
-            "times the error and more."
+            "Increase κ beyond 0.05 s, where the guarantee ends, and find a bounded loop with at least three times the error."
         ),
         checks=(
             SettingGoal(path=KAPPA_PATH, relation=">=", value=0.05),
@@ -120,7 +119,7 @@ ON_THE_PAPER_S_EXAMPLE = (
     ),
     Lesson(
         key="small-gain", title="A small gain instead", shown=("L1", "MRAC"), numbers={MRAC_GAMMA_PATH: 1e-2},
-        text="L1-AC with Figure 3's gain beside the standard MRAC with a millionth of it, at the same step.",
+        text="L1-AC with Figure 3's gain and the standard MRAC with a millionth of it, at the same step.",
         goal=(
             "Find a gain of MRAC, at most 10, with which its largest error is a tenth of L1-AC's or less, and its"
             " estimates are quiet (variation below 1 per s)."
@@ -139,7 +138,7 @@ WITH_A_DELAY = (
         key="tau-and-delay", title="Theorem 2: tau against a modelling error",
         shown=("Robust MRAC",), numbers={TAU_PATH: 0.02, DELAY_PATH: 0.05},
         text="An input delay of 50 ms, and a τ that would be excellent without it: the loop is lost.",
-        goal="Find a τ that bears this delay with an error below 3 in the tail: neither too small nor too large.",
+        goal="Find a τ that tolerates this delay with an error below 3 in the tail: neither too small nor too large.",
         checks=(
             SettingGoal(path=DELAY_PATH, relation=">=", value=0.05),
             BoundedGoal(controller="Robust MRAC"),
@@ -151,8 +150,9 @@ WITH_A_DELAY = (
         key="delay-and-filter", title="Delay against filter",
         shown=("L1", "MRAC"), numbers={DELAY_PATH: 0.1, GAMMA_PATH: 100.0},
         text=(
-            "With a delay of 100 ms both L1-AC and the standard MRAC oscillate. Without it a filter only costs "
-            "error (the lesson What the filter costs); with it, see."
+            "With a delay of 100 ms both L1-AC and the standard MRAC oscillate. "
+            "Without the delay the filter only increases the error (the lesson The cost of the filter); explore its effect "
+            "with the delay."
         ),
         goal="Choose the filter so that L1-AC's error in the tail is half of MRAC's or less.",
         checks=(
@@ -165,11 +165,11 @@ WITH_A_DELAY = (
 )  # fmt: skip
 
 PAGES = {"explorer.html": ON_THE_PAPER_S_EXAMPLE, "explorer-delay.html": WITH_A_DELAY}
-"""By file: ``barbalat reproduce`` leaves them beside its report."""
+"""The lessons by file: ``barbalat reproduce`` writes them to the folder of its report."""
 
 
 def late(text: str) -> str:
-    """The example with an input delay, at a step that serves it as well; what adapts fast is not its subject."""
+    """The example with an input delay, at a step that suits it as well; fast adaptation is not its subject."""
     changed = text.replace('name = "Section V"', 'name = "Section V with an input delay"', 1).replace("dt = 1e-4", "dt = 1e-3", 1)
     return changed.replace("[reference_model]", "[plant.input]\ndelay = 0.01\n\n[reference_model]", 1)
 
@@ -181,12 +181,12 @@ def explorer(file: str) -> Explorer:
 
 
 def contents(file: str) -> PageContents:
-    """What the page of that name holds before anything is measured: another process can make it."""
+    """The content of the page of that name before anything is measured, which another process can make."""
     return explorer(file).contents
 
 
 def addresses(claims: Sequence[Claim]) -> dict[str, str]:
-    """Where a figure, and a claim that was measured, can be tried: the first lesson about it."""
+    """The page on which a figure, and a claim that was measured, can be tried: the first lesson about it."""
     found: dict[str, str] = {}
     for file, lessons in PAGES.items():
         for lesson in lessons:

@@ -1,4 +1,4 @@
-"""Which numbers of a case get a slider: those whose effects a page can follow, one by one and all at once."""
+"""The numbers of a case that get a slider: those whose effects a page can reproduce, singly and in combination."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from functools import cached_property, partial
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 
 from barbalat.cases.build import Case
 from barbalat.comparison.starts import estimates_in, initial_estimates
+from barbalat.explorer.faults import seeds
 from barbalat.explorer.in_signals import InSignals, SignalSearch
 from barbalat.explorer.source import Source
 from barbalat.open_numbers.numbers import Number, ranged
@@ -20,21 +21,21 @@ from barbalat.open_numbers.probe import Effect, Rows, Target, composed, effects_
 from barbalat.validate import Array, InputError
 
 MOST_SHARED_BYTES = 150_000
-"""Of the tables of sliders that exclude others; in a page they take a third more."""
+"""Largest size of the tables of sliders that exclude others; in a page they take a third more."""
 MOST_NUMBERS = 80
 """Sliders of a page."""
 GRID_KEYS = ("t_end", "dt")
-"""Keys of the simulation; their sliders are the page's own."""
+"""Keys of the simulation, whose sliders belong to the page."""
 DELAY_PATH = FieldPath(("plant", "input", "delay"))
-"""A slider of the page's own too: it moves how far a module looks back, in whole steps."""
+"""Another slider of the page: it sets a module's delay in whole steps."""
 PRECEDENCE = ("controller", "reference", "simulation", "plant", "reference_model", "uncertainty", "")
-"""The order in which numbers get sliders: by their part, and of a part's a number by itself before entries of vectors.
-Of two that move one row of a module the later one has fewer values."""
+"""The order in which numbers get sliders: by their part, and within a part single numbers before entries of vectors. If two
+change the same row of a module, the later one has fewer values."""
 
 
 @dataclass(frozen=True, eq=False)
 class Variant:
-    """A controller of the case and its kernel, with the projection that the case asks for or ``switched``."""
+    """A controller of the case and its kernel, with the projection of the case or ``switched``."""
 
     index: int
     switched: bool
@@ -45,8 +46,8 @@ class Variant:
 class Slider:
     """A number, its effect on each variant and on the signals.
 
-    apart  numbers that were found not to move together with this one: a row follows from both where each alone leaves it, as
-           products do with a zero
+    apart  numbers that must not be moved together with this one: a row depends on both where each alone leaves it unchanged, as
+           in products with a zero
     """
 
     number: Number
@@ -55,7 +56,7 @@ class Slider:
     apart: frozenset[FieldPath] = frozenset()
 
     def excludes(self, other: Slider) -> bool:
-        """Whether both move a row of some variant: with both away from the case's values it would need a table of all pairs."""
+        """Whether both change a row of some variant: with both away from the case's values it would need a table of all pairs."""
         if other.number.path in self.apart:
             return True
         rows = any(mine.rows & theirs.rows for mine, theirs in zip(self.effects, other.effects, strict=True))
@@ -63,7 +64,7 @@ class Slider:
         return rows or both or self._bends(other) or other._bends(self)
 
     def _bends(self, other: Slider) -> bool:
-        """Whether with this number elsewhere signals are no more what they are with the other one: its multiples."""
+        """Whether moving this number changes how signals depend on the other one, as multiples of it."""
         scales, value = other.signals.scales, other.number.value
         if not scales or self.signals.grids is None:
             return False
@@ -78,12 +79,12 @@ class Slider:
 
     @property
     def handed(self) -> bool:
-        """Whether modules are handed what follows from it, beside the signals."""
+        """Whether modules receive anything that follows from it, other than the signals."""
         return not all(effect.nothing for effect in self.effects)
 
     @property
     def copied(self) -> bool:
-        """Whether the number stands everywhere as it is: any value can be taken, not only those that are tabulated."""
+        """Whether the number occurs everywhere unchanged: any value can be used, not only the tabulated ones."""
         return self.signals.grids is None and all(effect.table is None for effect in self.effects)
 
 
@@ -104,10 +105,15 @@ class Sliders:
         taken: list[Rows] = [set() for _ in self.variants]
         kept: list[Slider] = []
         room = MOST_SHARED_BYTES
-        for path, value in sorted(self.source.numbers(), key=_precedence):
-            if path.keys[-1] in GRID_KEYS or len(kept) == MOST_NUMBERS or (path == DELAY_PATH and self.case.problem.delay > 0):
-                continue
-            number = ranged(path, value, partial(self.at, False))
+        numbers = sorted(self.source.numbers(), key=_precedence)
+        ranged_ones = (
+            ranged(path, value, partial(self.at, False))
+            for path, value in numbers
+            if path.keys[-1] not in GRID_KEYS and not (path == DELAY_PATH and self.case.problem.delay > 0)
+        )
+        for number in chain(ranged_ones, seeds(self.case.problem.faults)):
+            if len(kept) == MOST_NUMBERS:
+                break
             slider = None if number is None else self._followed(number, taken, room)
             if slider is None:
                 continue
@@ -118,7 +124,7 @@ class Sliders:
         return self._apart(kept)
 
     def _apart(self, kept: Sequence[Slider]) -> list[Slider]:
-        """The sliders that do among the others what they do alone, each with those that it must not be moved with."""
+        """The sliders that act in combination as they act alone, each with those that it must not be combined with."""
         apart = np.array([[one is not other and one.excludes(other) for other in kept] for one in kept], dtype=bool)
         tried: list[list[Place]] = []
         search = Together(
@@ -139,12 +145,12 @@ class Sliders:
         ]
 
     def _outcome(self, moved: Sequence[tuple[Slider, Place]]) -> Outcome:
-        """Whether sliders at these values make of the case what a page makes of it."""
+        """Whether sliders at these values change the case in the same way as in a page."""
         numbers = {slider.number.path: value for slider, (value, _) in moved}
         for switched in (False, True) if self.toggles else (False,):
             try:
                 case = self._case(numbers, self.toggles if switched else ())
-            except InputError:  # together they make no case: the copied one says why
+            except InputError:  # together they give no valid case: the copied one says why
                 return Outcome.NO_CASE
             for k, variant in enumerate(self.variants):
                 effects = [(slider.effects[k], value, place) for slider, (value, place) in moved]
@@ -173,7 +179,8 @@ class Sliders:
             number = found[0]
             for k, effect in zip(which, found[1], strict=True):
                 effects[k] = effect
-        moves = signals.places or signals.scales or signals.grids or not all(effect.nothing for effect in effects)
+        in_signals = signals.places or signals.scales or signals.grids or signals.drawn
+        moves = in_signals or not all(effect.nothing for effect in effects)
         return Slider(number, effects, signals) if moves else None
 
     @cached_property
@@ -188,23 +195,23 @@ class Sliders:
         return self._cases[key]
 
     def _case(self, numbers: Mapping[FieldPath, float], toggled: tuple[int, ...]) -> Case:
-        """The case with other numbers; InputError where its known set makes estimates start elsewhere, in the centre of the set.
+        """The case with other numbers; InputError if its known set makes estimates start elsewhere, in the centre of the set.
 
-        Such a start depends on all bounds at once, and no slider of one of them could have it in a table.
+        Such a start depends on all bounds at once, so that no slider of a single bound could tabulate it.
         """
         case = self.source.at(numbers, toggled)
         if any(path.keys[0] == "uncertainty" for path in numbers) and not _alike(_starts(case), self._starts[bool(toggled)]):
-            raise InputError("a known set without 0 makes estimates start in its centre")
+            raise InputError("with a known set without 0 the estimates start at its centre")
         return case
 
     @cached_property
     def _starts(self) -> tuple[list[Array], list[Array]]:
-        """Where all estimates start in the case itself, and with projections switched."""
+        """The initial estimates in the case itself, and with projections switched."""
         return _starts(self.case), _starts(self.source.at({}, self.toggles))
 
     @cached_property
     def _cases(self) -> dict[tuple[bool, FieldPath, float], Case]:
-        """Cases that were made: the same ones are read for several purposes."""
+        """Cases that were built, since the same ones are read for several purposes."""
         return {}
 
 
@@ -232,24 +239,25 @@ def _precedence(given: tuple[FieldPath, float]) -> tuple[int, bool]:
 
 
 Place = tuple[float, int]
-"""A value of a slider, and where it stands among those that are tabulated, if it does."""
+"""A value of a slider, and its index among the tabulated values, if any."""
 NEAR_SHARES = (0.04, 0.12)
-"""Of a slider's length: how far off to either side it is tried together with others; each slider somewhere between, lest two that
-stand in a difference move by as much. So near the case all pairs should make one."""
+"""Shares of a slider's length by which it is moved to either side together with others; each slider uses a different value
+in between, so that two in a difference do not move equally. This close to the case all pairs should be valid."""
 FAR_SHARES = ((0.1, 0.4), (0.1, 0.4), (0.4, 1.0), (0.4, 1.0))
-"""How far off to one side, another one each time: some pairs make other numbers in a last bit, and at some values only."""
+"""Distances to one side, different each time: some pairs change a last bit only at some values."""
 GOLDEN_RATIO = 0.6180339887498949
-"""Its multiples' fractions are spread evenly, however many there are."""
+"""The fractions of its multiples are spread evenly, for any number of them."""
 TRIED_TURNS = 1 + len(FAR_SHARES)
 
 
 def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: bool) -> list[Place]:
-    """Places tried for the k-th slider: near the case a value to either side of its own, farther off one, unlike known ones
-    if it may be.
+    """Places tried for the k-th slider: near the case one value to either side of its own, farther away one, different from
+    earlier ones if possible.
 
-    What modules are not ``handed`` is in the signals alone: of such numbers many may exclude each other, and each is tried once.
+    A number for which modules receive nothing (not ``handed``) affects only the signals: many of these may exclude each other,
+    and each is tried once.
 
-    copied  whether any value can be taken, not only those that are tabulated
+    copied  whether any value can be used, not only the tabulated ones
     """
     low, high = (NEAR_SHARES, *FAR_SHARES)[turn]
     last = len(number.values) - 1
@@ -264,15 +272,15 @@ def places_tried(number: Number, k: int, turn: int, *, copied: bool, handed: boo
     return [(float(value), int(np.searchsorted(number.values, value))) for value in values]
 
 
-# A setting tries all pairs among its numbers at once, so that some dozens of settings do for hundreds of pairs; nothing is
-# drawn at random. Where a setting is not what it should be, the few numbers are looked for that are enough for that.
+# A setting tries all pairs among its numbers at once, so that some dozens of settings suffice for hundreds of pairs; nothing is
+# random. If a setting fails, the smallest set of numbers that fails is searched for.
 
 Move = tuple[int, int]
-"""A number, counted from 0, and which of the values that are tried it takes."""
+"""A number, counted from 0, and the index of its trial value."""
 
 
 class Outcome(Enum):
-    """What came of a setting in which some numbers are moved and the others are the case's."""
+    """The result of a setting in which some numbers are moved and the others are the case's."""
 
     FITS = auto()
     DIFFERS = auto()
@@ -281,13 +289,15 @@ class Outcome(Enum):
 
 @dataclass(eq=False)
 class Together:
-    """What is known of the numbers: any two that one search found apart stay so in the next, at other values.
+    """What is known about combinations of the numbers: any two that one search found incompatible remain so in the next, at other
+    values.
 
-    kinds    (N,) numbers of one kind stand in one vector or matrix: constructors take it as a whole, and where an entry of it
-             must not be moved with an entry of another one no two of theirs may: it may show at few values, in a last bit
+    kinds    (N,) numbers of one kind belong to one vector or matrix, which constructors take as a whole: if an entry of one must
+             not be moved with an entry of another, no two entries of theirs may, since this may show only at few values, in a
+             last bit
     apart    (N, N) which numbers must not be moved together
-    outcome  of the setting with these moves, each of another number
-    dropped  numbers that don't fit by themselves
+    outcome  of the setting with these moves, each of a different number
+    dropped  numbers that fail by themselves
     """
 
     kinds: Sequence[object]
@@ -300,13 +310,13 @@ class Together:
             self._part(int(one), int(two))
 
     def search(self, moves: Sequence[Move], *, everywhere: bool) -> None:
-        """Try every pair of these moves; two that make no case are apart where one is expected ``everywhere``."""
+        """Try every pair of these moves; two that give no valid case are incompatible if one is expected ``everywhere``."""
         seen = Search(self, moves).seen()
         if everywhere:
             self.apart |= ~seen & ~np.eye(len(self.apart), dtype=bool)
 
     def part(self, numbers: Sequence[int]) -> None:
-        """Any two of these are apart from now on."""
+        """Any two of these are incompatible from now on."""
         for one, two in combinations(numbers, 2):
             self._part(one, two)
 
@@ -319,20 +329,20 @@ class Together:
 
 @dataclass(eq=False)
 class Search:
-    """One of them: each number has some moves."""
+    """One search: each number has some moves."""
 
     known: Together
     moves: Sequence[Move]
 
     def __post_init__(self) -> None:
         self._numbers = np.array([number for number, _ in self.moves], dtype=int)
-        self._refused = self._numbers[:, None] == self._numbers  # which moves can't stand in one setting
+        self._refused = self._numbers[:, None] == self._numbers  # which moves can't be part of one setting
         self._wanted = np.ones_like(self._refused)
         self._refused_sets: list[frozenset[int]] = []
         self._refuse_known()
 
     def seen(self) -> Array:
-        """Try all; (N, N) which numbers fit together, or must not be moved together."""
+        """Try all; (N, N) which numbers can be combined, or must not be moved together."""
         seen = np.zeros_like(self.known.apart)
         while self._wanted.any():
             setting = self._next_setting()
@@ -354,7 +364,7 @@ class Search:
         return self.known.outcome([self.moves[i] for i in setting])
 
     def _next_setting(self) -> list[int]:
-        """A pair that is wanted, and beside it, one after another, what brings most of the other pairs."""
+        """A wanted pair, to which moves are added one after another that cover most of the other pairs."""
         setting: list[int] = np.unique(np.argwhere(self._wanted)[0]).tolist()
         gain = self._wanted[:, setting].sum(axis=1)
         free = ~self._refused[:, setting].any(axis=1)
@@ -369,11 +379,11 @@ class Search:
         return setting
 
     def _smallest(self, setting: Sequence[int]) -> list[int]:
-        """Moves of a setting that doesn't fit that don't fit by themselves, and each of which that needs."""
+        """The moves of a failing setting that fail together but not singly, each of which is needed."""
         needed: list[int] = []
         others = list(setting)
         while not needed or self._of(needed) is Outcome.FITS:
-            fits, too_many = 0, len(others)  # of the others, beside those that are needed
+            fits, too_many = 0, len(others)  # of the others, in addition to those that are needed
             while too_many - fits > 1:
                 middle = (fits + too_many) // 2
                 fits, too_many = (middle, too_many) if self._of(needed + others[:middle]) is Outcome.FITS else (fits, middle)
@@ -382,7 +392,7 @@ class Search:
         return needed
 
     def _refuse(self, moves: Sequence[int], outcome: Outcome) -> None:
-        """Never again in one setting: these moves, or, where the numbers are not what they should be, any two of theirs."""
+        """Never again in one setting: these moves, or, if the numbers are incompatible, any two of theirs."""
         numbers = self._numbers[list(moves)].tolist()
         if outcome is Outcome.DIFFERS:
             self.known.part(numbers)

@@ -1,4 +1,4 @@
-"""Where an explorer's case comes from, and how it is written down again: a case file's text, or objects of Python."""
+"""The origin of an explorer's case, and how it is written down again: a case file's text, or Python objects."""
 
 from __future__ import annotations
 
@@ -12,19 +12,20 @@ from typing import Any
 
 from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText
+from barbalat.open_numbers import truth_paths
 from barbalat.open_numbers.numbers import in_case, in_tables
-from barbalat.open_numbers.path import FieldPath, copied
+from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import VariedCase, VariedObjects
 from barbalat.validate import InputError
 
 Segment = str | dict[str, Any]
-"""Of a copied text: as it is, or what the page puts there: a number, a controller's projection, the solver."""
+"""The parts of a copied text: fixed text, or values that the page inserts: a number, a controller's projection, the solver."""
 COPY_NOTE = "# copied from a page of barbalat explore; fused = false: every bit is the page's"
-OWN_NOTE = "# controllers of its page are in a file of their own: --controllers"
+OWN_NOTE = "# controllers of its page are in a separate file: --controllers"
 
 
 class Source(ABC):
-    """A case that is made with other numbers, always without fused multiply-adds."""
+    """A case that is built with other numbers, always without fused multiply-adds."""
 
     @abstractmethod
     def numbers(self) -> Iterator[tuple[FieldPath, float]]:
@@ -32,25 +33,25 @@ class Source(ABC):
 
     @abstractmethod
     def at(self, numbers: Mapping[FieldPath, float], toggled: Sequence[int] = ()) -> Case:
-        """The case with other numbers, and the projection of some controllers switched; InputError where it can't be used."""
+        """The case with other numbers, and the projection of some controllers switched; InputError if it can't be used."""
 
     @abstractmethod
     def projected(self, i: int) -> bool:
-        """Whether the case asks for the i-th controller's projection, or leaves it to the default."""
+        """Whether the case switches the i-th controller's projection on, explicitly or by default."""
 
     @property
     def own_file(self) -> str | None:
-        """The name of the user's file whose controllers join the case, without its folder: pages are sent to others."""
+        """The name of the user's file whose controllers join the case, without its folder, because pages are sent to others."""
         return None
 
     @abstractmethod
     def case_file(self, slots: Sequence[FieldPath], switched: Sequence[int]) -> list[Segment] | None:
-        """The text of a case file with slots for these numbers and switches; None where there is no such text."""
+        """The text of a case file with placeholders for these numbers and switches; None if there is no such text."""
 
 
 @dataclass(frozen=True, eq=False)
 class TextSource(Source):
-    """The text of a case file. Controllers of the user's own file come after its own, and have no numbers in it."""
+    """The text of a case file. Controllers from the user's own file come after the text's, and have no numbers in it."""
 
     text: CaseText
 
@@ -60,7 +61,7 @@ class TextSource(Source):
 
     @cached_property
     def _in_tables(self) -> int:
-        """How many controllers stand in the text."""
+        """The number of controllers in the text."""
         return len(self._read.get("controller", []))
 
     @property
@@ -68,7 +69,7 @@ class TextSource(Source):
         return None if self.text.own is None else self.text.own.path.name
 
     def _tables(self) -> dict[str, Any]:
-        tables = copied(self._read)
+        tables = truth_paths.with_own_input(self._read)
         simulation = tables.get("simulation")
         if isinstance(simulation, dict):
             simulation["fused"] = False
@@ -83,7 +84,7 @@ class TextSource(Source):
             tables = self._tables()
             for i in toggled:
                 if i >= self._in_tables:
-                    raise InputError("a controller from a file of one's own has no projection to switch")
+                    raise InputError("a controller from a user's file has no projection to switch")
                 tables["controller"][i]["projection"] = not self.projected(i)
             self._varied[key] = VariedCase(self.text, (), tables)
         return self._varied[key].with_numbers(numbers)
@@ -104,10 +105,11 @@ class TextSource(Source):
             return f"\0{len(marks) - 1}\0"
 
         for i, path in enumerate(slots):
+            place = truth_paths.place(tables, path, redesign=None)
             here: Any = tables
-            for key in path.keys[:-1]:
-                here = here[key]
-            here[path.keys[-1]] = mark({"number": i})
+            for key in place.keys[:-1]:
+                here = here[key] if isinstance(key, int) else here.setdefault(key, {})
+            here[place.keys[-1]] = mark({"number": i})
         for i in switched:
             tables["controller"][i]["projection"] = mark({"projection": i})
         tables["simulation"]["solver"] = mark({"solver": True})
@@ -117,7 +119,7 @@ class TextSource(Source):
 
 
 def toml(tables: Mapping[str, Any]) -> str:
-    """Tables as TOML: a section for each table of the root, tables within as they stand in a line."""
+    """Tables as TOML: a section for each table of the root, with inner tables inline."""
     lines = [f"{_key(key)} = {_value(value)}" for key, value in tables.items() if not _is_section(value)]
     for key, value in tables.items():
         if _is_section(value):
@@ -142,7 +144,7 @@ def _value(value: Any) -> str:
     if isinstance(value, list):
         return "[" + ", ".join(map(_value, value)) + "]"
     if isinstance(value, str):
-        return json.dumps(value).replace("\x7f", "\\u007f")  # what JSON escapes TOML reads too
+        return json.dumps(value).replace("\x7f", "\\u007f")  # TOML also reads JSON's escapes
     if isinstance(value, bool):
         return "true" if value else "false"
     return repr(value)  # inf and nan as TOML writes them

@@ -1,4 +1,4 @@
-"""Explorers of a sweep's worst members: of each controller alone, with the member's numbers in place of the case's."""
+"""Explorers of a sweep's worst members: for each controller alone, with the member's numbers in place of the case's."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from barbalat.sweeps.result import SweepResult
 from barbalat.validate import InputError
 
 MOST_PAGES = 6
-"""Pages: each takes a second to make and a fifth of a megabyte."""
+"""Largest number of pages: each takes a second and a fifth of a megabyte."""
 
 
 @dataclass(frozen=True, eq=False)
 class Explored:
-    """A worst member with its page; None where there can't be one, and then the row says why."""
+    """A worst member with its page; None if there can't be one, and then the row says why."""
 
     row: WorstMember
     page: str | None
@@ -45,7 +45,7 @@ def explored(text: CaseText, found: SweepResult) -> Iterator[Explored]:
 def _alone(text: CaseText, found: SweepResult, i: int, member: int) -> CaseText:
     """The case file with a member's numbers and one controller."""
     if text.case().problem.noise is not None:
-        raise InputError("pages don't have the member's own measurement noise")
+        raise InputError("pages do not contain the member's measurement noise")
     varied = VariedCase(text, found.plan.paths, redesign=found.redesign)
     tables = varied.tables_at(found.plan.values(member, 1)[0])
     written = tables.get("controller", [])

@@ -23,11 +23,11 @@ from barbalat.targets import require_sampled
 from barbalat.validate import Array, InputError
 
 DRAWS = 8
-"""Of each kind of faults."""
+"""Number of draws of each kind of faults."""
 STARTS = 4
-"""Instants, drawn in the second quarter of the run, at each of which an outage is tried."""
+"""Number of instants, drawn in the second quarter of the run, at which outages are tried."""
 TOLERATED = 2.0
-"""An outage is tolerated where no component's largest error exceeds so many times that of the run without faults."""
+"""An outage is tolerated if no component's largest error exceeds this multiple of that of the run without faults."""
 LOST_SHARES = (0.01, 0.1, 0.5)
 BURST_SHARE, BURST_SAMPLES = 0.1, 10
 
@@ -40,7 +40,7 @@ class Degradation:
     draws    runs, each with other draws
     missed   the mean share of samples that the C did not take as they were
     beyond   the largest share of the time in which some |e| exceeded its largest value without faults
-    worst    the largest |e| of each component over all runs; None where one diverged
+    worst    the largest |e| of each component over all runs; None if one diverged
     lost     runs that diverged
     classes  how many runs the judge finds lost, a limit cycle, off, or following; those that none is are left out
     """
@@ -134,10 +134,10 @@ def export_campaign(
     starts = tuple((simulation.t_end / 4 * (1 + uniform(0, 0, np.arange(STARTS)))).tolist())
     most = int(simulation.t_end / 4 / T)
     longest = flights.longest(starts, most, told)
-    labels = problem.labels
+    labels = problem.measured_labels
     return Campaign(
         controller=controller.name,
-        names=problem.measured_names,
+        names=problem.handed_names,
         units=() if labels is None else labels.units,
         sample_time=T,
         nominal=tuple(flights.nominal.tolist()),
@@ -151,9 +151,9 @@ def export_campaign(
 
 
 EXPECTED_SECONDS = 5.0
-"""Of a campaign, on one core, of a run of some 10,000 steps."""
+"""Seconds of a campaign on one core, for a run of some 10,000 steps."""
 EXPECTED_FLIGHTS = 40
-"""Of the search for the longest outage: a dozen lengths, fewer starts for those that fail at once."""
+"""Seconds of the search for the longest outage: a dozen lengths, with fewer starts for lengths that fail at once."""
 
 
 def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
@@ -173,7 +173,9 @@ class _Flights:
         batch, _ = self._fly(())
         found = self._errors(batch)
         if found is None:
-            raise InputError(f"{exported.controller.name} diverges on this case without any fault: a campaign would say nothing")
+            raise InputError(
+                f"{exported.controller.name} diverges on this case without any fault, so a campaign would show nothing"
+            )
         self.nominal: Array = found
         self.verdict = self._judged(batch, problem)
 

@@ -15,14 +15,14 @@ from barbalat.validate import InputError, show
 
 COMPILERS = ("cc", "gcc", "clang")
 CHOICE = "CC"
-"""The variable by which another compiler is chosen, and options go with it, as make has it."""
+"""The environment variable that selects another compiler with its options, as for make."""
 COMPILING_SECONDS = 600
-"""That a compiler may take: it needs a second for each few thousand operations."""
+"""Largest time for a compiler, which needs a second for every few thousand operations."""
 FLAGS = ("-std=c99", "-ffp-contract=off", "-O2", "-shared", "-fPIC")
-"""As the export's README says, and as a library."""
+"""Options as in the export's README, for a library."""
 
 
-def require_compiler(purpose: str = "the exported C is to run here", remedy: str = "") -> list[str]:
+def require_compiler(purpose: str = "the exported C must run on this machine", remedy: str = "") -> list[str]:
     """The command of a C compiler, CC's where that is set; InputError, which says what for, where this machine has none."""
     chosen = _chosen()
     names = [chosen[0]] if chosen else list(COMPILERS)

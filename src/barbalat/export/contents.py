@@ -1,7 +1,9 @@
-"""Everything that an exported controller is made of, before it is printed."""
+"""Everything that makes up an exported controller, before it is printed."""
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -11,17 +13,26 @@ import numpy as np
 from barbalat.export.evaluation import Inputs, evaluate
 from barbalat.export.layout import Layout
 from barbalat.export.parameters import Opened, Parameter, estimate_limits
-from barbalat.loop.around import Around
+from barbalat.loop.around import LOST, Around
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import flatten, unflatten
 from barbalat.loop.sampling import Acting
 from barbalat.lowering.c99 import DOUBLE, Real
-from barbalat.lowering.operations import Program, sliced, sources
+from barbalat.lowering.operations import Operation, Program, sliced, sources
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, DiscretizedEquations, SampledEquations
 from barbalat.run.engine.simulate import Recording, recorded
-from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE, controller_program, initial_acting
+from barbalat.run.kernel.sampled_controller import (
+    COMMAND,
+    FREEZE,
+    MEASURED,
+    PARAMETER,
+    STATE,
+    SampledList,
+    controller_program,
+    initial_acting,
+)
 from barbalat.solvers.simulation import Simulation
 from barbalat.targets import require_sampled
 from barbalat.validate import Array, InputError
@@ -29,22 +40,30 @@ from barbalat.validate import Array, InputError
 VECTORS = 1000
 """Samples that an export's self-test replays: some 100 kB of C for a small controller."""
 FEWEST_VECTORS = 10
-"""The self-test refuses the ninth sample, and goes on with the next."""
+"""The self-test refuses the ninth sample, and continues with the next."""
 LEAST_RANGE = 1e6
-"""What a state or an input may be in size where the simulation gives no reason for more."""
+"""Range of a state or an input, unless the simulation requires a larger one."""
+RELATIONS: dict[str, Callable[[Any, Any], Any]] = {
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
+    "!=": operator.ne,
+}  # fmt: skip
+PARAMETER_FACTOR = 1e3
+"""Least factor by which a parameter may exceed the largest one of the case."""
+MOST_PARAMETER = 1e36
+"""Largest size of a number of 32 bits."""
 RANGE_FACTOR = 10.0
-"""How often the simulation's largest number fits into the range that is stated."""
+"""Ratio of the stated range to the simulation's largest number."""
 
 
 @dataclass(frozen=True, eq=False)
 class Contents:
-    """One sampled controller of one problem, as it is exported.
+    """One sampled controller of one problem, in the form for export.
 
-    program  the whole of the controller's list, as the simulation runs it
-    layout   what is kept of its state
-    vectors  samples of the simulation, to be met in every bit
-    opened   which numbers of the list are parameters; None where all are compiled in
-    around   the case's shell, which is no part of the list; None without one
+    program  the controller's whole list, as the simulation runs it
+    layout   the parts of its state that are kept
+    vectors  samples of the simulation, which must be reproduced bit for bit
+    opened   which numbers of the list are parameters; None if all are compiled in
+    around   the case's shell, which is not part of the list; None without one
     """
 
     problem: TrackingProblem
@@ -66,29 +85,42 @@ class Contents:
         loop = ClosedLoop.of(problem, controller)
         require_sampled(controller.name, sampled=loop.sampled)
         around = Around.of_shell(surrounded, loop.sample_time)
-        if opened is None and not simulation.fused:  # whose list has a symbol for each number, which rounds differently
+        if opened is None and not simulation.fused:  # such a list has a symbol for each number, and rounds differently
             opened = Opened.of(problem, controller, simulation, tunable=False)
         program = controller_program(loop) if opened is None else controller_program(opened.template.loop, opened.template.column)
         vectors = recorded(problem, controller, simulation, VECTORS)
         if not all(np.isfinite(part).all() for part in (vectors.measured, vectors.commands, vectors.states)):
             raise InputError(
-                f"{controller.name} diverges on this case within {len(vectors.states)} samples: an export would have no test "
-                "vectors, and nobody should fly it"
+                f"{controller.name} diverges on this case within {len(vectors.states)} "
+                "samples: an export would have no test vectors, and it should not be flown"
             )
         if around is not None:
-            around.require_taken(vectors.measured, surrounded.measured_names)
+            around.require_taken(vectors.measured, surrounded.handed_names)
         made = cls(problem, controller, loop, program, Layout.of(program, loop), vectors, real, opened, around)
         if len(vectors.states) < FEWEST_VECTORS:
             raise InputError(
                 f"the self-test of an export needs {FEWEST_VECTORS} samples, and this simulation has {len(vectors.states)}: let "
                 f"t_end be {FEWEST_VECTORS * made.sample_time:g} s or more"
             )
-        return made if real is DOUBLE else replace(made, vectors=made._rounded())
+        return made if real is DOUBLE else made.replayed()
 
     @cached_property
     def step(self) -> Program:
-        """All that is kept, one sample later: a slice of the list that is simulated."""
-        return sliced(self.program, self.layout.rows)
+        """Everything that is kept, one sample later: a slice of the simulated list."""
+        return self._with_each_parameter_once(sliced(self.program, self.layout.rows))
+
+    def _with_each_parameter_once(self, program: Program) -> Program:
+        """The list reads a parameter that occurs in several places of the equations from the first of them."""
+        if self.opened is None:
+            return program
+        first: dict[int, int] = {}
+        places = [at if k is None else first.setdefault(k, at) for at, k in enumerate(self.opened.feeds)]
+
+        def placed(op: Operation) -> Operation:
+            is_one = op.name == "input" and op.source[0] == PARAMETER
+            return op._replace(source=(PARAMETER, places[op.source[1]])) if is_one else op
+
+        return Program(tuple(map(placed, program.operations)), program.outputs)
 
     @property
     def sample_time(self) -> float:
@@ -98,11 +130,12 @@ class Contents:
 
     @property
     def measures_state(self) -> bool:
+        """Whether a start receives a measurement from which the state follows, directly or by an observer."""
         return self.loop.measured_outputs == 0
 
     @property
     def sizes(self) -> tuple[int, int, int, int]:
-        """Entries of what is measured, of the command, of the control, of the estimates."""
+        """Numbers of entries of the measurement, the command, the control and the estimates."""
         y = self.vectors.measured.shape[1]
         return y, self.vectors.commands.shape[1], self.layout.u.size, self.layout.theta_hat.size
 
@@ -113,57 +146,91 @@ class Contents:
 
     @cached_property
     def range(self) -> float:
-        """Beyond which no entry of the state, of the measurement or of the command is taken for one: a power of ten."""
+        """The limit, a power of ten, beyond which no entry of the state, of the measurement or of the command is accepted."""
         kept = self.vectors.states[:, self.layout.rows], self.vectors.measured, self.vectors.commands, self.initial
         largest = max(float(np.abs(part).max(initial=0.0)) for part in kept)
         return float(max(LEAST_RANGE, 10.0 ** np.ceil(np.log10(max(RANGE_FACTOR * largest, 1.0)))))
 
     @cached_property
     def limits(self) -> tuple[Array, Array] | None:
-        """The least and the largest value of each estimate in the set that it is projected onto; infinite where it has none."""
+        """The least and the largest value of each estimate in the set onto which it is projected; infinite without a set."""
         return estimate_limits(self.loop)
 
     @property
     def checked_limits(self) -> tuple[Array, Array] | None:
-        """The same, without those that are parameters: a state beyond them is brought in by the law, not refused."""
+        """The same without limits that are parameters: a state beyond them is brought in by the law, and not refused."""
         if self.limits is None or self.opened is None:
             return self.limits
-        low, high = (
-            np.where(is_open, np.inf, limit) for is_open, limit in zip(self.opened.open_limits, self.limits, strict=True)
-        )
-        return low, high
+        (low, high), (low_is_open, high_is_open) = self.limits, self.opened.open_limits
+        return np.where(low_is_open, -np.inf, low), np.where(high_is_open, np.inf, high)
 
     @cached_property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The parameters that this controller depends on."""
+        """The parameters on which this controller depends."""
         if self.opened is None:
             return ()
-        read = {at for kind, at in sources(self.step) if kind == PARAMETER}
-        used = {self.opened.feeds[at] for at in read} | set(self._all_starts.values())
+        used = self._read | set(self._all_starts.values())
         return tuple(
             one for k, one in enumerate(self.opened.parameters) if k in used or (one.limit and self.saturation is not None)
         )
 
+    @property
+    def read_parameters(self) -> tuple[Parameter, ...]:
+        """Those that an operation reads, or that limit the control; the others are initial values of states."""
+        every = () if self.opened is None else enumerate(self.opened.parameters)
+        return tuple(one for k, one in every if k in self._read or (one.limit and self.saturation is not None))
+
+    @cached_property
+    def _read(self) -> set[int | None]:
+        assert self.opened is not None
+        return {self.opened.feeds[at] for kind, at in sources(self.step) if kind == PARAMETER}
+
+    @property
+    def ordered(self) -> tuple[tuple[int, int, bool], ...]:
+        """Pairs of these parameters, by index, of which the first must not exceed the second, or must be smaller."""
+        if self.opened is None:
+            return ()
+        place = {one: i for i, one in enumerate(self.parameters)}
+        pairs = ((self.opened.parameters[i], self.opened.parameters[j], strict) for i, j, strict in self.opened.ordered)
+        return tuple((place[low], place[high], strict) for low, high, strict in pairs if low in place and high in place)
+
+    def takes(self, given: Array) -> Array:
+        """(K,) which columns of parameters, (P, K), satisfy all bounds."""
+        good: Array = (np.abs(given) <= self.parameter_range).all(axis=0)
+        for one, values in zip(self.parameters, given, strict=True):
+            if one.bound:
+                good &= RELATIONS[one.bound.split()[0]](values, 0.0)
+        for low, high, strict in self.ordered:
+            good &= RELATIONS["<" if strict else "<="](given[low], given[high])
+        return good
+
+    @cached_property
+    def parameter_range(self) -> float:
+        """The largest admissible magnitude of a parameter: a power of ten."""
+        largest = max((abs(one.value) for one in self.parameters), default=0.0)
+        found = 10.0 ** np.ceil(np.log10(max(LEAST_RANGE, PARAMETER_FACTOR * largest)))
+        return float(min(found, MOST_PARAMETER))
+
     @cached_property
     def starts(self) -> dict[int, Parameter]:
-        """Entries of the flat state that begin with a parameter."""
+        """The entries of the flat state whose initial value is a parameter."""
         return {} if self.opened is None else {row: self.opened.parameters[k] for row, k in self._all_starts.items()}
 
     @cached_property
     def _all_starts(self) -> dict[int, int]:
         assert self.opened is not None
-        first = self.loop.size - len(self.initial)  # the controller's state stands last in the loop's
+        first = self.loop.size - len(self.initial)  # the controller's state is last in the loop's
         return {row - first: k for row, k in self.opened.starts.items() if row - first in set(self.layout.rows)}
 
     def fed(self, entry: int) -> Parameter | float:
-        """What an entry of the list's third argument is: a parameter, or a number that stays."""
+        """The source of an entry of the list's third argument: a parameter, or a fixed number."""
         assert self.opened is not None
         k = self.opened.feeds[entry]
         return float(self.opened.values[entry]) if k is None else self.opened.parameters[k]
 
     @property
     def saturation(self) -> Array | None:
-        """(2, m) lower and upper limits of the actuators, infinite for one that has none; None where no actuator has any."""
+        """(2, m) lower and upper limits of the actuators, infinite without one; None if no actuator has any."""
         given = [path.saturation for path in self.problem.plant.paths]
         if all(limits is None for limits in given):
             return None
@@ -171,7 +238,7 @@ class Contents:
 
     @cached_property
     def learnt(self) -> frozenset[int]:
-        """Rows of the flat state that keep their values while the freeze switch is on, whatever is measured."""
+        """Rows of the flat state that keep their values while the freeze switch is on, whatever the measurements."""
         computer, random = self.loop.computer, np.random.default_rng(0)
         assert computer is not None
         template, resting = initial_acting(self.loop), np.ones(len(self.initial), dtype=bool)
@@ -187,7 +254,8 @@ class Contents:
 
     @cached_property
     def at_start(self) -> tuple[Array, Array]:
-        """(S,) and (S, n): the initial state is the first and the second times the measured state; zero for what is no state."""
+        """(S,) and (S, n): the initial state is the first plus the second times the measured state; the latter is zero for
+        entries that are not copied from the state."""
         own = np.zeros((len(self.initial), self.sizes[0]))
         if not isinstance(self.problem, Problem):
             return self.initial, own
@@ -198,35 +266,73 @@ class Contents:
 
     def _starting_at(self, x0: Array) -> Array:
         assert isinstance(self.problem, Problem)
+        x0 = x0[: self.problem.measured]
+        if self.problem.fixed_observer is not None:
+            x0 = self.problem.fixed_observer.from_measured(x0)
         there = replace(self.problem, plant=replace(self.problem.plant, x0=x0))
         return np.asarray(flatten(initial_acting(ClosedLoop.of(there, self.controller))), dtype=float)
 
-    def evaluated(self, state: Array, y: Array, r: Array, freeze: bool = False) -> Array:
+    @property
+    def lost(self) -> float:
+        """The value of the freeze switch at a lost sample: with an observer it differs from that for frozen estimates only."""
+        return 1.0 if self.loop.observer is None else LOST
+
+    def evaluated(self, state: Array, y: Array, r: Array, freeze: float = 0.0) -> Array:
         """The flat state one sample later, (S,), by the list in the target's numbers; zero where it is not kept."""
         after = np.zeros_like(self.initial)
         after[self.layout.rows] = evaluate(self.step, self.inputs(state, y, r, freeze), self.real)
         return after
 
-    def inputs(self, state: Array, y: Array, r: Array, freeze: Array | bool) -> Inputs:
-        """What the step's list reads: flat states (S,), measurements and commands, or columns of them, (S, K)."""
+    def inputs(
+        self, state: Array, y: Array, r: Array, freeze: Array | float, parameters: Sequence[Array | float] | None = None
+    ) -> Inputs:
+        """The inputs of the step's list: flat states (S,), measurements and commands, or columns of them, (S, K).
+
+        parameters  in their order; by default those of the case
+        """
         given: dict[tuple[int, int], Any] = {(STATE, row): state[row] for row in self.layout.rows} | {(FREEZE, 0): freeze}
         given |= {(MEASURED, i): value for i, value in enumerate(y)} | {(COMMAND, i): value for i, value in enumerate(r)}
         if self.opened is not None:
             given |= {(PARAMETER, i): value for i, value in enumerate(self.opened.values)}
+        if parameters is not None:
+            places = {one: i for i, one in enumerate(self.parameters)}
+            read = [at for kind, at in sources(self.step) if kind == PARAMETER]
+            own = ((at, self.fed(at)) for at in read)
+            given |= {(PARAMETER, at): parameters[places[one]] for at, one in own if isinstance(one, Parameter)}
         return given
 
-    def _rounded(self) -> Recording:
-        """The vectors of a target with other numbers: its own run on what the simulation measured."""
+    def replayed(self) -> Contents:
+        """With its own vectors, for other numbers or other operations: its run on the simulation's measurements."""
+        states = self._compiled() if self.real is DOUBLE else self._evaluated()
+        if not np.isfinite(states).all():
+            raise InputError(f"{self.controller.name} exceeds the range of float32 on this case; export it in float64")
+        return replace(self, vectors=replace(self.vectors, states=states))
+
+    def _evaluated(self) -> Array:
         state, states = self.initial, np.zeros_like(self.vectors.states)
         for k, (y, r) in enumerate(zip(self.vectors.measured, self.vectors.commands, strict=True)):
             state = states[k] = self.evaluated(state, y, r)
-        if not np.isfinite(states).all():
-            raise InputError(f"{self.controller.name} leaves the numbers of float32 on this case; export it in float64")
-        return replace(self.vectors, states=states)
+        return states
+
+    def _compiled(self) -> Array:
+        """The same by LLVM, which supports no other format here."""
+
+        def constant(op: Operation) -> Operation:
+            if op.name != "input" or op.source[0] != PARAMETER or self.opened is None:
+                return op
+            return Operation("constant", value=float(self.opened.values[op.source[1]]))
+
+        program = Program(tuple(map(constant, self.program.operations)), self.program.outputs)
+        step = SampledList.of(self.problem, self.controller, program).step()
+        states = np.zeros_like(self.vectors.states)
+        for k, (y, r) in enumerate(zip(self.vectors.measured, self.vectors.commands, strict=True)):
+            step(y, r)
+            states[k] = step.state
+        return states
 
 
 PROBED_STATES = 4
-"""States at which it is seen what rests; an entry that stands still by chance at all of them is not to be expected."""
+"""Number of states that show which entries are at rest; an entry that rests by chance at all of them is unlikely."""
 
 
 def is_explicit(contents: Contents) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -19,17 +19,23 @@ from barbalat.export.evaluation import value
 from barbalat.export.mutants import Mutant
 from barbalat.lowering.c99 import DOUBLE, Real
 from barbalat.lowering.operations import COMPARISONS, Operation, Program
+from barbalat.run.kernel.sampled_controller import STATE
 
-CASES = 30
-"""That a proof may have: the stated budget for one mutant."""
+CASES, MORE_CASES = 30, 100
+"""The stated budget of a proof for one mutant: at first, and again for mutants that no search killed."""
 MOST = 1e30
-"""In size, of a number on the way, where nothing is shown for all of them: far beyond the range in which a result is taken."""
-ASSUMED = f", while all on the way are numbers of at most {MOST:g}"
-"""How a proof ends that needs it."""
-WORK = 500_000
-"""Operations in the cases of all proofs of one export together."""
-NEAR = 3
-"""Operations behind a comparison in which choices are looked for: it is divided by what they hang on first."""
+"""Assumed largest size of an intermediate number if no bound is proved for all of them: far beyond the range of accepted
+results."""
+ASSUMED = f", provided that all intermediate results are numbers of at most {MOST:g}"
+"""The end of a proof that needs this assumption."""
+WORK = 1_000_000
+"""Total number of operations in the cases of all proofs of one export, each time."""
+SHARE = 40
+"""The largest share of that for one mutant is one of so many."""
+NARROWS = 8
+"""Operations through which all of a fault's effect goes that are tried before the outputs: their proofs have few cases."""
+NEAR = (0, 3, 6)
+"""Operations after a comparison in which choices are sought: the cases are divided first by the conditions of these choices."""
 
 
 class Interval(NamedTuple):
@@ -42,9 +48,9 @@ class Interval(NamedTuple):
 
 EXACT = {"add": operator.add, "sub": operator.sub, "mul": operator.mul, "div": operator.truediv}
 LIMITED = dict.fromkeys(("sin", "cos", "tanh"), (-1.000001, 1.000001)) | {"atan": (-1.6, 1.6)}
-"""Ranges of functions, a little wider than they are."""
+"""Ranges of functions, slightly widened."""
 MOST_EXPONENT = 80.0
-"""exp of it is a float still."""
+"""Largest argument whose exp is finite."""
 ANY = Interval(-math.inf, math.inf, True)
 Term = int
 Truth = bool | None
@@ -61,29 +67,33 @@ class Assumed:
 
 @dataclass(eq=False)
 class Prover:
-    """Of one list. ``inputs``: the interval of each input, by (argument, component)."""
+    """Of one list, whose outputs are these ``rows`` of the state; ``inputs``: intervals, by (argument, component)."""
 
     program: Program
     inputs: dict[tuple[int, int], Interval]
     real: Real
+    rows: Sequence[int] = ()
+    most_cases: int = CASES
     nodes: dict[tuple[object, ...], Term] = field(default_factory=dict)
     names: list[tuple[object, ...]] = field(default_factory=list)
     work: int = 0
+    until: int = WORK
     unbounded: bool = False
     constants: dict[Term, float] = field(default_factory=dict)
 
     def proof(self, mutant: Mutant) -> str:
         """A phrase that says how many cases it took; empty where there is no proof within the budget."""
         if mutant.operation is None:
-            return ""
-        touched = {mutant.place}
-        for i, op in enumerate(self.program.operations):
-            if not touched.isdisjoint(op.operands):
-                touched.add(i)
+            return self._keeps(mutant)
+        touched = self._touched(mutant.place)
+        self.until = min(WORK, self.work + WORK // SHARE)
+        for narrow in self._narrows(touched):
+            if found := self._cases(mutant, narrow, 0, math.inf):
+                return _said(found)
         outputs, cases, assumed = dict.fromkeys(i for i in self.program.outputs[0] if i in touched), 0, ""
         for output in outputs:
             self.unbounded = False
-            ways = ((near, most) for most in (math.inf, MOST) for near in (0, NEAR) if most == math.inf or self.unbounded)
+            ways = ((near, most) for most in (math.inf, MOST) for near in NEAR if most == math.inf or self.unbounded)
             found, most = next(((found, way[1]) for way in ways if (found := self._cases(mutant, output, *way))), (0, 0.0))
             if not found:
                 return ""
@@ -91,19 +101,54 @@ class Prover:
                 max(cases, found),
                 assumed or ("" if most == math.inf else ASSUMED),
             )
-        return (f"the same terms in each of {cases} cases" if cases > 1 else "the same terms for all numbers") + assumed
+        return _said(cases) + assumed
+
+    def _touched(self, place: int) -> list[int]:
+        """This operation and all that depend on it, in the list's order."""
+        found = {place}
+        for i, op in enumerate(self.program.operations):
+            if not found.isdisjoint(op.operands):
+                found.add(i)
+        return sorted(found)
+
+    def _narrows(self, touched: list[int]) -> list[int]:
+        """The first operations through which the whole effect of ``touched[0]`` passes: what is the same there stays the same."""
+        operations, stored = self.program.operations, set(self.program.outputs[0])
+        last = {j: i for i in touched for j in operations[i].operands}
+        found, end = list[int](), touched[0]
+        for i in touched:
+            if i in stored or len(found) == NARROWS:
+                break
+            if i == end != touched[0]:
+                found.append(i)
+            end = max(end, last.get(i, i))
+        return found
+
+    def _keeps(self, mutant: Mutant) -> str:
+        """The same of a row that is not stored: that what would be stored is what it was loaded with."""
+        operations, stored = self.program.operations, self.program.outputs[0][list(self.rows).index(mutant.place)]
+        loads = [i for i, op in enumerate(operations) if op.name == "input" and op.source == (STATE, mutant.place)]
+        if not loads:
+            return ""
+        end = len(operations)
+        longer = Program((*operations, Operation("copy", (stored,))), ((end,),))
+        return replace(self, program=longer).proof(Mutant(end, mutant.said, Operation("copy", (loads[0],))))
 
     def _cases(self, mutant: Mutant, output: int, near: int, most: float) -> int:
         """In how many cases this output is the same; 0 where that is not shown."""
         needed, waiting, cases = self._needed(mutant, output), [Assumed()], 0
         while waiting:
             cases += 1
-            if cases + len(waiting) > CASES or self.work > WORK:
+            if cases + len(waiting) > self.most_cases or self.work > self.until:
                 return 0
             case = waiting.pop()
             walk = _Walk(self, case, mutant, near, most)
             self.work += len(needed)
-            if (pair := walk.run(needed)) is None:
+            try:
+                pair = walk.run(needed)
+            except _Contradiction:  # no numbers are in this case
+                continue
+            if pair is None:
                 continue
             if pair == (-1, -1):
                 return 0
@@ -162,8 +207,16 @@ class Prover:
             return float(np.nextafter(self.real.numbers(number), self.real.numbers(towards)))
 
 
+def _said(cases: int) -> str:
+    return f"the same terms in each of {cases} cases" if cases > 1 else "the same terms for all numbers"
+
+
 def _with(case: Assumed, within: dict[Term, Interval], less: dict[tuple[Term, Term], bool]) -> Assumed:
     return Assumed({**case.within, **within}, {**case.less, **less}, case.same)
+
+
+class _Contradiction(Exception):
+    """What a case says of a number is at odds with what the number is computed from."""
 
 
 class _Walk:
@@ -194,7 +247,12 @@ class _Walk:
         one, two = plain[needed[-1]], other.get(needed[-1], plain[needed[-1]])
         if one == two:
             return None
-        return self._between(one, two) or (-1, -1)
+        return self._of_a_zero(plain, other) or self._between(one, two) or (-1, -1)
+
+    def _of_a_zero(self, plain: dict[int, Term], other: dict[int, Term]) -> tuple[int, int] | None:
+        """The sign of the first sum that differs in an added zero, if in anything: beside another number that is nothing."""
+        differ = (term for i, found in other.items() if found != plain[i] for term in (plain[i], found))
+        return next((self.of_open[one] for one in differ if one in self.of_open and self.names[one][0] in ("add", "sub")), None)
 
     def _between(self, one: Term, other: Term) -> tuple[int, int] | None:
         """An open comparison on the way from two terms to where they differ."""
@@ -206,7 +264,8 @@ class _Walk:
             return next(
                 (found for pair in zip(x, y, strict=True) if pair[0] != pair[1] and (found := self._between(*pair))), None
             )
-        return next((found for part in (*x, *y) if (found := self._guard(part)) is not None), None)
+        inner = (choice for part in (*x, *y) for choice in (part, *self._choices(part, NEAR[-1])))
+        return next((found for choice in inner if (found := self._guard(choice)) is not None), None)
 
     def _guard(self, term: Term) -> tuple[int, int] | None:
         """The comparison that a choice hangs on; of its own sides first, where one is a choice."""
@@ -243,6 +302,8 @@ class _Walk:
         known = self.case.within.get(made)
         if known is not None:
             low, high = max(known.low, within.low), min(known.high, within.high)
+            if low > high and not (known.none and within.none):
+                raise _Contradiction
             within = Interval(low, high, known.none and within.none) if low <= high else within
         if within.low == within.high != 0 and not within.none and made not in prover.constants:
             return self._constant(within.low)
@@ -259,6 +320,8 @@ class _Walk:
         if name == "constant":
             with np.errstate(over="ignore"):  # what no float32 holds is infinite in the C as well
                 return self._constant(float(prover.real.numbers(op.value)))
+        if name == "copy":
+            return x[0]
         if name == "input":
             return self._is("input", *map(str, op.source), within=prover.inputs.get(op.source, ANY))
         if name in COMPARISONS:
@@ -266,7 +329,7 @@ class _Walk:
         if name in ("fmin", "fmax"):
             a, b = (self._number(one) for one in x)
             swapped = self._less(a, b) if name == "fmax" else self._less(b, a)
-            return self._chosen(swapped, b, a)
+            return self._chosen(swapped, b, a, max if name == "fmax" else min)
         if name in ("select", "if_else_zero"):
             other = self._number(x[2]) if name == "select" else self._constant(0.0)
             return self._chosen(x[0], self._number(x[1]), other)
@@ -287,11 +350,14 @@ class _Walk:
     def _less(self, a: Term, b: Term) -> Term:
         """a < b."""
         first, second = self.interval(a), self.interval(b)
-        known: Truth = self.case.less.get((a, b))
+        assumed: Truth = self.case.less.get((a, b))
+        known = assumed
         if a == b or first.low >= second.high:
             known = False
         elif first.high < second.low and not (first.none or second.none):
             known = True
+        if assumed is not None and known != assumed:
+            raise _Contradiction
         made = self._truth(known, "lt", a, b)
         if known is None:
             self.of_open.setdefault(made, (a, b))
@@ -330,13 +396,15 @@ class _Walk:
             return self._truth(not deciding)
         return self._truth(None, name, a, b)
 
-    def _chosen(self, condition: Term, yes: Term, no: Term) -> Term:
+    def _chosen(self, condition: Term, yes: Term, no: Term, ends: Callable[[float, float], float] | None = None) -> Term:
         condition = self._as_truth(condition)
         known = self.truths[condition]
         if known is not None or yes == no:
             return yes if known is not False else no
         one, two = self.interval(yes), self.interval(no)
         hull = Interval(min(one.low, two.low), max(one.high, two.high), one.none or two.none)
+        if ends is not None and not one.none:  # what is no number stays itself, but beside one that is none a bound is none
+            hull = Interval(ends(one.low, two.low), ends(one.high, two.high), two.none)
         return self._is("choice", condition, yes, no, within=hull)
 
     def _computed(self, name: str, x: list[Term]) -> Term:
@@ -375,6 +443,21 @@ class _Walk:
             self._positives[term] = found
         return found
 
+    def _same_sign(self, a: Term, b: Term) -> bool:
+        """Whether one of them is the other times or over something above zero: a rounded product keeps its sign."""
+        return a in self._scaled(b) or b in self._scaled(a)
+
+    def _scaled(self, term: Term) -> Iterator[Term]:
+        """The term, and what it is made of by factors above zero."""
+        yield term
+        name, *x = self.names[term]
+        if name in ("mul", "div"):
+            one, other = (part for part in x if isinstance(part, int))
+            if self.interval(other).low > 0:
+                yield from self._scaled(one)
+            elif name == "mul" and self.interval(one).low > 0:
+                yield from self._scaled(other)
+
     def _range(self, name: str, x: list[Term], within: list[Interval], sure: bool) -> Interval:
         none = any(one.none for one in within)
         a = within[0]
@@ -396,6 +479,8 @@ class _Walk:
         pairs = [(a.low, b.low), (a.low, b.high), (a.high, b.low), (a.high, b.high)]
         if name == "mul" and x[0] == x[1]:
             pairs = [(a.low, a.low), (a.high, a.high), *([(0.0, 0.0)] if a.low <= 0 <= a.high else [])]
+        if name == "mul" and self._same_sign(*x):
+            pairs = [(p, q) for p, q in pairs if p * q >= 0] + ([(0.0, 0.0)] if a.low <= 0 <= a.high else [])
         ends = [self.prover.rounded(EXACT[name](float(p), float(q))) for p, q in pairs]
         if any(map(math.isnan, ends)):
             return ANY

@@ -34,7 +34,7 @@ _NUMBERS: dict[str, Callable[..., Any]] = {
     "exponent": lambda x: np.frexp(np.abs(x))[1] - 1, "significand": lambda x: 2 * np.frexp(np.abs(x))[0],
     "pow2": np.exp2,
 }  # fmt: skip
-"""Operations that IEEE 754 rounds in one way only, and those on the bits of a normal number."""
+"""Operations with a unique rounding by IEEE 754, and those on the bits of a normal number."""
 
 
 def evaluate(program: Program, inputs: Inputs, real: Real) -> Array:

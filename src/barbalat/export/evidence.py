@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textwrap import fill
+
 import numpy as np
 
 from barbalat.export.equivalence import ASSUMED
@@ -9,10 +11,12 @@ from barbalat.export.mutants import Mutant
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.export.vectors import CANDIDATES, ROUNDS, chosen
 from barbalat.lowering import c99
+from barbalat.lowering.operations import Program
 from barbalat.validate import Array
 
 PRIME = 0x100000001B3
-"""Odd, so that a product by it, modulo 2^64, is another one for each number: a digest tells every single difference."""
+"""An odd number: multiplication by it modulo 2^64 maps different numbers to different products, so a digest shows every
+single difference."""
 MOST_SHOWN = 12
 """Mutants of one kind that a README lists one by one."""
 
@@ -40,12 +44,25 @@ def chosen_tests(printed: Printed) -> str:
         before_rows=number_rows(printed, vectors.states[rows].T),
         measured_rows=number_rows(printed, vectors.measured.T),
         command_rows=number_rows(printed, vectors.commands.T),
+        parameter_table=_parameter_table(printed, vectors.parameters),
+        set_parameters=indented(
+            ["memcpy(c.parameter, chosen_parameters[k], sizeof c.parameter);"] if contents.parameters else [], 8
+        ),
         freeze=", ".join(str(int(value)) for value in vectors.freeze),
         after_rows=number_rows(printed, vectors.after[rows].T),
         set=indented((f"memcpy(c.{name}, chosen_before[k] + {at}, sizeof c.{name});" for name, _, at in places), 8),
+        limited="" if any(one.limit for one in contents.parameters) else " && is_limited(&out)",
         has="\n                && ".join(same),
         estimates=f" && same(out.theta_hat, c.{layout.theta_hat.name}, {printed.macro}_ESTIMATES)" if contents.sizes[3] else "",
     )
+
+
+def _parameter_table(printed: Printed, values: Array) -> str:
+    """What was set for each chosen sample; empty without parameters."""
+    if not printed.contents.parameters:
+        return ""
+    rows = number_rows(printed, values.T)
+    return f"static const {printed.real} chosen_parameters[CHOSEN][{printed.macro}_PARAMETERS] = {{\n{rows}}};\n"
 
 
 def number_rows(printed: Printed, values: Array) -> str:
@@ -92,10 +109,25 @@ def readme_evidence(printed: Printed) -> str:
         ties=ties,
         ties_told=ties_told,
         ties_proven=ties_proven,
+        outcomes=outcomes(vectors.outcomes, contents.step),
         rounds=ROUNDS,
         candidates=CANDIDATES,
         listed=_listed(vectors.missed),
     )
+
+
+def outcomes(found: tuple[int, int], program: Program) -> str:
+    """What of the decisions is taken, for a reviewer who asks for MC/DC; an && or || has several conditions."""
+    taken, of = found
+    if not of:
+        return "`advance` decides nothing: it has no branch."
+    said = (
+        f"The only decisions in `advance` are its {of // 2} choices `a ? b : c`, each with one condition, and MC/DC requires "
+        f"both outcomes of each. These samples exercise at least {taken} of the {of} outcomes."
+    )
+    several = any(op.name in ("and", "or") for op in program.operations)
+    more = " Conditions joined by && or || are not counted in that; `./dev mutants` measures them where clang-19 is installed."
+    return fill(said + (more if several else ""), 128)
 
 
 def _listed(missed: dict[Mutant, str]) -> str:

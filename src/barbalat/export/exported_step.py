@@ -1,4 +1,4 @@
-"""The exported C as what flies: compiled by this machine's compiler, stepped beside the list that it was printed from."""
+"""The exported C in flight: compiled by this machine's compiler, and run in parallel with the list from which it was printed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ExportedList:
     """A controller's export as machine code of this computer, with the list that it must equal.
 
     library  the compiled C, as it stands in a file
-    rows     of the simulated state, those that the C keeps, in its order
+    rows     rows of the simulated state that the C keeps, in its order
     members  their names in C
     """
 
@@ -53,7 +53,7 @@ class ExportedList:
 def exported_c(problem: TrackingProblem, controller: Controller) -> ExportedList:
     """A sampled controller as the C that ``export_controller`` writes, compiled: for ``software_in_the_loop`` of ``fly``.
 
-    InputError as of ``export_controller``, and where there is no compiler.
+    InputError as in ``export_controller``, and if there is no compiler.
     """
     compiler = require_compiler()
     simulated = SampledList.of(problem, controller)
@@ -81,7 +81,7 @@ def _adapter(printed: Printed) -> str:
 
 
 class ExportedStep:
-    """The C, loaded: a call is a sample of it and of the list, and u is the C's. Not for several threads."""
+    """The loaded C: each call is a sample of it and of the list, and u is the C's. Not for several threads."""
 
     def __init__(self, contents: ExportedList) -> None:
         self.contents, simulated = contents, contents.simulated
@@ -100,12 +100,12 @@ class ExportedStep:
         return self.contents.name
 
     def reset(self) -> None:
-        """Back to before the first sample, by the export's own function."""
+        """Return to the state before the first sample, by the export's own function."""
         self._library.barbalat_begin()
         self._beside.reset()
 
     def __call__(self, y: Array, r: Array | float) -> Array:
-        """u, (m,), of the C at the next sample, of what is measured and of the command."""
+        """u, (m,), from the C at the next sample, from the measurement and the command."""
         measured = self.contents.simulated.measured
         self._handed[:measured], self._handed[measured:] = y, r
         refused = self._act(*self._addresses) != OK
@@ -117,13 +117,13 @@ class ExportedStep:
         return self._u.copy()
 
     def agreement(self) -> Agreement:
-        """How the exported C agrees with the list over the samples since this was last asked for."""
+        """The agreement of the exported C with the list over the samples since the last call."""
         told, apart = self._told, self._apart
         self._told, self._apart = Agreement(), 0.0
         return replace(told, difference=f"{told.difference}, u by {apart:.1e} at most") if told.difference else told
 
     def _difference(self, expected: Array) -> str:
-        """What differs of u and of all that is kept, bit by bit."""
+        """The differences in u and in the whole state, bit by bit."""
         state = self._beside.state[self._rows]
         if _same(self._u, expected) and _same(self._kept, state):
             return ""

@@ -1,4 +1,4 @@
-"""Software in the loop: the exported C, compiled on this machine, in the place of the list that it was printed from."""
+"""Software in the loop: the exported C, compiled on this machine, in place of the list from which it was printed."""
 
 from __future__ import annotations
 
@@ -33,22 +33,22 @@ from barbalat.solvers.simulation import Simulation
 class InTheLoop:
     """A run whose control was computed by the compiled export.
 
-    result   as of ``simulate``; at the instants that it records, the list says what a sample makes of the loop's state
-    refused  samples of which the export did not take the measurement, the command or the result
+    result   as from ``simulate``; the states at recorded instants are computed by the list
+    refused  number of samples whose measurement, command or result the export refused
     """
 
     result: Result
     refused: int
 
     def differs_from(self, origin: Result) -> str:
-        """What is not equal in every bit to the run of the origin, in one phrase; empty where everything is."""
+        """The first quantity that is not equal bit for bit to the origin's run, as a phrase; empty if all are equal."""
         a, b = self.result, origin
         count = min(len(a.states), len(b.states))
         apart = np.flatnonzero((_bits(a.states[:count]) != _bits(b.states[:count])).any(axis=1))
         if len(apart):
             return f"the states differ from t = {a.t[apart[0]]:g} s on"
         if len(a.states) != len(b.states):
-            return "one of both diverges, or earlier than the other"
+            return "one of the two diverges, or diverges earlier than the other"
         names = [name for name, value in a.figures.items() if repr(value) != repr(b.figures[name])]
         return f"the figures differ: {', '.join(names)}" if names else ""
 
@@ -63,7 +63,7 @@ def simulate_export(
 ) -> InTheLoop:
     """Simulate with the exported C in the loop, compiled by this machine's compiler; with ``float32`` its numbers have 32 bits.
 
-    In float64 all figures are those of ``simulate`` in every bit. InputError as of ``export_controller``, and where there is no
+    In float64 all figures equal those of ``simulate``, bit for bit. InputError as in ``export_controller``, and if there is no
     compiler.
     """
     simulation.require_steps("software in the loop")

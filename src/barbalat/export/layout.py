@@ -95,7 +95,7 @@ class Layout:
         return [row for part in self.parts for row in part.rows]
 
     def part(self, path: str) -> StatePart | None:
-        """One array by its place in the state; None where it is not kept."""
+        """One array by its place in the state; None if it is not kept."""
         return next((part for part in self.parts if part.path == path), None)
 
     def entries(self) -> dict[int, str]:
@@ -108,9 +108,12 @@ HELD = {
     "held.measured": "measurement at the last sample",
     "held.x_m": "state of the reference model (2), exact for a held r",
     "held.r": "command at the last sample",
+    "held.baseline": "the baseline's own states",
+    "held.observer": "the observer: its estimate of x, or its filters; then the controls that a delay holds back",
     "held.started": "0 before the first sample, then 1",
 }
-"""What the members are that every exported controller has; the scheme's own say it by their roles."""
+"""The meaning of the members common to all exported controllers; the scheme's own members have their meaning from their
+roles."""
 
 
 def _parts(initial: Acting, roles: Mapping[str, Role]) -> Iterator[StatePart]:
@@ -127,7 +130,7 @@ def _parts(initial: Acting, roles: Mapping[str, Role]) -> Iterator[StatePart]:
 LONGEST = 31
 """Characters of an identifier that every C99 compiler tells apart, also between files (5.2.4.1)."""
 LONGEST_PREFIX = LONGEST - len("_plant_s")
-"""With this behind it functions that differ only then are still told apart."""
+"""The longest suffix: functions that differ only after the prefix must still be distinguished."""
 
 _KEYWORDS = """
     alignas alignof and asm auto bitand bitor bool break case catch char class compl concept const consteval constexpr constinit
@@ -137,9 +140,9 @@ _KEYWORDS = """
     volatile while xor controller main NAN INFINITY HUGE_VAL NULL EOF BUFSIZ SAMPLES
 """
 RESERVED = frozenset(_KEYWORDS.split())
-"""Keywords of C99 and C++20, macros of the headers that are included, and what an export defines beside them."""
+"""Keywords of C99 and C++20, macros of the included headers, and the other definitions of an export."""
 MEMBERS = frozenset({"last_u", "bump", "fade", "fade_left", "matching", "outage", "repeats", "parameter"})
-"""What the state of every export has, see ``templates/controller.h``."""
+"""The members in the state of every export, see ``templates/controller.h``."""
 
 
 def prefix_of(name: str) -> str:
@@ -151,12 +154,12 @@ def prefix_of(name: str) -> str:
     found = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
     if not any(character.isalpha() for character in found):
         raise InputError(
-            f"the controller's name must have a letter from a to z, of which C makes identifiers, got {validate.show(name)}"
+            f"the controller's name must contain a letter from a to z for identifiers of C, got {validate.show(name)}"
         )
     if len(found) > LONGEST_PREFIX:
         raise InputError(
             f"the controller's name must have at most {LONGEST_PREFIX} letters and digits for identifiers of C, "
-            f"got {validate.show(name)}, of which {found} would be made"
+            f"got {validate.show(name)}, which would give {found}"
         )
     return identifier(found)
 

@@ -1,7 +1,7 @@
-"""Mutants of an exported step: the list with one small fault in it, and which test vectors tell it from the list.
+"""Mutants of an exported step: the list with one small fault, and which test vectors detect it.
 
-Every operation, constant, selection, load and store has at least one. What tells a mutant is a vector after which any bit of the
-state is another one: the self-test compares all of them.
+Every operation, constant, selection, load and store has at least one. A vector detects a mutant if any bit of the resulting state
+differs: the self-test compares all of them.
 """
 
 from __future__ import annotations
@@ -17,25 +17,25 @@ from barbalat.export.evaluation import Inputs, value, values
 from barbalat.lowering.c99 import Real
 from barbalat.lowering.operations import Operation, Program
 from barbalat.problem.known_set import UNREACHED_BOUND
-from barbalat.run.kernel.sampled_controller import STATE
+from barbalat.run.kernel.sampled_controller import FREEZE, STATE
 from barbalat.validate import Array
 
 OTHER = {"add": "sub", "sub": "add", "mul": "div", "div": "mul", "lt": "le", "le": "lt", "eq": "ne", "ne": "eq", "and": "or",
          "or": "and"}  # fmt: skip
-"""The operation that stands in the place of another, with the same operands."""
+"""The operation that replaces another with the same operands."""
 NEGATED = ("lt", "le")
-"""Comparisons that are turned around as well."""
+"""Comparisons that are also reversed."""
 
 
 @dataclass(frozen=True)
 class Mutant:
     """One fault.
 
-    place      the operation's place in the list, or the state's row that is stored
-    said       what becomes of it
-    operation  stands in its place; None where the row is not stored, and keeps its value
-    denied     whether the comparison is turned around
-    tie        whether it differs only where two numbers are equal: < in the place of <=
+    place      the operation's position in the list, or the row of the state that is stored
+    said       the text for the fault
+    operation  the operation in its place; None if the row is not stored and keeps its value
+    denied     whether the comparison is reversed
+    tie        whether it differs only if two numbers are equal: < in place of <=
     """
 
     place: int
@@ -46,7 +46,7 @@ class Mutant:
 
 
 def mutants(program: Program, rows: Sequence[int], real: Real) -> tuple[Mutant, ...]:
-    """All of a list whose outputs are these rows of the state, in the list's order."""
+    """All mutants of a list whose outputs are these rows of the state, in the list's order."""
     loads: dict[int, list[int]] = {}
     for op in program.operations:
         if op.name == "input":
@@ -60,7 +60,7 @@ def mutants(program: Program, rows: Sequence[int], real: Real) -> tuple[Mutant, 
 
 
 def _of(op: Operation, loads: dict[int, list[int]], real: Real) -> Iterator[tuple[str, tuple[Operation, bool]]]:
-    """What one operation may become."""
+    """The possible faults of one operation."""
     if op.name in OTHER:
         yield f"{op.name} becomes {OTHER[op.name]}", (op._replace(name=OTHER[op.name]), False)
     if op.name in NEGATED:
@@ -68,7 +68,7 @@ def _of(op: Operation, loads: dict[int, list[int]], real: Real) -> Iterator[tupl
     if op.name == "constant":
         with np.errstate(over="ignore"):
             number = real.numbers(op.value)
-        as_a_number = 0 < abs(float(number)) < UNREACHED_BOUND  # else it bounds nothing, or is none: another constant
+        as_a_number = 0 < abs(float(number)) < UNREACHED_BOUND  # otherwise it bounds nothing, or is no number: another constant
         moved = np.nextafter(number, real.numbers(np.inf)) if as_a_number else real.numbers(1.0)
         yield f"{op.value!r} becomes {float(moved)!r}", (op._replace(value=float(moved)), False)
     elif op.name == "input":
@@ -79,16 +79,16 @@ def _of(op: Operation, loads: dict[int, list[int]], real: Real) -> Iterator[tupl
         yield "another entry is loaded" if other != component else "0 is loaded", (made, False)
     elif op.name in ("select", "fmin", "fmax"):
         for which, operand in zip(("first", "second"), op.operands[-2:], strict=True):
-            yield f"{op.name} takes the {which} always", (Operation("copy", (operand,)), False)
+            yield f"{op.name} always takes the {which}", (Operation("copy", (operand,)), False)
     elif op.name == "if_else_zero":
-        yield "takes the value always", (Operation("copy", op.operands[1:]), False)
+        yield "always takes the value", (Operation("copy", op.operands[1:]), False)
         yield "takes zero always", (Operation("constant"), False)
     elif len(op.operands) == 1 and op.name not in OTHER:
-        yield f"{op.name} is left out", (Operation("copy", op.operands), False)
+        yield f"{op.name} is omitted", (Operation("copy", op.operands), False)
 
 
 class Judge:
-    """A list with vectors; tells which of them a mutant fails."""
+    """A list with vectors; finds which of them detect a mutant."""
 
     def __init__(self, program: Program, rows: Sequence[int], inputs: Inputs, real: Real) -> None:
         self.program, self.inputs, self.real = program, inputs, real
@@ -128,6 +128,26 @@ class Judge:
                         heapq.heappush(waiting, reader)
         return np.broadcast_to(found, self.count)
 
+    def outcomes(self) -> tuple[int, int]:
+        """The choices in the list as C prints them, each with one condition: the number of outcomes that the vectors take, and
+        of all."""
+        found = list[Any]()
+        for op in self.program.operations:
+            x = [self.values[i] for i in op.operands]
+            if op.name in ("select", "if_else_zero"):
+                found.append(np.asarray(x[0]) != 0)
+            elif op.name in ("fmin", "fmax"):
+                found.append(np.greater(*x) if op.name == "fmin" else np.less(*x))
+            elif op.name == "input" and op.source[0] == FREEZE:
+                found.append(np.asarray(self.inputs[op.source]) != 0)
+        return sum(int(one.any()) + int((~one).any()) for one in found), 2 * len(found)
+
+    def begins(self, mutant: Mutant) -> Array:
+        """(K,) the vectors at which the fault changes the value at its position, whatever follows from it."""
+        if mutant.operation is None:
+            return np.zeros(self.count, dtype=bool)
+        return np.broadcast_to(self._apart(self._mutated(mutant), self.values[mutant.place]), self.count)
+
     def _mutated(self, mutant: Mutant) -> Any:
         op = mutant.operation
         assert op is not None
@@ -139,7 +159,7 @@ class Judge:
         return np.logical_not(found) if mutant.denied else found
 
     def _apart(self, a: Any, b: Any) -> Array:
-        """Where two values differ in a bit; one that is no number is like another."""
+        """Where two values differ in a bit; NaNs count as equal."""
         a, b = np.asarray(a), np.asarray(b)
         if a.dtype == bool and b.dtype == bool:
             return a != b

@@ -1,13 +1,14 @@
-"""Numbers of a case that stay open in an export: gains, limits, initial estimates that enter the operations as they are.
+"""Numbers of a case that stay open in an export: gains, limits, initial estimates that enter the operations unchanged.
 
-A number that stands in the loop and in its initial state as it is becomes a parameter; one from which others follow, as P from
-A_m or a filter's matrices from its poles, is compiled in. The
-lists are those of an ensemble whose members differ in these numbers.
+A number that occurs unchanged in the loop and in its initial state becomes a parameter; one from which others follow, like A_m,
+from which P follows, or a filter's poles, is compiled in. The lists are those of an ensemble whose members differ in these
+numbers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -35,23 +36,23 @@ if TYPE_CHECKING:
     from barbalat.cases.build import Case
 
 START = "theta_hat0"
-"""The field of settings that says where estimates begin."""
+"""The field of settings with the initial estimates."""
 OFFERED = ("controller", "uncertainty", "plant")
-"""First keys of the numbers that are offered: of the controller, of its known set, of the plant, in this order."""
+"""First keys of the offered numbers: controller, known set, plant, in this order."""
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One open number.
 
-    path      in the case; the controller is there at the place of which it is told
+    path      in the case, with the controller's index there
     value     in this case
-    positive  whether the case refuses 0 and the negative of the value, as it does for gains
+    bound  the case's bound on it, whatever the other numbers are: "> 0" for gains, ">= 0", "< 0", "<= 0", "!= 0", or nothing
     """
 
     path: FieldPath
     value: float
-    positive: bool = False
+    bound: str = ""
 
     @property
     def name(self) -> str:
@@ -65,7 +66,7 @@ class Parameter:
         if first == "controller":
             return "initial estimate" if last == START else "setting of the controller"
         if first == "uncertainty":
-            return "of the known set"
+            return "bound of the known set"
         return "setting of the plant" if self.limit is None else "limit of the control"
 
     @property
@@ -79,11 +80,12 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """The loop's lists with parameters in them.
+    """The loop's lists with parameters.
 
     cases   this case, then for each parameter the case with another value of it, ``tried``: an ensemble with these lists
-    feeds   by entries of the lists' third argument, which parameter each is; None for a number that is none
-    starts  by entries of the loop's flat state, which parameter it begins with
+    feeds   by entry of the lists' third argument, the index of its parameter; None for a fixed number
+    starts  by entry of the loop's flat state, the index of the parameter that is its initial value
+    ordered  pairs of parameters of which the case refuses the first above the second, and whether it also refuses equal values
     """
 
     parameters: tuple[Parameter, ...]
@@ -93,44 +95,47 @@ class Opened:
     template: Template
     feeds: tuple[int | None, ...]
     starts: dict[int, int]
+    ordered: tuple[tuple[int, int, bool], ...]
 
     @classmethod
     def of(
         cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, *, tunable: bool, place: int = 0
     ) -> Opened:
-        """InputError where the controller does not fit the problem; without ``tunable`` every number is compiled in.
+        """InputError if the controller does not fit the problem; without ``tunable`` every number is compiled in.
 
-        place  of the controller in its case, as paths tell it
+        place  index of the controller in its case, for the paths
         """
         case = VariedObjects.around(problem, _explicit_estimates(problem, controller), simulation).case
+        free = VariedObjects.around(problem, _with_estimates(controller, None), simulation).case  # which may start in any set
         found = list(_copied(case)) if tunable else []
         members = [(one.problem, one.controllers[0]) for one in (case, *(other for _, _, other in found))]
         family = Family.of(members, simulation)
         read = family.members
         return cls(
-            tuple(Parameter(_placed(path, place), value, _positive(case, path, value)) for (path, value), _, _ in found),
+            tuple(Parameter(_placed(path, place), value, _bound(free, path, value)) for (path, value), _, _ in found),
             tuple(tried for _, tried, _ in found),
             tuple(members),
             read,
             Template.of(family.reader.columns, opened=not simulation.fused),
             tuple(_followed(row) for row in read.parameters),
             {row: k for row, values in enumerate(read.states) if (k := _followed(values)) is not None},
+            tuple(_ordered(free, [numbered for numbered, _, _ in found])),
         )
 
     @cached_property
     def open_limits(self) -> Array:
-        """(2, p) which of the estimates' limits, as of ``estimate_limits``, follow a parameter."""
+        """(2, p) which of the estimates' limits, in the form of ``estimate_limits``, depend on a parameter."""
         every = (estimate_limits(ClosedLoop.of(*case)) for case in self.cases)
-        given = np.array([limits for limits in every if limits is not None])  # all have some, or none
+        given = np.array([limits for limits in every if limits is not None])  # either all have some, or none
         return np.asarray((given != given[0]).any(axis=0)) if len(given) else np.zeros((2, 0), dtype=bool)
 
     @property
     def values(self) -> Array:
-        """(p,) what the lists' third argument is in this case."""
+        """(p,) the values of the lists' third argument in this case."""
         return np.asarray(self.members.parameters[:, 0])
 
     def whole_samples(self, samples: int) -> int:
-        """How many samples, of so many, pass before a signal breaks inside of a solver step: exports take whole ones."""
+        """The number of samples, up to ``samples``, before a signal breaks inside a solver step: exports use whole steps."""
         simulation, signals = self.members.simulation, self.members.signals
         if not breaks.can_be_split(signals, simulation):
             return samples
@@ -151,7 +156,7 @@ def _placed(path: FieldPath, place: int) -> FieldPath:
 
 
 def _copied(case: Case) -> Iterator[tuple[tuple[FieldPath, float], float, Case]]:
-    """The numbers that stand in the loop as they are, each with another value of it and the case with that."""
+    """The numbers that occur unchanged in the loop, each with another value of it and the case with that value."""
     offered = [(path, value) for path, value in in_case(case) if path.keys[0] in OFFERED and isinstance(value, float)]
     for path, value in sorted(offered, key=lambda one: OFFERED.index(str(one[0].keys[0]))):
         if (found := _other(case, path, value)) is not None:
@@ -159,7 +164,7 @@ def _copied(case: Case) -> Iterator[tuple[tuple[FieldPath, float], float, Case]]
 
 
 def _other(case: Case, path: FieldPath, value: float) -> tuple[float, Case] | None:
-    """Another value of the number and the case with it; None where it does not stand in the loop as it is."""
+    """Another value of the number and the case with it; None if it does not occur unchanged in the loop."""
     base, varied = (case.problem, case.controllers[0]), VariedObjects(case, (path,))
     for tried in beside(value):
         try:
@@ -172,17 +177,52 @@ def _other(case: Case, path: FieldPath, value: float) -> tuple[float, Case] | No
     return None
 
 
-def _positive(case: Case, path: FieldPath, value: float) -> bool:
-    """Whether it must be above 0 by itself; a bound, or what has to lie between bounds, depends on other parameters."""
-    if value <= 0.0 or path.keys[0] == "uncertainty" or path.vector[-1] == START or "saturation" in path.keys:
+def _bound(case: Case, path: FieldPath, value: float) -> str:
+    """Its bound at 0, independent of other numbers: values near 0 on one side are accepted, and those on the other side are
+    not."""
+    if path.vector[-1] == START:
+        return ""
+    varied, size = VariedObjects(case, (path,)), abs(value) or 1.0
+    for side, relation in ((1.0, ">"), (-1.0, "<")):
+        beyond = all(_is_refused(varied, -side * share * size) for share in (NEAR_ZERO, 1.0))
+        if side * value >= 0.0 and beyond and not _is_refused(varied, side * NEAR_ZERO * size):
+            return f"{relation} 0" if _is_refused(varied, 0.0) else f"{relation}= 0"
+    return "!= 0" if value != 0.0 and _is_refused(varied, 0.0) and not _is_refused(varied, -value) else ""
+
+
+NEAR_ZERO = 1e-3
+"""Relative step of a number: small enough to respect its other bounds, large enough to change the results computed from it."""
+
+
+def _ordered(case: Case, numbers: Sequence[tuple[FieldPath, float]]) -> Iterator[tuple[int, int, bool]]:
+    """Pairs of numbers, by index, of which the case refuses the first above the second, and whether it also refuses equal
+    values."""
+    for i, j in itertools.permutations(range(len(numbers)), 2):
+        (low, a), (high, b) = numbers[i], numbers[j]
+        if a > b or not _side_by_side(low, high):
+            continue
+        varied, step = VariedObjects(case, (low, high)), PROBED_SHARE * (b - a) or 1.0
+        crossed, near = ((b + step, b), (a, a - step)), ((b - step, b), (a, a + step))
+        if all(_is_refused(varied, *one) for one in crossed) and not any(_is_refused(varied, *one) for one in near):
+            yield i, j, _is_refused(varied, b, b)
+
+
+PROBED_SHARE = 0.1
+"""Share of the distance of two numbers by which one is moved towards the other, and past it."""
+
+
+def _side_by_side(a: FieldPath, b: FieldPath) -> bool:
+    """Whether they are the two ends of one pair, or differ only in one key: lower[1] and upper[1]."""
+    apart = [(one, other) for one, other in zip(a.keys, b.keys, strict=False) if one != other]
+    if len(a.keys) != len(b.keys) or len(apart) != 1:
         return False
-    varied = VariedObjects(case, (path,))
-    return all(_is_refused(varied, tried) for tried in (0.0, -value))
+    ((one, other),) = apart
+    return {one, other} == {0, 1} if isinstance(one, int) else isinstance(other, str)
 
 
-def _is_refused(varied: VariedObjects, value: float) -> bool:
+def _is_refused(varied: VariedObjects, *values: float) -> bool:
     try:
-        other = varied.at([value])
+        other = varied.at(values)
         ClosedLoop.of(other.problem, other.controllers[0])
     except InputError:
         return True
@@ -190,7 +230,7 @@ def _is_refused(varied: VariedObjects, value: float) -> bool:
 
 
 def _bears_symbols(family: Family) -> bool:
-    """Whether equations from outside the package compute with a symbol what they do with a number: none branches on it."""
+    """Whether equations from outside the package compute with a symbol as they do with a number: none branches on it."""
     if not comes_from_outside(family.reader.loop.equations):
         return True
     try:
@@ -201,20 +241,9 @@ def _bears_symbols(family: Family) -> bool:
 
 
 def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Controller:
-    """With the initial estimates written out, where the settings have none."""
+    """The controller with explicit initial estimates, if the settings have none."""
     loop = ClosedLoop.of(problem, controller)
-    initial = loop.initial()[loop.theta_hat_rows]
-
-    def written(part: Any) -> Any:
-        if not is_dataclass(part) or isinstance(part, type):
-            return part
-        given = {one.name: getattr(part, one.name) for one in fields(part) if one.init}
-        changed = {name: inner for name, value in given.items() if (inner := written(value)) is not value}
-        if initial.size and given.get(START, initial) is None:
-            changed[START] = initial
-        return replace(part, **changed) if changed else part
-
-    explicit = written(controller)
+    explicit = _with_estimates(controller, loop.initial()[loop.theta_hat_rows])
     same = Columns(loop)
     try:
         same.add(ClosedLoop.of(problem, explicit))
@@ -223,8 +252,19 @@ def _explicit_estimates(problem: TrackingProblem, controller: Controller) -> Con
     return controller if same.differing()[0].any() else explicit
 
 
+def _with_estimates(part: Any, initial: Array | None) -> Any:
+    """A controller with these initial estimates if its settings have none, or with None if they have some."""
+    if not is_dataclass(part) or isinstance(part, type):
+        return part
+    given = {one.name: getattr(part, one.name) for one in fields(part) if one.init}
+    changed = {name: inner for name, value in given.items() if (inner := _with_estimates(value, initial)) is not value}
+    if START in given and (given[START] is None) != (initial is None) and (initial is None or initial.size):
+        changed[START] = initial
+    return replace(part, **changed) if changed else part
+
+
 def estimate_limits(loop: ClosedLoop) -> tuple[Array, Array] | None:
-    """The least and the largest value of each estimate in the set that it is projected onto; infinite where it has none."""
+    """The least and the largest value of each estimate in the set onto which it is projected; infinite without a set."""
     box = estimate_set(loop)
     if box is None:
         return None

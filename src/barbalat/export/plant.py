@@ -17,7 +17,7 @@ from barbalat.run.kernel.sampled_controller import STATE
 from barbalat.targets import EXPORTED_LOOP
 
 PARAMETER, SIGNAL, PAST, NOISE = 2, 3, 4, 5
-"""Arguments of a step's list, beside the state; see ``run.kernel.step.step_function``."""
+"""Arguments of a step's list in addition to the state; see ``run.kernel.step.step_function``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +119,7 @@ class PlantContents:
         node, which = divmod(entry, self.loop.signals.timed)
         if node >= self.nodes:
             return None
-        assert which >= (self.loop.commands or 1), "no plant reads the command"
+        assert which >= (self.loop.commands or 1), "plants do not read the command"
         return node, which - (self.loop.commands or 1)
 
     @cached_property

@@ -36,10 +36,8 @@ def plant_header(made: PrintedPlant) -> str:
         names = ", ".join(one.name for one in plant.parameters)
         members.append(f"double parameter[{macro}_PLANT_PARAMETERS]; /* {names} */")
     if plant.channels:
-        members.append(
-            f"double past[{plant.lag + TAPS_PER_CHANNEL}][{plant.channels}]; /* what is on its way through the delay */"
-        )
-        members.append("int slot; /* of the past where this step is to stand */")
+        members.append(f"double past[{plant.lag + TAPS_PER_CHANNEL}][{plant.channels}]; /* values inside the delay */")
+        members.append("int slot; /* index in past for this step's values */")
     inputs = [f"double u[{macro}_PLANT_CONTROLS]; /* control, held over the step */"]
     if plant.disturbances:
         inputs.append(f"double disturbance[{macro}_PLANT_NODES][{macro}_PLANT_DISTURBANCES]; /* at the step's instants */")

@@ -1,4 +1,5 @@
-"""selftest.c: the simulation's samples replayed, equal in every bit, and everything else that a flight computer relies on."""
+"""selftest.c: replays the simulation's samples, compares every bit, and tests everything else on which a flight computer
+relies."""
 
 from __future__ import annotations
 
@@ -8,6 +9,8 @@ import numpy as np
 
 from barbalat.export.contents import FEWEST_VECTORS, Contents
 from barbalat.export.evidence import PRIME, chosen_tests, digest_calls, digests, number_rows
+from barbalat.export.log import log_of_u, log_values
+from barbalat.export.settable_selftest import settable_tests
 from barbalat.export.shell import counters, members
 from barbalat.export.shell_selftest import shell_tests
 from barbalat.export.texts import Printed, filled, indented
@@ -18,11 +21,12 @@ from barbalat.run.kernel.sampled_controller import initial_acting
 from barbalat.validate import Array
 
 MEASUREMENT_LOST, COMMAND_LOST, FROZEN = 1, 2, 4
-"""What is wrong with a sample of the run with losses, or asked for."""
+"""The faults and requests of a sample in the run with losses."""
 LOSSES = (1, 3, 2, 0, 0, 1, 0, 2, 0, 1, 1, 1, 0, 1, 0, 1, 0, 3, 0, 4, 4, 1, 5, 0)
-"""Losses before the first good sample, single ones, several in a row, every second sample, of either signal and of both."""
+"""Losses before the first good sample, single losses, several in a row, and every second sample, of either signal and of
+both."""
 FADE = 4
-"""Samples over which a start fades out in the self-test: a power of two, whose parts of a bump are exact."""
+"""Samples over which a start fades out in the self-test: a power of two, for which the fractions of a bump are exact."""
 
 
 def selftest(printed: Printed) -> str:
@@ -58,26 +62,30 @@ def selftest(printed: Printed) -> str:
         limit_rows=_limit_rows(printed),
         losses=", ".join(map(str, LOSSES[: len(lossy)])),
         lossy_rows=number_rows(printed, lossy[:, list(layout.u.rows)]),
+        log_row=", ".join(c99.constant(value, contents.real) for value in log_values(printed, vectors.states[-1])),
+        log_of_u=log_of_u(printed),
         same_state=_same_state(printed),
         state_tests=indented(_state_is(printed, vectors.states[-1])),
         lossy_tests=indented(_state_is(printed, lossy[-1])),
         frozen_tests=indented(_resting(printed, "frozen, and"), 8),
         limit_tests=indented(_limits(printed)),
-        standstill=standstill + shell_tests(printed),
+        lost=f"{contents.lost:g}",
+        standstill=standstill + shell_tests(printed) + settable_tests(printed, _where_u_is_large(contents), FADE),
         timer_tests=_timer_tests(printed),
         mirror_outage=indented(_mirrored(contents.around), 12),
         refused_tests=indented(_refused_tests(printed)),
         fade_test=indented(
-            ["test_fade();" if longest is None or longest > 0 else "(void)test_fade; /* there is no outage that is borne */"]
+            ["test_fade();" if longest is None or longest > 0 else "(void)test_fade; /* no outage is tolerated */"]
         ),
         told="" if longest is None else f" & ~{macro}_FALLBACK",
-        shell_test=indented(["test_shell();"] if contents.around is not None else []),
+        shell_test=indented(["test_shell();"] if contents.around is not None else [])
+        + indented(["test_parameters();"] if contents.parameters else []),
         stands_still=indented(["test_standstill();"]) if standstill else "",
         elsewhere=indented([f"c.{name} = 1L;" for name in members(contents.around)])
         + indented(f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = 2; }}" for part in layout.parts),
         refused_starts=indented(_refused_starts(printed)),
         start_tests=indented(_started_at(printed)),
-        kept_tests=indented(_resting(printed, "estimates are to be kept, and")),
+        kept_tests=indented(_resting(printed, "estimates to be kept, and")),
         fresh_tests=indented(_fresh(printed)),
         fade_from=_where_u_is_large(contents),
         fade=FADE,
@@ -92,7 +100,7 @@ def selftest(printed: Printed) -> str:
 
 
 def _timer_tests(printed: Printed) -> str:
-    """Without a band another sample time is told, and nothing else; what a band makes of it is the shell's."""
+    """Without a tolerance band another sample time is only reported; with a band the shell handles it."""
     if printed.contents.around is not None and printed.contents.around.band is not None:
         return ""
     lines = []
@@ -104,13 +112,14 @@ def _timer_tests(printed: Printed) -> str:
 
 
 def _mirrored(around: Around | None) -> list[str]:
-    """What a shell counts at a miss: one more in a row, and no repeat, as which the one that stands in would count."""
+    """The shell's counters at a miss: one more consecutive miss, and no repetition, because the substituted measurement would
+    count as one."""
     missed = ["other.outage = k - last + 3L;"] if members(around) else []
     return [*missed, *(f"other.{name} = c.{name};" for name in counters(around))]
 
 
 def _refused_tests(printed: Printed) -> list[str]:
-    """Bad numbers, one after another; two in a row are lost, which an outage that ends sooner does not take."""
+    """Bad numbers, one after another; two consecutive ones are lost, which a shorter longest outage does not allow."""
     around, macro = printed.contents.around, printed.macro
     few = around is not None and around.longest is not None and around.longest < REFUSED_IN_A_ROW
     bad = [] if few else ["nothing / nothing, 0", "1 / nothing, 0", f"-2 * {macro}_RANGE, 0"]
@@ -118,11 +127,11 @@ def _refused_tests(printed: Printed) -> list[str]:
 
 
 REFUSED_IN_A_ROW = 2
-"""By ``test_refused``."""
+"""Consecutive refusals in ``test_refused``."""
 
 
 def with_losses(contents: Contents) -> Array:
-    """(K, S) the flat state after each sample of ``LOSSES``, from the list, by what ``controller.h`` says of a lost one."""
+    """(K, S) the flat state after each sample of ``LOSSES``, by the list and by the rules in ``controller.h`` for a lost one."""
     u, started = (list(part.rows) for part in (contents.layout.u, contents.layout.started))
     last_y, last_r = (list(part.rows) for part in (contents.layout.measured, contents.layout.r))
     state, states = contents.initial, []
@@ -131,7 +140,8 @@ def with_losses(contents: Contents) -> Array:
         lost = bool(loss & MEASUREMENT_LOST)
         if state[started] > 0 or not loss & (MEASUREMENT_LOST | COMMAND_LOST):
             command = state[last_r] if loss & COMMAND_LOST else r
-            after = contents.evaluated(state, state[last_y] if lost else y, command, freeze=lost or bool(loss & FROZEN))
+            freeze = contents.lost if lost else float(bool(loss & FROZEN))
+            after = contents.evaluated(state, state[last_y] if lost else y, command, freeze)
             if contents.around is not None:
                 after, kept = _surrounded(contents, contents.around, (state, after, y), kept, lost=lost)
             elif lost:
@@ -144,20 +154,20 @@ def with_losses(contents: Contents) -> Array:
 def _surrounded(
     contents: Contents, around: Around, flat: tuple[Array, Array, Array], kept: Any, *, lost: bool
 ) -> tuple[Array, Any]:
-    """What the shell makes of a sample, which leads from one flat state to another by what is measured, and what it keeps."""
+    """The shell's transition for a sample, from one flat state to another with a measurement, and the values that it keeps."""
     numbers, template = contents.real.numbers, initial_acting(contents.loop)
     before, now = (unflatten(template, state.astype(numbers), 0)[0] for state in flat[:2])
     before = before._replace(held=before.held._replace(around=map_arrays(lambda part: part.astype(numbers), kept)))
     zero, one = np.zeros((), numbers), np.ones((), numbers)
     rest: Any = {"offered": kept.offered, "lost": kept.lost, "late": kept.late, "timer": kept.timer}
     taken = Taken(y=flat[2].astype(numbers), r=None, freeze=one if lost else zero, begun=one, due=one, wrong_time=zero, **rest)
-    with np.errstate(divide="ignore"):  # of what is not chosen
+    with np.errstate(divide="ignore"):  # for entries that are not selected
         acted = around.put_out(taken, before, now)
     return np.asarray(flatten(acted._replace(held=acted.held._replace(around=()))), dtype=float), acted.held.around
 
 
 def _limit_rows(printed: Printed) -> str:
-    """For each input the actuator's limits; those of one without are never reached."""
+    """For each input the actuator's limits; for an input without limits, values that are never reached."""
     contents = printed.contents
     beyond = 4 * contents.range
     limits = contents.saturation
@@ -168,6 +178,7 @@ def _limit_rows(printed: Printed) -> str:
 def _same_state(printed: Printed) -> str:
     tests = [f"same(a->{part.name}, b->{part.name}, {part.size})" for part in printed.contents.layout.parts]
     tests += [f"same(a->{name}, b->{name}, {printed.macro}_INPUTS)" for name in ("last_u", "bump")]
+    tests += [f"same(a->parameter, b->parameter, {printed.macro}_PARAMETERS)"] if printed.contents.parameters else []
     tests += [
         f"a->{name} == b->{name}"
         for name in ("fade", "fade_left", "matching", *members(printed.contents.around), *counters(printed.contents.around))
@@ -176,7 +187,7 @@ def _same_state(printed: Printed) -> str:
 
 
 def _state_is(printed: Printed, state: Array) -> list[str]:
-    """Every number that is kept is this one's, in every bit."""
+    """Every stored number equals this one, bit for bit."""
     contents, lines = printed.contents, []
     for part in contents.layout.parts:
         values = ", ".join(c99.constant(state[row], contents.real) for row in part.rows)
@@ -186,26 +197,29 @@ def _state_is(printed: Printed, state: Array) -> list[str]:
 
 
 def _started_at(printed: Printed) -> list[str]:
-    """Started at the second vector's measurement with nothing kept, every number is what the case has there, but for rounding."""
+    """Started at the second vector's measurement with nothing kept, every number has the case's value, up to rounding."""
     contents = printed.contents
-    lines = [f'require(c.{name} == 0L, "not started anew: {name}");' for name in members(contents.around)]
+    lines = [f'require(c.{name} == 0L, "not started again: {name}");' for name in members(contents.around)]
     rest, of_x = contents.at_start
     there = rest + of_x @ contents.vectors.measured[1]
     for part in contents.layout.parts:
         values = ", ".join(c99.constant(there[row], contents.real) for row in part.rows)
         lines.append(f"{{ const {printed.real} expected[{part.size}] = {{ {values} }};")
-        lines.append(f'  require(close_to(c.{part.name}, expected, {part.size}), "not started where it is: {part.name}"); }}')
+        lines.append(
+            f'  require(close_to(c.{part.name}, expected, {part.size}), "not started at the given values: {part.name}"); }}'
+        )
     return lines
 
 
 def _refused_starts(printed: Printed) -> list[str]:
-    """A start that is handed what is out of range, or no number, in its last entry: that is told, and nothing moves."""
+    """A start whose last entry is out of range, or not a number: it is reported, and nothing changes."""
     contents, (y, _, m, _) = printed.contents, printed.contents.sizes
     beyond = f"2 * {printed.macro}_RANGE"
-    given, lines = ("x", "u") if contents.measures_state else ("u",), []
+    x = printed.measured
+    given, lines = (x, "u") if contents.measures_state else ("u",), []
     for bad in given:
-        start = f"{printed.name}_start(&c, {'start.x, ' if contents.measures_state else ''}u_start, {FADE}L, 0)"
-        place = f"start.x[{y - 1}]" if bad == "x" else f"u_start[{m - 1}]"
+        start = f"{printed.name}_start(&c, {f'start.{x}, ' if contents.measures_state else ''}u_start, {FADE}L, 0)"
+        place = f"start.{x}[{y - 1}]" if bad == x else f"u_start[{m - 1}]"
         lines += [
             f"{{ {printed.name}_input start = sample(1); {printed.real} u_start[{printed.macro}_INPUTS];",
             "  memcpy(u_start, u_now, sizeof u_start); (void)start;",
@@ -217,7 +231,7 @@ def _refused_starts(printed: Printed) -> list[str]:
 
 
 def _resting(printed: Printed, when: str) -> list[str]:
-    """What was learnt is as before."""
+    """The learnt values are unchanged."""
     contents, lines = printed.contents, []
     for part in contents.layout.parts:
         for i in (row - part.start for row in part.rows if row in contents.learnt):
@@ -227,32 +241,37 @@ def _resting(printed: Printed, when: str) -> list[str]:
 
 
 def _fresh(printed: Printed) -> list[str]:
-    """Enabled after it was disabled, whatever happened before: as from a fresh start, where that state is a copy of x."""
+    """Enabled after it was disabled, whatever happened before: as after a fresh start, if that state is a copy of x."""
     contents = printed.contents
     _, of_x = contents.at_start
     if not np.isin(of_x, (0.0, 1.0)).all() or (of_x.sum(axis=1) > 1).any():
         return []
-    x0 = contents.problem.dynamics.x0
+    x0 = contents.loop.at_first.reshape(-1)
     values = ", ".join(c99.constant(value, contents.real) for value in x0)
     started = f"(void){printed.name}_start(&c, {'x0, ' if contents.measures_state else ''}controls[0], 0L, 0);"
     given = f"const {printed.real} x0[] = {{ {values} }};" if contents.measures_state else ""
     return [
         f"{{ {given} {started}",
-        '  require(replay(&c, SAMPLES) == SAMPLES, "enabled again, it is not as from a fresh start"); }',
+        '  require(replay(&c, SAMPLES) == SAMPLES, "enabled again, it differs from a fresh start"); }',
     ]
 
 
 def _limits(printed: Printed) -> list[str]:
-    """An estimate outside the known set is refused as a state."""
+    """An estimate outside the known set is refused as a state; not if the bound is a parameter."""
     contents = printed.contents
     if contents.limits is None or not contents.sizes[3]:
         return []
     lines = []
     name = contents.layout.theta_hat.name
-    for side, sign in (("LOWER", "-"), ("UPPER", "+")):
+    are_open = np.zeros_like(contents.limits, dtype=bool) if contents.opened is None else contents.opened.open_limits
+    for side, sign, is_open in zip(("LOWER", "UPPER"), ("-", "+"), are_open, strict=True):
+        passed = " || ".join(f"i == {i}" for i in np.flatnonzero(is_open))
+        if is_open.all():
+            continue
         lines += [
             f"{{ const {printed.real} bounds[] = {printed.macro}_THETA_HAT_{side};",
             f"  for (i = 0; i < {printed.macro}_ESTIMATES; ++i) {{",
+            *([f"      if ({passed}) {{ continue; }}"] if passed else []),
             f"      {printed.name}_init(&c);",
             f"      c.{name}[i] = bounds[i] {sign} {c99.constant(0.01, contents.real)} * (1 + bounds[i] * bounds[i]);",
             f"      require({printed.name}_step(&c, &in, &out) == {printed.macro}_STATE_REFUSED,",
@@ -263,7 +282,7 @@ def _limits(printed: Printed) -> list[str]:
 
 
 _STANDSTILL = """
-/* A lost sample that would lead out of range, as every number of the state does that stands at its range: nothing moves. */
+/* A lost sample that would lead out of range, with every number of the state at the end of its range: nothing moves. */
 static void test_standstill(void)
 {{
     {name}_controller c, before;
@@ -276,20 +295,21 @@ static void test_standstill(void)
     in.{measured}[0] = 2 * {macro}_RANGE;
     in.r[0] = 2 * {macro}_RANGE;
     require({name}_step(&c, &in, &out) == ({macro}_MEASUREMENT_LOST | {macro}_COMMAND_LOST | {macro}_RESULT_REFUSED),
-        "a standstill is not told");
-    require(same_state(&c, &before) && same(out.u, before.last_u, {macro}_INPUTS), "what leads out of range is not left out");
+        "a standstill is not reported");
+    require(same_state(&c, &before) && same(out.u, before.last_u, {macro}_INPUTS), "a step out of range is not omitted");
 }}
 """
 
 
 def _standstill(printed: Printed) -> str:
-    """Where a lost sample from the range's end leads beyond it: that it is told, and nothing moves. Most controllers have one."""
+    """A lost sample that leads from the end of the range beyond it: it is reported, and nothing changes. Most controllers have
+    such a sample."""
     contents, layout = printed.contents, printed.contents.layout
     poked = [part for part in layout.parts if part not in (layout.theta_hat, layout.started)]
     state = contents.vectors.states[1].copy()
     for part in poked:
         state[part.rows] = contents.range
-    after = contents.evaluated(state, state[layout.measured.rows], state[layout.r.rows], freeze=True)
+    after = contents.evaluated(state, state[layout.measured.rows], state[layout.r.rows], contents.lost)
     after[layout.u.rows] = 0.0  # which stays
     if not (np.abs(after) > contents.range).any():
         return ""

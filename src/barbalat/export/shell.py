@@ -1,4 +1,4 @@
-"""The C of a case's shell: what of a sample is taken, how misses are counted, and what acts after too many of them."""
+"""The C of a case's shell: which samples are used, how misses are counted, and what acts after too many of them."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ from barbalat.loop.around import MOST_COUNTED, Around
 from barbalat.lowering import c99
 
 CLOCK_TOLERANCE = 1e-3
-"""By how much, relatively, a measured sample time may differ from the one that the export was made for.
-
-A crystal is off by 100 ppm at most, and a clock that counts microseconds reads 1 ms to within 0.1 %. To the law a sample time
-that is off by 0.1 % is a plant whose A and b are off by as much. A wrong rate is off by far more.
+"""Relative difference allowed between a measured sample time and that of the export. A crystal is accurate to 100 ppm, and a
+clock that counts microseconds measures 1 ms to within 0.1 %. For the law a sample time with an error of 0.1 % is equivalent
+to such an error in A and b. A wrong rate differs by far more.
 """
 
 
 def shell(printed: Printed) -> dict[str, str]:
-    """What stands in the places of ``controller.h`` and ``controller.c`` that are a shell's; empty texts without one."""
+    """The parts of ``controller.h`` and ``controller.c`` for a shell; empty texts without one."""
     around = printed.contents.around
     counts, ends, timed = around is not None and around.counts, _ends(around), around is not None and around.band is not None
     macro, x = printed.macro, printed.measured
@@ -29,16 +28,18 @@ def shell(printed: Printed) -> dict[str, str]:
         "shell_macros": _macros(printed),
         "shell_members": indented(_members(around)),
         "shell_functions": _plausible(printed),
-        "fall_back": _FALL_BACK[around.fallback].format(**_names(printed)) if _falls(around) and around else "",
+        "fall_back": _FALL_BACK[around.fallback].format(**_names(printed), **_of_baseline(printed))
+        if _falls(around) and around
+        else "",
         "shell_timer": _TIMER.format(**_names(printed)) if timed else "",
         "late": "".join(late),
         "implausible": " || ".join(_implausible(printed)),
         "lost": indented(["if (*measured > 0) {", *(f"    {line}" for line in lost), "}"] if timed else lost, 8),
         "returns": indented(
-            [*(_RETURNS.format(**_names(printed)).splitlines() if ends else []), *(["next.outage = 0L;"] if counts else [])], 8
+            [*(_RETURNS.format(**_names(printed)).splitlines() if ends else []), *(["c->outage = 0L;"] if counts else [])], 8
         ),
         "counted": indented(_counted(macro, ends=ends, timed=timed) if counts else [], 8),
-        "falls_back": indented(["fall_back(&next);"] if _falls(around) else [], 8),
+        "falls_back": indented([f"fall_back({_before(around)}c);"] if _falls(around) else [], 8),
         "no_outage": indented([*(["c->outage = 0L;"] if counts else []), *_cleared(around)]),
         "repeated": indented(_repeated(printed), 8),
         "clock_test": (_BAND if timed else _CLOCK).format(**_names(printed)),
@@ -63,17 +64,17 @@ def usable(printed: Printed) -> list[str]:
 
 
 def members(around: Around | None) -> list[str]:
-    """Names of whole numbers that a shell adds to the state."""
+    """Names of the integers that a shell adds to the state."""
     return [] if around is None or not around.counts else ["outage"]
 
 
 def _implausible(printed: Printed) -> list[str]:
-    """Tests of a measurement that is none; ranges of all channels say more than the one of every number."""
+    """Tests for an invalid measurement; ranges of all channels imply the range of every number."""
     around, contents = printed.contents.around, printed.contents
     no_number = f"!in_range(in->{printed.measured}, {printed.macro}_MEASURED)"
     if not _checked(around) or around is None:
         return [no_number]
-    within = (np.abs([around.low, around.high]) <= contents.range).all()  # an infinite one is not
+    within = (np.abs([around.low, around.high]) <= contents.range).all()  # an infinite one does not
     return ["is_plausible(c, in) == 0"] if within else [no_number, "is_plausible(c, in) == 0"]
 
 
@@ -86,7 +87,8 @@ def _members(around: Around | None) -> list[str]:
     found = ["long outage; /* samples in a row without a good measurement */"] if around is not None and around.counts else []
     if around is not None and around.repeats:
         found.append(
-            f"long repeats[{len(around.repeats)}]; /* good samples in a row like the one before, of channels that may be stuck */"
+            f"long repeats[{len(around.repeats)}]; /* consecutive good samples equal to the previous one, of channels that "
+            f"may be stuck */"
         )
     return found
 
@@ -96,14 +98,14 @@ def _cleared(around: Around | None) -> list[str]:
 
 
 def _repeated(printed: Printed) -> list[str]:
-    """Of a good sample: what is counted of channels that may be stuck, against the last good one."""
+    """For a good sample: the counters of channels that may be stuck, compared with the last good one."""
     around, layout = printed.contents.around, printed.contents.layout
     if around is None:
         return []
-    begun = f"c->{layout.started.name}[0] > 0"
-    x, last = f"in->{printed.measured}", f"c->{layout.measured.name}"
+    begun = f"before.{layout.started.name}[0] > 0"
+    x, last = f"in->{printed.measured}", f"before.{layout.measured.name}"
     return [
-        f"next.repeats[{k}] = ({begun} && {x}[{i}] == {last}[{i}]) ? c->repeats[{k}] + 1L : 0L;"
+        f"c->repeats[{k}] = ({begun} && {x}[{i}] == {last}[{i}]) ? c->repeats[{k}] + 1L : 0L;"
         for k, (i, _) in enumerate(around.repeats)
     ]
 
@@ -114,6 +116,11 @@ def _ends(around: Around | None) -> bool:
 
 def _falls(around: Around | None) -> bool:
     return around is not None and around.longest is not None and around.fallback in _FALL_BACK
+
+
+def _before(around: Around | None) -> str:
+    """The argument of a fallback that needs the state before the sample."""
+    return "&before, " if around is not None and around.baseline is not None else ""
 
 
 def _checked(around: Around | None) -> bool:
@@ -136,24 +143,57 @@ def _macros(printed: Printed) -> str:
     lines = []
     if around is not None and around.longest is not None:
         lines += [
-            f"#define {macro}_LONGEST_OUTAGE {around.longest}L /* misses in a row; after them acts: {around.fallback} */",
-            f"#define {macro}_FADE {around.fade}L /* samples over which the bump of a return then fades out */",
-            f"#define {macro}_FALLBACK 256u /* status: the outage is longer than that, u is the fallback's */",
+            f"#define {macro}_LONGEST_OUTAGE {around.longest:.0f}L /* consecutive misses; after them follows: "
+            f"{around.fallback} */",
+            f"#define {macro}_FADE {around.fade:.0f}L /* samples over which the bump of a return fades out */",
+            f"#define {macro}_FALLBACK 256u /* status: the outage is longer than LONGEST_OUTAGE, and u comes from the "
+            f"fallback */",
         ]
     if around is not None and around.band is not None:
         lines += [
-            f"#define {macro}_BAND {printed.number(around.band)} /* [s] by which the time between two calls may be off */",
-            f"#define {macro}_JITTER 64u /* status: it is off by more than 0.1 %, within the band; the nominal time was taken */",
-            f"#define {macro}_MISSED_CALLS 128u /* status: a whole number of sample times: each missed call counts as a miss */",
+            f"#define {macro}_BAND {printed.number(around.band)} /* [s] allowed error of the time between two calls */",
+            f"#define {macro}_JITTER 64u /* status: this time differs by more than 0.1 %, within the band; the nominal time "
+            f"was used */",
+            f"#define {macro}_MISSED_CALLS 128u /* status: this time is a larger whole number of sample times; each missed "
+            f"call counts as a miss */",
         ]
     return "".join(f"{line}\n" for line in lines)
+
+
+def baseline_terms(printed: Printed, state: str) -> list[str]:
+    """C text of the baseline's entries, product by product as in ``Around``, from the members of the state ``c->``."""
+    around, layout = printed.contents.around, printed.contents.layout
+    if around is None or around.baseline is None:
+        return []
+    fixed, own = around.baseline, layout.part("held.baseline")
+    handed = [f"{state}{layout.measured.name}[{i}]" for i in range(layout.measured.size)]
+    handed += [] if own is None else [f"{state}{own.name}[{i}]" for i in range(own.size)]
+    found = []
+    for j in range(len(fixed.K)):
+        of_r, of_z = ([i for row, i in places if row == j] for places in around.gains)
+        command = " + ".join(f"{printed.number(fixed.k_r[j, i])} * {state}{layout.r.name}[{i}]" for i in of_r)
+        products = [f"{printed.number(fixed.K[j, i])} * {handed[i]}" for i in of_z]
+        if not command and products:
+            command, products = f"-({products[0]})", products[1:]
+        found.append(" - ".join([command or f"0.0{printed.contents.real.suffix}", *products]))
+    return found
+
+
+def _of_baseline(printed: Printed) -> dict[str, str]:
+    """The parts of a fallback that is the baseline."""
+    own = printed.contents.layout.part("held.baseline")
+    rested = [] if own is None else [f"c->{own.name}[{i}] = before->{own.name}[{i}];" for i in range(own.size)]
+    return {
+        "rested": indented(rested),
+        "alone": indented(f"alone[{i}] = {text};" for i, text in enumerate(baseline_terms(printed, "c->"))),
+    }
 
 
 def _plausible(printed: Printed) -> str:
     around = printed.contents.around
     if around is None or not _checked(around):
         return ""
-    names, x, tests, slow = printed.contents.problem.measured_names, printed.measured, [], []
+    names, x, tests, slow = printed.contents.problem.handed_names, printed.measured, [], []
     for i in around.ranged:
         low, high = (printed.number(side[i]) for side in (around.low, around.high))
         tests += [f"in->{x}[{i}] >= {low}", f"in->{x}[{i}] <= {high}"]
@@ -172,62 +212,69 @@ def _plausible(printed: Printed) -> str:
     looked_at = {*around.ranged, *around.rated, *(i for i, _ in around.repeats)}
     about = ", ".join(name for i, name in enumerate(names) if i in looked_at)
     return (
-        f"/* Whether the sensor can have measured this: {comment(about)}: in range, not too fast, not stuck. */\n"
+        f"/* Whether this measurement is plausible: {comment(about)}: in range, not too fast, not stuck. */\n"
         f"static int is_plausible(const {printed.name}_controller *c, const {printed.name}_input *in)\n{{\n{body}}}\n\n"
     )
 
 
 def shell_readme(printed: Printed) -> str:
-    """What README.md says of a shell, behind what it says of outages; empty without one."""
+    """The section of README.md on a shell, after that on outages; empty without one."""
     around, macro, T = printed.contents.around, printed.macro, printed.contents.sample_time
     if around is None:
         return ""
     told = []
     if _checked(around):
-        names = printed.contents.problem.measured_names
-        limits = [f"{comment(names[i])} from {around.low[i]:g} to {around.high[i]:g}" for i in around.ranged]
-        rates = [f"{comment(names[i])} by {around.rate[i] / T:g} in a second" for i in around.rated]
-        same = [f"{comment(names[i])} like the one before for {most} samples" for i, most in around.repeats]
-        told.append(f"*What is taken of a measurement*: {', '.join([*limits, *rates, *same])}; anything else is a lost one.")
+        names, labels = printed.contents.problem.handed_names, printed.contents.problem.measured_labels
+        units = ["" if labels is None else comment(labels.unit(i)[1:-1]) for i in range(len(names))]
+        limits = [f"{comment(names[i])} from {around.low[i]:g} to {around.high[i]:g} {units[i]}".rstrip() for i in around.ranged]
+        rates = [f"{comment(names[i])} by {around.rate[i] / T:g} {units[i]}".rstrip() + " per second" for i in around.rated]
+        same = [f"{comment(names[i])} equal to the previous one for {most} samples" for i, most in around.repeats]
+        told.append(f"*Plausible measurements*: {', '.join([*limits, *rates, *same])}; any other measurement counts as lost.")
     if around.longest is not None:
-        acts = {"hold": "u stays", "zero": "u is zero", "fade": f"u fades to zero over {around.fade} samples"}[around.fallback]
+        acts = {
+            "hold": "u stays",
+            "zero": "u is zero",
+            "fade": f"u fades to zero over {around.fade:.0f} samples",
+            "baseline": "only the baseline acts, on the last good measurement and with its states held; u changes to its control "
+            f"over {around.fade:.0f} samples",
+        }[around.fallback]
         told.append(
-            f"*The longest outage*: after {around.longest} misses in a row {acts}, and the status has {macro}_FALLBACK. "
-            "The next good sample begins with the u that is put out then; "
-            f"the difference to the controller's own fades out over {around.fade} samples. "
-            "A sample that would lead out of range, see below, is not counted: u stays, and the fallback does not begin with it."
+            f"*The longest outage*: after {around.longest:.0f} consecutive misses {acts}, and the status has {macro}_FALLBACK. "
+            f"The next good sample begins with the u applied at that time; the difference to the controller's own u fades "
+            f"out over {around.fade:.0f} samples. "
+            "A sample that would lead out of range (see below) is not counted: u is held, and the fallback does not "
+            "begin with it."
         )
     if around.band is not None:
         told.append(
-            f"*The time between two calls* counts here: within {around.band:g} s of the nominal one this is taken "
-            f"({macro}_JITTER); where it is a whole number of sample times, the missed calls are made up for as misses "
-            f"({macro}_MISSED_CALLS), so that a call after m missed ones computes m + 1 samples, at most "
-            f"{(around.longest or 0) + 1}, and takes as many times as long; "
-            "any other time, and one beyond the longest outage, is a miss after which the fallback acts at once "
-            f"({macro}_WRONG_SAMPLE_TIME)."
+            f"*The time between two calls* is checked: within {around.band:g} s of the nominal time, the nominal time is used "
+            f"({macro}_JITTER); if it is a larger whole number of sample times, the missed calls are processed as misses "
+            f"({macro}_MISSED_CALLS), so that a call after m missed ones computes m + 1 "
+            f"samples, at most {(around.longest or 0) + 1:.0f}, and takes correspondingly longer; any other time, and a time "
+            f"beyond the longest outage, is a miss after which the fallback acts at once ({macro}_WRONG_SAMPLE_TIME)."
         )
     return "".join(f"\n{fill(one, 128, initial_indent='- ', subsequent_indent='  ')}" for one in told)
 
 
 def _sample(printed: Printed, *, timed: bool) -> str:
-    """A sample's being taken; with a timer that counts also those of calls that did not come."""
+    """Taking a sample; with a timer that also counts calls that did not come."""
     unbegun = f" | {printed.macro}_WRONG_SAMPLE_TIME" if timed else ""
     lines = _SAMPLE.format(**_names(printed), unbegun=unbegun).splitlines()
     return _CALLS.format(**_names(printed), sample=indented(lines, 8)) if timed else indented(lines)
 
 
 def _untold(macro: str, *, timed: bool) -> list[str]:
-    """Of a command that is lost; of a call that did not come none is told."""
+    """For a lost command; a call that did not come is not reported."""
     told = f"*status |= {macro}_COMMAND_LOST;"
     return ["if (*measured != 0) {", f"    {told}", "}"] if timed else [told]
 
 
 def _counted(macro: str, *, ends: bool, timed: bool) -> list[str]:
-    """Of a miss: one more in a row, and at a wrong time as many as the fallback waits for."""
-    lines = [f"if (next.outage < {MOST_COUNTED}L) {{", "    ++next.outage;", "}"]
+    """For a miss: one more consecutive miss, and at a wrong time as many as the fallback waits for."""
+    lines = [f"if (c->outage < {MOST_COUNTED}L) {{", "    ++c->outage;", "}"]
     if ends and timed:
         longest = f"{macro}_LONGEST_OUTAGE"
-        lines = [f"if (measured < 0 && next.outage < {longest}) {{", f"    next.outage = {longest};", "}", *lines]
+        lines = [f"if (measured < 0 && c->outage < {longest}) {{", f"    c->outage = {longest};", "}", *lines]
     return lines
 
 
@@ -236,14 +283,17 @@ def _comment(around: Around | None, x: str) -> str:
         return ""
     told = []
     if _checked(around):
-        told.append(f"An entry of {x} outside its range, or off its last good value by more than its rate allows, is a lost one.")
+        told.append(
+            f"An entry of {x} outside its range, or farther from its last good value than its rate allows, counts as lost."
+        )
     if around.longest is not None:
         told.append(
-            "After LONGEST_OUTAGE misses in a row the fallback acts; u returns from it without a bump, over FADE samples."
+            "After LONGEST_OUTAGE consecutive misses the fallback acts; u returns from it without a bump, over FADE samples."
         )
     if around.band is not None:
         told.append(
-            "The time since the last call counts: see JITTER, MISSED_CALLS and WRONG_SAMPLE_TIME, at which the fallback acts."
+            "The time since the last call is checked: see JITTER, MISSED_CALLS, and WRONG_SAMPLE_TIME, which triggers the "
+            "fallback."
         )
     return "".join(f" * {one}\n" for one in told)
 
@@ -254,19 +304,22 @@ _CLOCK = """\
     }}
 """
 _BAND = """\
-    long missed = missed_calls(in);
-    if (missed < 0L) {{
-        status |= {macro}_WRONG_SAMPLE_TIME;
-    }} else if (missed > 0L) {{
-        status |= {macro}_MISSED_CALLS;
-    }} else if (!(in->sample_time <= {macro}_SAMPLE_TIME + {clock} && in->sample_time >= {macro}_SAMPLE_TIME - {clock})) {{
-        status |= {macro}_JITTER;
-    }} else {{
-        /* on time */
+    const {real} off = in->sample_time - {macro}_SAMPLE_TIME;
+    long missed = 0L;
+    if (!(off <= {clock} && -off <= {clock})) {{
+        missed = missed_calls(in);
+        if (missed < 0L) {{
+            status |= {macro}_WRONG_SAMPLE_TIME;
+        }} else if (missed > 0L) {{
+            status |= {macro}_MISSED_CALLS;
+            missed = c->{started}[0] > 0 ? missed : 0L; /* nothing advances before the first sample */
+        }} else {{
+            status |= {macro}_JITTER;
+        }}
     }}
 """
 _TIMER = """\
-/* Whole sample times since the last call, without the one that is due; -1 where the time is no such multiple, or too long. */
+/* Missed calls since the last one; -1 if the time is not a multiple of the sample time, or too long. */
 static long missed_calls(const {name}_input *in)
 {{
     const {real} time = in->sample_time;
@@ -291,7 +344,7 @@ _SAMPLE = """\
 taken = *in;
 take(c, &taken, &measured, &status);
 if ((status & ({macro}_MEASUREMENT_LOST | {macro}_COMMAND_LOST{unbegun})) != 0u && !(c->{started}[0] > 0)) {{
-    give(c, out, status); /* nothing has begun, and there is nothing that could stand in */
+    give(c, out, status); /* nothing has begun, and no earlier value can replace the lost one */
     return out->status;
 }}
 if (go_on(c, &taken, measured) == 0) {{
@@ -299,13 +352,10 @@ if (go_on(c, &taken, measured) == 0) {{
 }}
 """
 _CALLS = """\
-    if (missed > 0L && !(c->{started}[0] > 0)) {{
-        missed = 0L; /* nothing has begun that could go on */
-    }}
     do {{
         measured = 1;
         if (missed > 0L) {{
-            measured = 0; /* a call that did not come is made up for */
+            measured = 0; /* a missed call is processed */
         }}
         if (missed < 0L) {{
             measured = -1;
@@ -314,13 +364,13 @@ _CALLS = """\
     }} while (missed >= 0L);
 """
 _RETURNS = """\
-if (next.outage > {macro}_LONGEST_OUTAGE) {{
+if (c->outage > {macro}_LONGEST_OUTAGE) {{
     for (i = 0; i < {macro}_INPUTS; ++i) {{
-        next.bump[i] = next.last_u[i];
+        c->bump[i] = c->last_u[i];
     }}
-    next.fade = {macro}_FADE;
-    next.fade_left = {macro}_FADE;
-    next.matching = 1;
+    c->fade = {macro}_FADE;
+    c->fade_left = {macro}_FADE;
+    c->matching = 1;
 }}
 """
 _FALLS_BACK = """\
@@ -329,6 +379,35 @@ if (c->outage > {macro}_LONGEST_OUTAGE) {{
 }}
 """
 _FALL_BACK = {
+    "baseline": """\
+/* After the longest outage: only the baseline, on the last good measurement, with its states held. */
+static void fall_back(const {name}_controller *before, {name}_controller *c)
+{{
+    {real} alone[{macro}_INPUTS];
+    long left = before->fade_left;
+    int i;
+    if (c->outage <= {macro}_LONGEST_OUTAGE) {{
+        return;
+    }}
+{rested}{alone}    if (before->outage <= {macro}_LONGEST_OUTAGE) {{
+        c->fade = {macro}_FADE;
+        left = {macro}_FADE;
+        c->matching = 1;
+    }}
+    for (i = 0; i < {macro}_INPUTS && c->matching != 0; ++i) {{ /* also where a number has been set since the last sample */
+        c->bump[i] = c->last_u[i] - alone[i];
+    }}
+    c->matching = 0;
+    for (i = 0; i < {macro}_INPUTS; ++i) {{
+        c->{u}[i] = alone[i];
+        if (left > 0L && c->fade > 0L) {{
+            c->{u}[i] = alone[i] + c->bump[i] * (({real})left / ({real})c->fade);
+        }}
+    }}
+    c->fade_left = left > 0L ? left - 1L : 0L;
+}}
+
+""",
     "zero": """\
 /* After the longest outage: no control. */
 static void fall_back({name}_controller *c)
@@ -354,4 +433,4 @@ static void fall_back({name}_controller *c)
 
 """,
 }
-"""Of a control that is held there is nothing to do."""
+"""A held control needs no operation."""

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.export.shell import CLOCK_TOLERANCE
+from barbalat.export.shell import CLOCK_TOLERANCE, baseline_terms
 from barbalat.export.texts import Printed, indented
 from barbalat.lowering import c99
 from barbalat.validate import Array
 
 BEYOND_RATE = 1.5
-"""Times what a channel may change in a sample: refused at once, taken after one miss."""
+"""Multiple of a channel's allowed change per sample: refused at once, accepted after one miss."""
 
 MOST_MADE_UP = 10_000
-"""Missed calls up to which the longest time between two calls is looked at: the test runs them, and float32 resolves them."""
+"""Largest number of missed calls for which the test checks the longest time between two calls: it runs them, and float32
+resolves them."""
 
 
 def shell_tests(printed: Printed) -> str:
@@ -36,6 +37,7 @@ def _filled(printed: Printed, lines: list[str]) -> list[str]:
     assert around is not None
     fallen = {"hold": "last[i]", "zero": f"0.0{printed.contents.real.suffix}"}
     left = f"({printed.real})({printed.macro}_FADE - 1L) / ({printed.real}){printed.macro}_FADE"
+    fallen["baseline"] = f"alone[i] + (last[i] - alone[i]) * {int(around.fade > 0)}"
     fallen["fade"] = f"last[i] * ({left})" if around.fade else fallen["zero"]
     band = 0.0 if around.band is None else around.band
     off = 0.9 * band if 0.9 * band > 1.05 * CLOCK_TOLERANCE * around.T else band / 2
@@ -43,6 +45,7 @@ def _filled(printed: Printed, lines: list[str]) -> list[str]:
     calls = "{M}_MISSED_CALLS" if several else "({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK)"
     names = {
         "n": printed.name, "M": printed.macro, "real": printed.real, "x": printed.measured, "fallen": fallen[around.fallback],
+        "alone": _alone(printed),
         "jitter": printed.number(around.T + off),
         "jittered": f"{printed.macro}_JITTER" if off > CLOCK_TOLERANCE * around.T else f"{printed.macro}_OK",
         "half": printed.number(1.5 * around.T), "three": printed.number(3 * around.T + off),
@@ -50,6 +53,12 @@ def _filled(printed: Printed, lines: list[str]) -> list[str]:
         "several": int(several), "close": int(around.fade > 0),
     }  # fmt: skip
     return [line.replace("{calls}", calls).format(**names) for line in lines]
+
+
+def _alone(printed: Printed) -> str:
+    """What the baseline alone puts out, where it is the fallback."""
+    terms = baseline_terms(printed, "c.")
+    return f"const {printed.real} alone[] = {{ {', '.join(terms)} }};" if terms else ""
 
 
 def _ranges(printed: Printed) -> list[str]:
@@ -62,7 +71,7 @@ def _ranges(printed: Printed) -> list[str]:
             beyond = c99.constant(float(np.nextafter(number(end), number(far))), printed.contents.real)
             for value, status in ((printed.number(end), "OK"), (beyond, "MEASUREMENT_LOST")):
                 lines.append(f"{{n}}_init(&c); in = sample(0); in.{x}[{i}] = {value};")
-                lines.append(f'require({{n}}_step(&c, &in, &out) == {{M}}_{status}, "a range is another one: {x}[{i}]");')
+                lines.append(f'require({{n}}_step(&c, &in, &out) == {{M}}_{status}, "a range differs: {x}[{i}]");')
     return lines
 
 
@@ -76,7 +85,7 @@ def _rates(printed: Printed) -> list[str]:
             if around.low[i] <= value <= around.high[i] and abs(value) < printed.contents.range:
                 lines += ["{n}_init(&c); (void)replay(&c, 2); in = sample(1);", f"in.{x}[{i}] = {printed.number(value)};"]
                 lines += [
-                    f'require(({{n}}_step(&c, &in, &out) & {{M}}_MEASUREMENT_LOST) != 0u, "a rate is not looked at: {x}[{i}]");'
+                    f'require(({{n}}_step(&c, &in, &out) & {{M}}_MEASUREMENT_LOST) != 0u, "a rate is not checked: {x}[{i}]");'
                 ]
                 lines += [f'require({{n}}_step(&c, &in, &out) == {{M}}_OK, "a rate does not grow with the gap: {x}[{i}]");']
     return lines
@@ -91,12 +100,12 @@ def _stuck(printed: Printed) -> list[str]:
         if most:
             told = f"{{n}}_step(&c, &in, &out) == {{M}}_OK && c.repeats[{place}] == {most}L"
             lines += [f"c.repeats[{place}] = {most - 1}L;", f'require({told}, "a repeat is refused");']
-        lines.append('require(({n}_step(&c, &in, &out) & {M}_MEASUREMENT_LOST) != 0u, "a stuck channel is taken");')
+        lines.append('require(({n}_step(&c, &in, &out) & {M}_MEASUREMENT_LOST) != 0u, "a stuck channel is accepted");')
     return lines
 
 
 _WHOLE = """
-/* The shell of the case: what of a sample is taken, when the fallback acts, what the timer tells. */
+/* The shell of the case: accepted samples, the fallback, the time between calls. */
 static void test_shell(void)
 {{
     {name}_controller c, other;
@@ -124,38 +133,39 @@ _OUTAGE = [
     "memcpy(last, c.last_u, sizeof last);",
     "c.outage = {M}_LONGEST_OUTAGE;",
     "in.{x}[0] = nothing / nothing;",
-    'require({n}_step(&c, &in, &out) == ({M}_MEASUREMENT_LOST | {M}_FALLBACK), "the fallback does not act, or is not told");',
+    'require({n}_step(&c, &in, &out) == ({M}_MEASUREMENT_LOST | {M}_FALLBACK), "the fallback does not act, or is not reported");',
+    "{alone}",
     "for (i = 0; i < {M}_INPUTS; ++i) {{ last[i] = {fallen}; }}",
-    'require(same(out.u, last, {M}_INPUTS) && is_limited(&out), "the fallback is another one");',
+    'require(same(out.u, last, {M}_INPUTS) && is_limited(&out), "the fallback differs");',
     "in = sample(4);",
-    'require({n}_step(&c, &in, &out) == {M}_OK && c.outage == 0L, "there is no way back from an outage");',
+    'require({n}_step(&c, &in, &out) == {M}_OK && c.outage == 0L, "the controller does not return from an outage");',
     "require({close} == 0 || (close_to(out.u, last, {M}_INPUTS) && c.fade_left == {M}_FADE - 1L),",
-    '    "a return is not without a bump");',
+    '    "a return causes a bump");',
 ]
 _TIMER = [
     "{n}_init(&c); (void)replay(&c, 4); other = c; in = sample(4); in.sample_time = {jitter};",
-    'require({n}_step(&c, &in, &out) == {jittered}, "a timer within its band is not told");',
+    'require({n}_step(&c, &in, &out) == {jittered}, "a time within the band is not reported");',
     "in.sample_time = {M}_SAMPLE_TIME;",
     "(void){n}_step(&other, &in, &expected);",
-    'require(same_state(&c, &other), "a timer within its band is not taken for the nominal one");',
+    'require(same_state(&c, &other), "a time within the band is not treated as nominal");',
     "in.sample_time = {half};",
     'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "the fallback does not act at a wrong time");',
     "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = {beyond};",
-    'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time beyond the band is taken");',
+    'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time beyond the band is accepted");',
     "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = 0;",
-    'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "no time between two calls is taken");',
+    'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "a time of zero between two calls is accepted");',
     "{n}_init(&c); (void)replay(&c, 4); other = c; in = sample(4); in.sample_time = {three};",
-    'require({n}_step(&c, &in, &out) == {calls}, "missed calls are not told");',
+    'require({n}_step(&c, &in, &out) == {calls}, "missed calls are not reported");',
     "in.sample_time = {M}_SAMPLE_TIME;",
     "(void){n}_step(&other, &none, &expected); (void){n}_step(&other, &none, &expected); (void){n}_step(&other, &in, &expected);",
-    'require({several} == 0 || same_state(&c, &other), "missed calls are no misses");',
+    'require({several} == 0 || same_state(&c, &other), "missed calls do not count as misses");',
 ]
 _LONGEST_TIME = [
     "{n}_init(&c); (void)replay(&c, 4); other = c; in = sample(4);",
     "in.sample_time = ({real})({M}_LONGEST_OUTAGE + 1L) * {M}_SAMPLE_TIME;",
     "require({several} == 0 || ({n}_step(&c, &in, &out) & ({M}_MISSED_CALLS | {M}_WRONG_SAMPLE_TIME)) == {M}_MISSED_CALLS,",
-    '    "as many missed calls as an outage may last are not made up for");',
+    '    "missed calls up to the longest outage are not processed");',
     "in.sample_time = ({real})({M}_LONGEST_OUTAGE + 2L) * {M}_SAMPLE_TIME;",
     "require({n}_step(&other, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK),",
-    '    "more missed calls than an outage may last are made up for");',
+    '    "more missed calls than the longest outage are processed");',
 ]

@@ -23,13 +23,14 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 VISIBLE_SHARE = 0.01
-"""Of the largest |x|: what shows in a figure, and far above what rounding to 24 bits does by itself, 6e-8 of each number."""
+"""Share of the largest |x| that is visible in a figure, far above the effect of rounding to 24 bits, 6e-8 of each number."""
 DECADES = 8
-"""Above the case's gain, or below it where they have parted there: at most; more than 24 bits can tell apart."""
+"""Largest number of decades above the case's gain, or below it if the two already differ there; more than 24 bits can
+resolve."""
 GAINS = ("gamma", "covariance0")
-"""What laws call the gain that they begin with."""
+"""The names of the laws' initial gains."""
 HALVINGS = 3
-"""Of the decade in which they part: the gain is found within a factor of 10^(1/8) = 1.33."""
+"""Bisections of the decade in which they separate: the gain is found within a factor of 10^(1/8) = 1.33."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +39,8 @@ class PrecisionLimit:
 
     setting  the gain's name, and its value in the case
     apart    by gains that were tried, the largest difference of the plant's state by its largest value
-    at       the lowest gain that was tried and at which they part; None where they do at none
-    diverges  the lowest gain that was tried and at which the simulation in 64 bits diverges; None where it does at none
+    at       the lowest gain that was tried and at which they part; None if they do at none
+    diverges  the lowest gain that was tried and at which the simulation in 64 bits diverges; None if it does at none
     """
 
     setting: str
@@ -54,9 +55,9 @@ class PrecisionLimit:
         own = self.apart.get(self.gain)
         here = "" if own is None else f"at {self.setting} = {self.gain:g} they are {own:.2g} of the largest |x| apart"
         if self.at is not None:
-            return f"{here}; they part, by {VISIBLE_SHARE:g} of it, at {self.setting} = {self.at:.3g}".lstrip("; ")
+            return f"{here}; they separate, by {VISIBLE_SHARE:g} of it, at {self.setting} = {self.at:.3g}".lstrip("; ")
         ends = "" if self.diverges is None else f"; at {self.diverges:.3g} the simulation in 64 bits diverges itself"
-        return f"{here}; up to {self.setting} = {max(self.apart, default=self.gain):.3g} they do not part{ends}".lstrip("; ")
+        return f"{here}; up to {self.setting} = {max(self.apart, default=self.gain):.3g} they do not separate{ends}".lstrip("; ")
 
 
 def precision_limit(
@@ -68,7 +69,7 @@ def precision_limit(
     """
     found = next((one for one in in_object(controller, ()) if one[0][-1] in GAINS), None)
     if found is None:
-        raise InputError(f"{controller.name} has no gain, gamma or covariance0, that is one number")
+        raise InputError(f"{controller.name} has no scalar gain (gamma or covariance0)")
     keys, gain = found
     varied = VariedObjects.around(problem, controller, simulation, (FieldPath(("controller", 0, *keys)),))
     apart: dict[float, float] = {}
@@ -121,7 +122,7 @@ def _between(low: float, high: float, parts: Callable[[float], bool]) -> float:
 
 
 def _difference(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> float | None:
-    """The largest difference of the plant's state by its largest value; None where the run in 64 bits diverges."""
+    """The largest difference of the plant's state by its largest value; None if the run in 64 bits diverges."""
     (origin,) = simulate(problem, [controller], simulation).values()
     if origin.diverged_at is not None:
         return None
@@ -142,10 +143,10 @@ def with_float32_gains(
     progress: Progress | None = None,
 ) -> Certificates:
     """The certificates of the sampled controllers with ``gamma_float32``; InputError where there is no C compiler, or none."""
-    require_compiler("a float32 export is to run here")
+    require_compiler("a float32 export must run on this machine")
     sampled = [one for one in controllers if ClosedLoop.of(problem, one).sampled]
     if not sampled:
-        raise InputError("--float32 takes sampled controllers, and this case has none: give one a sample_time")
+        raise InputError("--float32 needs a sampled controller, and this case has none: give one a sample_time")
     result = {}
     for i, controller in enumerate(sampled):
         certificate = certificates[controller.name]
@@ -153,7 +154,7 @@ def with_float32_gains(
         try:
             found = precision_limit(problem, controller, simulation, progress=part)
         except InputError as error:
-            unmeasured = certificate.with_entries(certificate.entries, f"float32 beside float64 was not measured: {error}")
+            unmeasured = certificate.with_entries(certificate.entries, f"float32 was not compared with float64: {error}")
             result[controller.name] = unmeasured
             continue
         result[controller.name] = _with(certificate, found)
@@ -168,7 +169,10 @@ def _share(progress: Progress, i: int, count: int) -> Progress:
 
 
 def _with(certificate: Certificate, found: PrecisionLimit) -> Certificate:
-    said = f"measured on the case's own run, the compiled export in 32 bits beside the simulation in 64: {found.sentence}"
+    said = (
+        f"measured on the case's own run, comparing the compiled export in 32 bits with the simulation in 64 bits: "
+        f"{found.sentence}"
+    )
     if found.at is None:
         return certificate.with_entries(certificate.entries, said)
     measured = Draft()

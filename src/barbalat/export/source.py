@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from barbalat.export.contents import Contents
+from barbalat.export.log import log_body, log_header
+from barbalat.export.settable import settable
 from barbalat.export.shell import shell
 from barbalat.export.shell import usable as shell_usable
 from barbalat.export.texts import Printed, comment, filled, indented
+from barbalat.loop.around import LOST
 from barbalat.lowering import c99
 from barbalat.lowering.operations import sources
 from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
 from barbalat.validate import Array
 
 ESTIMATE_TOLERANCE = 1e-6
-"""By how much, relatively, an estimate may lie outside the known set: above the rounding of a number of 32 bits."""
+"""Relative distance by which an estimate may be outside the known set: more than the rounding of a number of 32 bits."""
 
 BITS_HEADERS = ("stdint", "string")
-"""What the project's own sin, exp, ... take of the library: the bits of a number, by memcpy."""
+"""The library function used by the project's own sin, exp, ...: memcpy, for the bits of a number."""
 
 
 def source(printed: Printed) -> str:
@@ -37,12 +43,16 @@ def source(printed: Printed) -> str:
         real=printed.real,
         zero=f"0.0{contents.real.suffix}",
         **shell(printed),
+        **settable(printed),
+        lost_freeze=f"{contents.lost:g}",
+        predicts="" if contents.loop.observer is None else ",\n * which the observer predicts through",
         measured=printed.measured,
         u=layout.u.name,
         started=layout.started.name,
         last_measured=layout.measured.name,
         last_r=layout.r.name,
         usable=_usable(printed),
+        usable_result=_usable_result(printed),
         advance=_operations(printed),
         give=indented(_given(printed)),
         defaults=indented(
@@ -50,10 +60,14 @@ def source(printed: Printed) -> str:
         ),
         reset=indented(f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in layout.entries().items()),
         start=_start(printed),
+        log=log_body(printed),
         start_refused=" || ".join(
-            [*([f"!in_range(x, {printed.macro}_MEASURED)"] if state else []), f"!in_range(u_now, {printed.macro}_INPUTS)"]
+            [
+                *([f"!in_range({printed.measured}, {printed.macro}_MEASURED)"] if state else []),
+                f"!in_range(u_now, {printed.macro}_INPUTS)",
+            ]
         ),
-        start_argument=f"const {printed.real} x[{printed.macro}_MEASURED], " if state else "",
+        start_argument=f"const {printed.real} {printed.measured}[{printed.macro}_MEASURED], " if state else "",
     )
 
 
@@ -81,34 +95,51 @@ def inputs(printed: Printed) -> dict[tuple[int, int], str]:
     y, q, _, _ = contents.sizes
     found = {(STATE, row): text for row, text in contents.layout.entries().items()}
     found |= {(MEASURED, i): f"in->{printed.measured}[{i}]" for i in range(y)} | {(COMMAND, i): f"in->r[{i}]" for i in range(q)}
-    one, zero = (c99.constant(value, contents.real) for value in (1.0, 0.0))
+    two, one, zero = (c99.constant(value, contents.real) for value in (LOST, 1.0, 0.0))
     read = sorted(at for kind, at in sources(program) if kind == PARAMETER)
     found |= {(PARAMETER, at): printed.parameter(contents.fed(at)) for at in read}
-    found[FREEZE, 0] = f"in->freeze != 0 ? {one} : {zero}"
+    lost = "" if contents.loop.observer is None else f"in->freeze == {LOST:g} ? {two} : "
+    found[FREEZE, 0] = f"{lost}in->freeze != 0 ? {one} : {zero}"
     return found
 
 
+def _usable_result(printed: Printed) -> str:
+    """Every number in range, the estimates in their set but for rounding; a set with all its bounds says more than the range."""
+    contents, theta_hat, bounds = printed.contents, printed.contents.layout.theta_hat, list[str]()
+    ends = _estimate_ends(contents)
+    for i, (low, high) in enumerate(ends.tolist()):
+        text = theta_hat.entry(theta_hat.start + i)
+        bounds += [f"{text} >= {c99.constant(low, contents.real)}"] if np.isfinite(low) else []
+        bounds += [f"{text} <= {c99.constant(high, contents.real)}"] if np.isfinite(high) else []
+    bounded = ends.size > 0 and (np.abs(ends) <= contents.range).all()  # an infinite one is not
+    tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts if not (bounded and part is theta_hat)]
+    return _all([*tests, f"in_range(c->bump, {printed.macro}_INPUTS)", *bounds])
+
+
+def _estimate_ends(contents: Contents) -> Array:
+    """(p, 2) between which the estimates are taken; nothing without a set that is checked."""
+    if contents.checked_limits is None:
+        return np.zeros((0, 2))
+    low, high = contents.checked_limits
+    return np.array([low - ESTIMATE_TOLERANCE * (1 + np.abs(low)), high + ESTIMATE_TOLERANCE * (1 + np.abs(high))]).T
+
+
 def _usable(printed: Printed) -> str:
-    """Every number in range, the estimates in their set but for rounding, a control to hold, a fade that ends."""
-    contents = printed.contents
-    tests = [f"in_range(c->{part.name}, {part.size})" for part in contents.layout.parts]
-    tests += [f"in_range(c->last_u, {printed.macro}_INPUTS)", f"in_range(c->bump, {printed.macro}_INPUTS)"]
-    tests.append("c->fade_left >= 0L && c->fade_left <= c->fade")
-    tests += shell_usable(printed)
-    if contents.checked_limits is not None:
-        for i, (low, high) in enumerate(zip(*contents.checked_limits, strict=True)):
-            text = contents.layout.theta_hat.entry(contents.layout.theta_hat.start + i)
-            for bound, sign, relation in ((low, -1.0, ">="), (high, 1.0, "<=")):
-                if np.isfinite(bound):
-                    limit = bound + sign * ESTIMATE_TOLERANCE * (1 + abs(bound))
-                    tests.append(f"{text} {relation} {c99.constant(limit, contents.real)}")
+    """A control to hold, a fade that ends, counters that do."""
+    tests = [f"in_range(c->last_u, {printed.macro}_INPUTS)", "c->fade_left >= 0L && c->fade_left <= c->fade"]
+    tests += ["parameters_are_usable(c)"] if printed.contents.parameters else []
+    return _all([*tests, *shell_usable(printed)])
+
+
+def _all(tests: Sequence[str]) -> str:
     return "\n        && ".join(tests)
 
 
 def _given(printed: Printed) -> list[str]:
     contents = printed.contents
     zero = f"0.0{contents.real.suffix}"
-    lines = ["int i;", f"const int held = in_range(c->last_u, {printed.macro}_INPUTS); /* else not even that is left */"]
+    held = f"(status & {printed.macro}_STATE_REFUSED) == 0u || in_range(c->last_u, {printed.macro}_INPUTS)"
+    lines = ["int i;", f"const int held = {held}; /* otherwise the held control is invalid too */"]
     lines += [f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{", f"    out->u[i] = held != 0 ? c->last_u[i] : {zero};"]
     lines += ["    out->u_limited[i] = out->u[i];", "}"]
     if contents.saturation is not None:
@@ -124,13 +155,13 @@ def _given(printed: Printed) -> list[str]:
 
 def _start(printed: Printed) -> str:
     """Everything as at t = 0 with the measured state in the place of the case's; what was learnt only if it is not kept."""
-    contents = printed.contents
+    contents, y = printed.contents, printed.measured
     kept: list[str] = []
     others: list[str] = []
     rest, of_x = contents.at_start
     for row, text in contents.layout.entries().items():
         terms = [
-            f"x[{i}]" if factor == 1 else f"{printed.number(factor)} * x[{i}]" for i, factor in enumerate(of_x[row]) if factor
+            f"{y}[{i}]" if factor == 1 else f"{printed.number(factor)} * {y}[{i}]" for i, factor in enumerate(of_x[row]) if factor
         ]
         value = " + ".join(terms if terms and not rest[row] else [_initial(printed, row, rest[row]), *terms])
         (kept if row in contents.learnt else others).append(f"{text} = {value};")
@@ -147,10 +178,7 @@ def header(printed: Printed) -> str:
         f"{printed.real} {part.name}[{part.size}]; /* {shape(part.shape)}{part.meaning} */" for part in contents.layout.parts
     ]
     if contents.parameters:
-        names = ", ".join(one.name for one in contents.parameters)
-        members.append(
-            f"{printed.real} parameter[{len(contents.parameters)}]; /* {names}: set between init and reset, or between steps */"
-        )
+        members.append(f"{printed.real} parameter[{macro}_PARAMETERS]; /* set by {printed.name}_set */")
     estimates = [f"{printed.real} theta_hat[{macro}_ESTIMATES]; /* estimates */"] if p else []
     state = contents.measures_state
     return filled(
@@ -161,35 +189,79 @@ def header(printed: Printed) -> str:
         real=printed.real,
         mark=printed.mark,
         measured=printed.measured,
-        measured_meaning=_labelled(printed, "measured state" if state else "measured output"),
+        measured_meaning=_labelled(printed, "measured state" if printed.measured == "x" else "measured output"),
         units=_input_units(printed),
+        **_wrong_time(contents),
+        **_freezes(contents),
         sample_time=printed.number(contents.sample_time),
         range=printed.number(contents.range),
-        sizes="".join(f"#define {macro}_{name} {size}\n" for name, size in sizes.items()),
+        sizes="".join(f"#define {macro}_{name} {size}\n" for name, size in sizes.items()) + _place_of_baseline(printed),
         limits=_limits(printed),
         members=indented(members),
         estimates=indented(estimates),
-        start_argument=f"const {printed.real} x[{macro}_MEASURED], " if state else "",
+        start_argument=f"const {printed.real} {printed.measured}[{macro}_MEASURED], " if state else "",
         **shell(printed),
-        start_comment="Start, or start again after a pause, in flight: model and filters start at the measured state x."
-        if state
-        else "Start, or start again after a pause, in flight: model and filters start at rest.",
+        **log_header(printed),
+        **settable(printed),
+        start_comment=f"Start, or start again after a pause, in flight: {_starting(printed)}.",
     )
+
+
+def _place_of_baseline(printed: Printed) -> str:
+    """Where the control of an external baseline stands; nothing of another one."""
+    problem = printed.contents.problem
+    if not problem.handed_controls:
+        return ""
+    at = f"{printed.measured}[{printed.macro}_U_BASELINE]"
+    return f"#define {printed.macro}_U_BASELINE {problem.measured} /* {at}: u of the existing loop, without what adapts */\n"
+
+
+def _starting(printed: Printed) -> str:
+    """What a start makes of its arguments."""
+    if not printed.contents.measures_state:
+        return "model and filters start at rest"
+    if printed.contents.problem.fixed_observer is None:
+        return "model and filters start at the measured state x"
+    return "model, filters and observer start at the smallest state of which y is measured"
+
+
+def _wrong_time(contents: Contents) -> dict[str, str]:
+    """What counts as another time than the right one, and what is done then."""
+    if contents.around is not None and contents.around.band is not None:
+        return {
+            "tolerated": "BAND and by no whole number of calls",
+            "wrong_time": "a miss, after which the fallback acts at once",
+        }
+    return {"tolerated": "0.1 %", "wrong_time": "the step was made as if after the right one"}
+
+
+def _freezes(contents: Contents) -> dict[str, str]:
+    """What the freeze switch does, and what goes on with a lost measurement."""
+    if contents.loop.observer is None:
+        return {"predicts_only": "", "with_what": "the last good measurement and this u"}
+    return {
+        "predicts_only": f". {LOST:g}: the observer predicts as well, without the measurement",
+        "with_what": "what the observer predicts from this u",
+    }
 
 
 def _labelled(printed: Printed, text: str) -> str:
     """What is measured, with the case's names and units of it."""
-    labels = printed.contents.problem.labels
+    problem, beside = printed.contents.problem, ""
+    if problem.handed_controls:
+        beside = f"; then, from place {printed.macro}_U_BASELINE on, what the existing loop asks for"
+    labels = problem.measured_labels
     if labels is None:
-        return text
-    each = [f"{labels.name(i)} {labels.unit(i)}".strip() for i in range(printed.contents.sizes[0])]
-    return text + (f": {comment(', '.join(each))}" if all(each) else "")
+        return text + beside
+    each = [f"{labels.name(i)} {labels.unit(i)}".strip() for i in range(problem.measured)]
+    return text + (f": {comment(', '.join(each))}" if all(each) else "") + beside
 
 
 def _input_units(printed: Printed) -> str:
     """The units of the inputs behind their meaning, where the case has some."""
     labels = printed.contents.problem.labels
-    return f" [{comment(', '.join(labels.input_units))}]" if labels is not None and labels.input_units else ""
+    units = () if labels is None else labels.input_units
+    return f" [{comment(', '.join(one or '1' for one in units))}]" if any(units) else ""
 
 
 def shape(of: tuple[int, ...]) -> str:

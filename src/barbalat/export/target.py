@@ -1,4 +1,4 @@
-"""What a controller can be exported to. A target is a folder: in this package, or in another distribution.
+"""Targets to which a controller can be exported. A target is a folder: in this package, or in another distribution.
 
 The folder has a module ``target`` with ``TARGETS``, a tuple of ``Target``s. Another distribution declares its package as an
 entry point, ``[project.entry-points."barbalat.export_targets"]`` with ``any_name = "its_package"``.
@@ -21,7 +21,7 @@ GROUP = "barbalat.export_targets"
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Request:
-    """What is to be exported; the fields are the arguments of ``export_controller``."""
+    """The request for an export; the fields are the arguments of ``export_controller``."""
 
     problem: TrackingProblem
     controller: Controller
@@ -31,20 +31,23 @@ class Request:
     sources_only: bool
     place: int
     name: str = ""
+    parameters: bool = False
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Target:
     """One value of ``--target``. Its module imports what it needs only when files are made: the command's help lists all targets.
 
-    name      by which users ask for it
+    name      the name by which users request it
     help      what they get, in one phrase
     files     the files' contents by their names; raises InputError for what the target can't take
-    check     the shell command that checks an export, from the folder, quoted, and whether the closed loop is in it
-    float32   whether its numbers have 32 bits, whatever is asked for
-    compiles  whether the files hold binaries for this machine, which ``sources_only`` leaves out
-    replaced  names of an earlier export's files that go with it, made this time or not
-    joined    of the folder and of the files made, further files that join them with exports that stand in the folder already
+    check     the shell command that checks an export, from the quoted folder and whether it contains the closed loop
+    float32   whether its numbers always have 32 bits
+    parameters  whether numbers of the case can be left open as parameters; units of FMI always have them
+    handed    whether the control of an external baseline can be an input
+    compiles  whether the files contain binaries for this machine, which ``sources_only`` leaves out
+    replaced  names of files of an earlier export that are removed even if they are not written again
+    joined    from the folder and the files made, further files that join them with exports already in the folder
     """
 
     name: str
@@ -52,6 +55,8 @@ class Target:
     files: Callable[[Request], Mapping[str, str | bytes]]
     check: Callable[[str, bool], str]
     float32: bool = False
+    parameters: bool = False
+    handed: bool = False
     compiles: bool = False
     replaced: tuple[str, ...] = ()
     joined: Callable[[Path, Mapping[str, str | bytes]], Mapping[str, str | bytes]] = lambda _folder, _made: {}
@@ -63,6 +68,6 @@ def targets() -> dict[str, Target]:
 
 
 def require_case(problem: TrackingProblem, simulation: Simulation) -> None:
-    """InputError where these are no problem and no simulation."""
+    """InputError unless these are a problem and a simulation."""
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)

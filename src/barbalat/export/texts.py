@@ -18,7 +18,7 @@ from barbalat.export.parameters import Parameter
 from barbalat.lowering import c99
 
 SHORT_NUMBER_LENGTH = 8
-"""Characters of a decimal number that a reader takes in at once; a longer one is no help beside the exact constant."""
+"""Longest decimal number that is readable at a glance; a longer one adds nothing to the exact constant."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Printed:
     @property
     def measured(self) -> str:
         """What is measured, as the paper calls it."""
-        return "x" if self.contents.measures_state else "y"
+        return "x" if self.contents.measures_state and self.contents.problem.fixed_observer is None else "y"
 
     def number(self, value: float) -> str:
         """A constant, exactly, with its decimal form where that is short."""
@@ -97,7 +97,7 @@ class Printed:
         """Stops a compiler that is given files of two exports."""
         return (
             f"#if {self.macro}_EXPORT != {self.mark}\n"
-            '#error "this file and controller.h are of two exports: write the export once more"\n#endif\n'
+            '#error "this file and controller.h are from different exports: write the export again"\n#endif\n'
         )
 
 

@@ -14,30 +14,36 @@ from functools import lru_cache
 import numpy as np
 
 from barbalat.export.contents import Contents
-from barbalat.export.equivalence import Interval, Prover
+from barbalat.export.equivalence import CASES, MORE_CASES, Interval, Prover
 from barbalat.export.evaluation import evaluate, values
 from barbalat.export.mutants import Judge, Mutant, mutants
+from barbalat.export.parameters import Parameter
 from barbalat.export.source import ESTIMATE_TOLERANCE
 from barbalat.loop.true_values import estimate_set
-from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, STATE
+from barbalat.lowering.operations import sources
+from barbalat.run.kernel.sampled_controller import COMMAND, FREEZE, MEASURED, PARAMETER, STATE
 from barbalat.validate import Array
 
 ROUNDS = 40
-"""Of candidates at the most; the stated budget of the search, with the next ones."""
-WORK = 6000
-"""Operations of the list times rounds, after which the search of a long list ends, but not before the tenth round."""
-FRUITLESS = 8
-"""Rounds without a mutant more that end the search."""
+"""Largest number of rounds of candidates; the stated budget of the search, together with the next constants."""
+WORK = 12000
+"""Operations of the list times rounds after which the search of a long list ends, after at least ten rounds."""
+FEW = 20
+"""Largest number of remaining mutants for which proofs are tried again with a larger budget."""
 PROVEN_AFTER = 2
-"""Rounds after which proofs are tried of what is left: mutants that are told by nothing."""
+"""Rounds after which proofs are tried for the remaining mutants."""
 CANDIDATES = 384
 """In a round."""
 PAIRS = 6
-"""Between which a comparison's sides are brought together, in every second round."""
+"""Pairs between which a comparison's sides are made equal, in every second round."""
+BEGUN = 6
+"""Columns of a round at which a remaining fault changes a value, and whose neighbours are candidates of the next round."""
+WIDE = 7.0
+"""Decades by which some columns' entries are scaled: steps far out of the known set, whose way back is rounded."""
 HALVINGS = 64
-"""Of the way between two of a pair: more than the bits of a number."""
+"""Bisections between the two of a pair: more than the bits of a number."""
 TOLERATED = ESTIMATE_TOLERANCE / 2
-"""By how much, relatively, an estimate lies outside of its set here: half of what the exported C takes."""
+"""Relative distance of an estimate outside its set here: half of what the exported C tolerates."""
 COMPARED = {"lt", "le", "eq", "ne", "fmin", "fmax"}
 
 
@@ -47,21 +53,25 @@ class Vectors:
 
     states    (S, D) flat states before
     measured, commands  (y, D), (q, D)
+    parameters  (P, D) what was set
     freeze    (D,)
     after     (S, D) flat states after
     mutants   of the list
     missed    those that neither these nor the simulation's samples tell, each with the proof that it is none, or empty
     missed_by_the_run  those that the simulation's samples do not tell
+    outcomes  of choices in the list: those that these and the simulation's samples take, and all
     """
 
     states: Array
     measured: Array
     commands: Array
+    parameters: Array
     freeze: Array
     after: Array
     mutants: tuple[Mutant, ...]
     missed: dict[Mutant, str]
     missed_by_the_run: tuple[Mutant, ...]
+    outcomes: tuple[int, int]
 
     def counted(self, *, ties: bool) -> tuple[int, int, int]:
         """Mutants, those told, those proven to be none: of those that differ at ties alone, or of all others."""
@@ -87,19 +97,21 @@ class _Search:
         self.rows, self.numbers = contents.layout.rows, contents.real.numbers
         vectors = contents.vectors
         before = np.vstack([contents.initial, vectors.states[:-1]])[:, self.rows]
-        self.nominal = np.vstack([before.T, vectors.measured.T, vectors.commands.T, np.zeros(len(before))])
-        self.found = self.nominal[:, :0]
+        self.set = np.array([[one.value] for one in contents.parameters]).reshape(-1, 1)
+        given = np.broadcast_to(self.set, (len(self.set), len(before)))
+        self.nominal = np.vstack([before.T, vectors.measured.T, vectors.commands.T, given, np.zeros(len(before))])
+        self.found = self.begun = self.nominal[:, :0]
         y, q, _, _ = contents.sizes
         s = len(self.rows)
         self.ends = s, s + y, s + y + q
         self.place = {row: i for i, row in enumerate(self.rows)}
         self.sizes = np.abs(self.nominal).max(axis=1, keepdims=True) + 1e-3
 
-    def _split(self, columns: Array) -> tuple[Array, Array, Array, Array]:
+    def _split(self, columns: Array) -> tuple[Array, Array, Array, Array, Array]:
         s, y, q = self.ends
         states = np.zeros((len(self.contents.initial), columns.shape[1]))
         states[self.rows] = columns[:s]
-        return states, columns[s:y], columns[y:q], columns[q]
+        return states, columns[s:y], columns[y:q], columns[-1], columns[q:-1]
 
     def _judge(self, columns: Array) -> Judge:
         contents = self.contents
@@ -111,32 +123,37 @@ class _Search:
         judge = self._judge(self.nominal)
         left = [one for one in every if not judge.tell(one).any()]
         at_first, kept, proofs = tuple(left), [np.zeros((len(self.nominal), 0))], dict[Mutant, str]()
-        number = fruitless = 0
+        number = 0
         most = min(ROUNDS, max(10, WORK // len(contents.step.operations)))
-        while _faults(left) and number < most and fruitless < FRUITLESS:
+        while _faults(left) and number < most:
             pool = self._usable(self._drawn() if number else self._special())
             if number % 2:
                 pool = np.hstack([pool, self._usable(self._bisected(pool))])
+            pool = np.hstack([pool, self._usable(self._neighbours())])
             best, rest = self._covering(pool, left)
             kept.append(best)
             self.found = np.hstack(kept)
-            number, fruitless, left = number + 1, 0 if _faults(rest) < _faults(left) else fruitless + 1, rest
+            number, left = number + 1, rest
             if number == PROVEN_AFTER:
                 proofs = self._proofs(left)
                 left = [one for one in left if one not in proofs]
+        if number > PROVEN_AFTER and _faults(left) <= FEW:
+            proofs |= self._proofs(left, MORE_CASES)
+            left = [one for one in left if one not in proofs]
         columns = np.hstack(kept)
-        states, measured, commands, freeze = self._split(columns)
+        states, measured, commands, freeze, given = self._split(columns)
         after = np.zeros_like(states)
-        after[self.rows] = evaluate(contents.step, contents.inputs(states, measured, commands, freeze), contents.real)
+        after[self.rows] = evaluate(contents.step, contents.inputs(*self._split(columns)), contents.real)
         missed = proofs | dict.fromkeys(left, "")
-        return Vectors(states, measured, commands, freeze, after, every, missed, at_first)
+        outcomes = self._judge(np.hstack([self.nominal, columns])).outcomes()
+        return Vectors(states, measured, commands, given, freeze, after, every, missed, at_first, outcomes)
 
-    def _proofs(self, left: Sequence[Mutant]) -> dict[Mutant, str]:
+    def _proofs(self, left: Sequence[Mutant], most_cases: int = CASES) -> dict[Mutant, str]:
         """Of these mutants, those that are shown to be none."""
         contents, most = self.contents, float(self.numbers(self.contents.range))
         y, q, _, _ = contents.sizes
         anything = Interval(-most, most)
-        within = {(STATE, row): anything for row in self.rows} | {(FREEZE, 0): Interval(0.0, 1.0)}
+        within = {(STATE, row): anything for row in self.rows} | {(FREEZE, 0): Interval(0.0, contents.lost)}
         within |= {(MEASURED, i): anything for i in range(y)} | {(COMMAND, i): anything for i in range(q)}
         if contents.checked_limits is not None:
             for row, low, high in zip(
@@ -145,14 +162,30 @@ class _Search:
                 taken = low - ESTIMATE_TOLERANCE * (1 + abs(low)), high + ESTIMATE_TOLERANCE * (1 + abs(high))
                 ends = tuple(float(self.numbers(end)) for end in taken)  # as C has them
                 within[STATE, row] = Interval(max(-most, ends[0]), min(most, ends[1]))
-        prover = Prover(contents.step, within, contents.real)
+        within |= {at: self._interval(contents.fed(at[1])) for at in sources(contents.step) if at[0] == PARAMETER}
+        prover = Prover(contents.step, within, contents.real, self.rows, most_cases)
         return {one: proof for one in left if (proof := prover.proof(one))}
+
+    def _interval(self, one: Parameter | float) -> Interval:
+        """What a parameter may be; of a number that stays itself."""
+        if isinstance(one, float):
+            return Interval(float(self.numbers(one)), float(self.numbers(one)))
+        most = float(self.numbers(self.contents.parameter_range))
+        least = float(np.nextafter(self.numbers(0), self.numbers(1)))
+        low, high = {"> 0": (least, most), ">= 0": (0.0, most), "< 0": (-most, -least), "<= 0": (-most, 0.0)}.get(
+            one.bound, (-most, most)
+        )
+        return Interval(low, high)
 
     def _covering(self, pool: Array, left: Sequence[Mutant]) -> tuple[Array, list[Mutant]]:
         """Few columns that tell all of these mutants that the pool tells, and the others."""
         judge = self._judge(pool)
         told = np.array([judge.tell(one) for one in left])
         rest = [one for one, row in zip(left, told, strict=True) if not row.any()]
+        begun = [np.flatnonzero(judge.begins(one)) for one in rest if not one.tie]
+        again = [self.random.choice(at, BEGUN) for at in begun if len(at)]
+        if again:
+            self.begun = pool[:, self.random.permutation(np.concatenate(again))[: CANDIDATES // 4]]
         told, picked = told[told.any(axis=1)], []
         while len(told):
             at = int(np.argmax(told.sum(axis=0)))
@@ -168,7 +201,8 @@ class _Search:
             after = evaluate(contents.step, contents.inputs(*self._split(columns)), contents.real).astype(float)
         after = np.broadcast_to(after.reshape(len(self.rows), -1), (len(self.rows), columns.shape[1]))
         good = (np.abs(columns) <= contents.range).all(axis=0) & (np.abs(after) <= contents.range).all(axis=0)
-        if contents.around is not None:  # what the case's shell takes for a measurement
+        good &= contents.takes(columns[self.ends[2] : -1])
+        if contents.around is not None:  # what the case's shell accepts as a measurement
             now, last = columns[slice(*self.ends[:2])], columns[[self.place[row] for row in contents.layout.measured.rows]]
             low, high, rate = (limit[:, None] for limit in (contents.around.low, contents.around.high, contents.around.rate))
             good &= ((now >= low) & (now <= high) & (np.abs(now - last) <= rate * (1 - TOLERATED))).all(axis=0)
@@ -190,7 +224,7 @@ class _Search:
         kept = self.nominal[:, self.random.integers(0, self.nominal.shape[1], count)]
         chance = self.random.choice([0.0, 0.05, 0.2, 0.5], size=count)
         columns = np.where(self.random.random(columns.shape) < chance, kept, columns)
-        columns[-1] = self.random.random(count) < 0.2
+        columns[-1] = self._frozen(count, 0.2)
         return self._of_sets(columns, kept)
 
     def _drawn(self) -> Array:
@@ -205,12 +239,26 @@ class _Search:
         moved = random.random(shape) < random.choice([0.0, 0.3, 1.0], size=count)
         columns = np.where(moved, self.sizes * random.uniform(-1, 1, shape), columns)
         scaled = random.random(shape) < random.choice([0.0, 0.2, 0.6], size=count)
-        columns = np.where(scaled, columns * 10.0 ** random.uniform(-3, 3, shape), columns)
+        decades = random.choice([3.0, 3.0, 3.0, WIDE], size=count)
+        columns = np.where(scaled, columns * 10.0 ** (decades * random.uniform(-1, 1, shape)), columns)
         columns *= 10.0 ** np.where(random.random(count) < 0.4, random.uniform(-2, 2, count), 0.0)
         none = random.random(shape) < random.choice([0.0, 0.0, 0.1, 0.5], size=count)
         columns = np.where(none, np.where(random.random(shape) < 0.5, 0.0, -0.0), columns)
-        columns[-1] = random.random(count) < 0.15
+        columns[-1] = self._frozen(count, 0.15)
         return self._of_sets(columns, base)
+
+    def _frozen(self, count: int, share: float) -> Array:
+        """The freeze switch, which is on in this share; beside an observer it has two values of which it is on."""
+        found, lost = (self.random.random(count) < share).astype(float), self.contents.lost
+        return found if lost == 1 else found * self.random.choice([1.0, lost], size=count)
+
+    def _neighbours(self) -> Array:
+        """Around the columns at which a fault makes another value that no output shows: from the last bits on."""
+        random, columns = self.random, np.tile(self.begun, 4)
+        size = 10.0 ** random.uniform(-17, 0, columns.shape[1])
+        moved = random.random(columns.shape) < random.choice([0.1, 0.5, 1.0], size=columns.shape[1])
+        moved[-1] = False  # frozen or not
+        return np.where(moved, columns * (1 + size * random.normal(size=columns.shape)), columns)
 
     def _of_sets(self, columns: Array, drawn_of: Array) -> Array:
         """With what has to be so: estimates in their set or on its faces, symmetric matrices, started or not."""
@@ -238,7 +286,18 @@ class _Search:
                 columns[at] = np.where(slow, near, columns[at])
         same = random.random(count) < 0.1
         columns[now] = np.where(same, columns[[self.place[row] for row in last.rows]], columns[now])
+        columns[self.ends[2] : -1] = self._parameters(count)
         return columns
+
+    def _parameters(self, count: int) -> Array:
+        """Parameters as in the case, some of them other ones, near or far."""
+        if not len(self.set):
+            return np.zeros((0, count))
+        random, shape = self.random, (len(self.set), count)
+        moved = random.random(shape) < random.choice([0.0, 0.2, 1.0], size=count)
+        factor = 10.0 ** (random.uniform(-1, 1, shape) * random.choice([0.05, 1.0, 2.0], size=count))
+        drawn = np.where(self.set == 0, random.normal(size=shape), self.set * factor)
+        return np.where(moved, drawn, self.set)
 
     def _matrices(self, at: list[int], n: int, count: int) -> Array:
         """Symmetric and positive definite ones, as covariances are, from nearly nothing to large."""
@@ -280,9 +339,21 @@ class _Search:
             found[:n] = np.where(length > sphere.radius, sphere.center[:, None] + away * (wanted / length), found[:n])
         return found
 
+    def _beyond(self, pool: Array) -> Array:
+        """Some of these columns with all estimates outside of their set, by as much as is taken for rounding."""
+        limits, random = self.contents.limits, self.random
+        if limits is None or not np.isfinite(limits).all():
+            return pool
+        at, pool = [self.place[row] for row in self.contents.layout.theta_hat.rows], pool.copy()
+        low, high = (limit[:, None] + sign * TOLERATED / 2 for sign, limit in zip((-1, 1), limits, strict=True))
+        outside = np.where(random.random((len(at), pool.shape[1])) < 0.5, low, high)
+        pool[at] = np.where(random.random(pool.shape[1]) < 0.3, outside, pool[at])
+        return pool
+
     def _bisected(self, pool: Array) -> Array:
         """For each comparison columns at which its sides are equal, or as near as numbers can be."""
         operations, random = self.contents.step.operations, self.random
+        pool = self._beyond(pool)
         places = [i for i, op in enumerate(operations) if op.name in COMPARED]
         if not places or pool.shape[1] < 2:
             return pool[:, :0]

@@ -26,34 +26,44 @@ def export_controller(
     sources_only: bool = False,
     place: int = 0,
     name: str | None = None,
+    parameters: bool = False,
 ) -> Path:
-    """Write a sampled controller as source that computes what the simulation computes, bit for bit; returns the folder.
+    """Write a sampled controller as source code that computes the same as the simulation, bit for bit; returns the folder.
 
     problem, simulation  the case whose first samples become the export's test vectors
     controller           a sampled one; a continuous one is refused
-    out                  the folder; an export that is there is replaced as a whole
+    out                  the folder; an existing export there is replaced completely
     target               "c99": ``controller.h``, ``controller.c``, ``selftest.c``, ``README.md``; "fmu2", "fmu3": a unit for
                          Co-Simulation by FMI 2.0 or 3.0, whose gains, limits and initial estimates are parameters;
                          "ardupilot": a backend of AC_CustomControl for one axis, in 32 bits;
                          "rust": the C in a crate without dependencies, with a safe wrapper
-    float32              numbers of 32 bits; the test vectors are then its own, rounded operation by operation
-    closed_loop          the plant and the whole loop as well: ``plant.h``, ``plant.c`` and ``loop.c``, or a unit of each
-    place                of the controller in its case: the parameters of units go by the case's paths, ``controller[0].gamma``
-    name                 what functions, types, macros and files begin with, so that several exports can be linked; by default
-                         the identifiers are made of the controller's name, and the files have none. C99 exports with names of
-                         their own in one folder are joined by ``controllers.h``, ``CMakeLists.txt`` and ``README.md``
+    float32              numbers of 32 bits; the test vectors are then computed in 32 bits, operation by operation
+    closed_loop          also export the plant and the whole loop: ``plant.h``, ``plant.c`` and ``loop.c``, or a unit of each
+    place                index of the controller in its case: the parameters of units have the case's paths,
+                         ``controller[0].gamma``
+    name                 prefix of functions, types, macros and files, so that several exports can be linked; by default the
+                         identifiers derive from the controller's name, and the files have no prefix. C99 exports with their own
+                         names in one folder are joined by ``controllers.h``, ``CMakeLists.txt`` and ``README.md``
+    parameters           leave gains, limits and initial estimates open in the C, to be set within their bounds while it runs;
+                         units of FMI always have them as parameters
     sources_only         units without a binary for this machine, for which a C compiler is needed
 
-    Raises InputError, and leaves nothing behind, where that can't be.
+    Raises InputError, and leaves nothing behind, if the export is impossible.
     """
     known = targets()
     if target not in known:
         raise InputError(f"target must be one of {', '.join(known)}, got {validate.show(target)}")
     chosen = known[target]
     if sources_only and not chosen.compiles:
-        raise InputError(f"sources_only is for units of FMI: the target {target} is sources anyway")
+        raise InputError(f"sources_only is for units of FMI: the target {target} always has sources")
+    if parameters and not chosen.parameters:
+        able = ", ".join(one.name for one in known.values() if one.parameters)
+        raise InputError(f"parameters are for the target {able}; units of FMI always have them; got {target}")
     into = validate.local_path("out", out)
     require_case(problem, simulation)
+    if problem.handed_controls and not chosen.handed:
+        able = ", ".join(one.name for one in known.values() if one.handed)
+        raise InputError(f"baseline.external = true makes u_baseline an input of the target {able} alone; got {target}")
     made = chosen.files(
         Request(
             problem=problem,
@@ -64,6 +74,7 @@ def export_controller(
             sources_only=sources_only,
             place=place,
             name="" if name is None else require_prefix(name),
+            parameters=parameters,
         )
     )
     with output_folder(into) as folder:

@@ -1,4 +1,4 @@
-"""An identification as a case file: a plant with physical parameters, and what a user goes on from."""
+"""An identification as a case file: a plant with physical parameters, as a starting point for the user."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from barbalat.linear.pole_placement import place
 from barbalat.validate import Array, InputError
 
 SPREAD = 0.25
-"""Between neighbouring poles of the model that the file begins with, of the plant's fastest."""
+"""Relative distance between neighbouring poles of the file's model, as a share of the plant's fastest pole."""
 PERIODS, STEPS = 4.0, 100.0
-"""Of the command that the file begins with; solver steps in the fastest time constant."""
+"""Periods of the file's command; solver steps per fastest time constant."""
 AT_REST = 1e-6
-"""Of the model's largest gain at rest."""
+"""Share of the model's largest steady-state gain."""
 
 
 def case_text(found: Identification, source: str) -> str:
-    """A whole case file. Ranges are those of the known set, or where no noise bound was given those of least squares.
+    """A whole case file. Ranges are those of the known set, or without a noise bound those of least squares.
 
-    Raises InputError where a range is unbounded, and where no poles can be placed.
+    Raises InputError if a range is unbounded, and if no poles can be placed.
     """
     names = found.recording.output_names
     ranges = np.array([row.ranges for row in found.rows])
@@ -58,7 +58,7 @@ b = [{b}]
 [labels]
 names = {labels}
 
-# From here on the file is a beginning, for you to change: model, command, controllers.
+# The rest of the file is a starting point for your changes: model, command, controllers.
 [reference_model]
 poles = {json.dumps(model)}
 {asked}
@@ -80,11 +80,11 @@ gamma = 1.0
 
 
 def _heading(found: Identification, source: str) -> str:
-    """What the ranges are, what they rest on, what the data did not show; and the name."""
-    every, intervals = "every plant that explains the data lies within these ranges", f"{CONFIDENCE:.0%} confidence intervals"
+    """Comments on the ranges, their assumptions, and what the data did not show; and the name."""
+    every, intervals = "these ranges contain every plant that explains the data", f"{CONFIDENCE:.0%} confidence intervals"
     lines = [f"Identified by `barbalat identify` from {_one_line(source)}: {every if found.guaranteed else intervals}."]
     if found.noise is not None and found.slope is not None:
-        lines.append("They rest on these bounds of the measurements' error and of the motion's slope:")
+        lines.append("They depend on these bounds of the measurements' error and of the motion's slope:")
         lines += [f"  {_one_line(name)}: {found.noise[name]!r} and {found.slope[name]!r}" for name in found.noise]
     lines += found.findings
     return (
@@ -94,7 +94,7 @@ def _heading(found: Identification, source: str) -> str:
 
 
 def _parameters(found: Identification, ranges: Array) -> tuple[str, list[list[str]]]:
-    """The table of parameters, and the entries of A and B by rows, as they stand in a case file."""
+    """The table of parameters, and the entries of A and B by rows, as a case file writes them."""
     lines: list[str] = []
     entries: list[list[str]] = []
     for i, row in enumerate(found.rows):
@@ -126,7 +126,7 @@ def _followed(A_m: Array, B: Array) -> int:
 
 
 def _label(name: str) -> str:
-    """As a label in a case file."""
+    """A name as a label in a case file."""
     return re.sub(r"\W+", "_", name).strip("_") or "x"
 
 

@@ -1,4 +1,4 @@
-"""The plant x' = A x + B u that a recording shows: least squares, the set that contains every explanation, held-out evidence."""
+"""The plant x' = A x + B u from a recording: least squares, the set of all explanations, evidence on validation samples."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy import optimize, stats
 
 from barbalat import budget, validate
 from barbalat.budget import Estimate
@@ -20,21 +20,21 @@ from barbalat.validate import Array, InputError
 DEFAULT_HELD_OUT = 0.25
 CONFIDENCE = 0.95
 MOST_WINDOWS = 400
-"""Of each length: more of them hardly narrow the set, and the programmes grow with them."""
+"""Of each length: more windows hardly narrow the set, and the linear programmes grow with them."""
 LEAST_ROWS = 4
-"""Of least squares, for each coefficient."""
+"""Rows of least squares for each coefficient."""
 WINDOW = Estimate(memory=2e3, seconds=2e-4)
-"""Of a window and a linear programme's share of it."""
+"""The cost of a window and its share of a linear programme."""
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """What is known of one state's row: its coefficients are those of the states, then of the inputs.
+    """The result for one state's row: its coefficients are those of the states, then of the inputs.
 
-    estimate, interval (p,), (p, 2)  of least squares, with the confidence of ``CONFIDENCE``; None of a row that was given
-    nominal (p,)                     least squares where it lies in the set, or else the set's middle
+    estimate, interval (p,), (p, 2)  of least squares, with the confidence of ``CONFIDENCE``; None for a given row
+    nominal (p,)                     least squares, within the set's box if the free least squares lie outside
     enclosure                        contains every row that explains the data; None without noise bounds
-    unexcited                        directions of coefficients, (p,) each, that the data do not tell apart
+    unexcited                        directions of coefficients, (p,) each, that the data do not distinguish
     """
 
     state: str
@@ -47,7 +47,7 @@ class Row:
 
     @property
     def ranges(self) -> Array:
-        """(p, 2): the set's box, or else the confidence intervals; a given row's are points."""
+        """(p, 2): the set's box, or else the confidence intervals; points for a given row."""
         if self.enclosure is not None:
             return np.column_stack([self.enclosure.lower, self.enclosure.upper])
         return np.column_stack([self.nominal] * 2) if self.interval is None else self.interval
@@ -57,10 +57,10 @@ class Row:
 class Identification:
     """The result of ``identify``; ``case_text`` writes it as a case file.
 
-    fit         by states, of the held-out samples: 1 - |y - simulated| / |y - mean|, the nominal plant simulated from their
-                start; None where it ran away
-    predicted   (N, n), the nominal plant's states over the held-out samples
-    held_factor by states: by how much the error bounds would have to grow for the nominal plant to explain the held-out windows
+    fit         by state, on the validation samples: 1 - |y - simulated| / |y - mean|, with the nominal plant simulated from their
+                start; None if it diverged
+    predicted   (N, n), the nominal plant's states over the validation samples
+    by states: the factor by which the error bounds would have to grow for the nominal plant to explain the validation windows
     """
 
     recording: Recording
@@ -83,6 +83,12 @@ class Identification:
         return np.array([row.nominal[len(self.rows) :] for row in self.rows])
 
     @property
+    def residuals(self) -> Array:
+        """(N, n), measured minus simulated, over the validation samples; not finite if the nominal plant diverged."""
+        with np.errstate(invalid="ignore", over="ignore"):
+            return self.recording.outputs[len(self.recording.times) - len(self.predicted) :] - self.predicted
+
+    @property
     def guaranteed(self) -> bool:
         """Whether the ranges contain every plant that explains the data: there are error bounds, and the set is bounded."""
         return self.noise is not None and all(np.isfinite(row.ranges).all() for row in self.rows)
@@ -93,7 +99,7 @@ class Identification:
 
     @property
     def findings(self) -> list[str]:
-        """What is to be known before the numbers are used."""
+        """Findings to be known before the numbers are used."""
         said = []
         for row in self.rows:
             for direction in row.unexcited:
@@ -103,18 +109,30 @@ class Identification:
                     if abs(value) > 0.05
                 ]
                 said.append(
-                    f"the data do not excite {' '.join(terms)} in the row of {row.state}': that combination stays within its "
-                    "error in every window, so that no bound of it follows; excite it, or give bounds by within"
+                    f"the data do not excite {' '.join(terms)} in the row of {row.state}'"
+                    ": that combination stays within its error in every window, so it cannot be bounded; excite it, or give "
+                    "bounds by within"
+                )
+            if row.estimate is not None and not np.array_equal(row.nominal, row.estimate):
+                said.append(
+                    f"the least squares of {row.state}' lie outside the known set: its nominal row is the best one within"
                 )
             if row.enclosure is not None and not row.enclosure.exact:
                 said.append(f"the set of {row.state}' is a convex outer set: more noisy regressors than are searched by orthants")
         where = "held-out samples" if self.trained < len(self.recording.times) else "samples"
+        poor = [name for name, fit in self.fit.items() if fit is None or fit < 0]
+        if poor:
+            said.append(
+                f"simulated over the {where}, the nominal plant predicts {', '.join(poor)} worse than their mean does: the "
+                "outputs may not be the whole state (to encoders' angles add their rates), the plant may not be linear, or it "
+                "may accumulate errors as an integrator does"
+            )
         for name, factor in (self.held_factor or {}).items():
             if factor > 1:
                 said.append(f"the nominal row of {name}' explains the {where} only with error bounds {factor:.3g} times larger")
         if self.noise is None:
             said.append(
-                f"no noise bound was given: the ranges are {CONFIDENCE:.0%} confidence intervals, which guarantee nothing"
+                f"no noise bound was given: the ranges are {CONFIDENCE:.0%} confidence intervals, which are not guaranteed"
             )
         return said
 
@@ -139,8 +157,21 @@ class Identification:
             "samples": len(self.recording.times), "trained": self.trained, "rows": rows, "guaranteed": self.guaranteed,
             "noise": self.noise and dict(self.noise), "slope": self.slope and dict(self.slope),
             "held_out": {"fit": dict(self.fit), "error_factor": self.held_factor and dict(self.held_factor)},
+            "residuals": self._residuals_as_json(),
             "findings": self.findings,
         }  # fmt: skip
+
+    def _residuals_as_json(self) -> dict[str, Any]:
+        """Measured minus simulated over the validation samples, with their RMS and largest value."""
+        found: dict[str, Any] = {"t": self.recording.times[len(self.recording.times) - len(self.predicted) :].tolist()}
+        for name, values in zip(self.recording.output_names, self.residuals.T, strict=True):
+            bounded = bool(np.isfinite(values).all())
+            found[name] = {
+                "rms": float(np.sqrt(np.mean(values**2))) if bounded else None,
+                "max_abs": float(np.abs(values).max()) if bounded else None,
+                "values": [float(value) if np.isfinite(value) else None for value in values],
+            }
+        return found
 
 
 def identify(
@@ -158,27 +189,27 @@ def identify(
     """Identify x' = A x + B u from samples of all states x, with inputs held from sample to sample.
 
     data         a CSV file with a line of names, of which ``inputs``, ``outputs`` and ``time`` name columns, or a Recording
-    noise        by outputs: a bound of the measurement's error. With ``slope`` the set of all that explains the data follows
-    slope        by outputs: a bound of |x'| over the recording [unit/s]; it bounds what the trapezoidal rule leaves out
-    derivatives  by outputs: the output that is its derivative, exactly; that row is not identified
-    within       by (state, name): bounds known beforehand of the coefficient of ``name`` in the row of ``state``
-    held_out     share of the samples, the last ones, that the plant is only tried on
+    noise        by output: a bound of the measurement error. With ``slope`` it gives the set of all plants that explain the data
+    slope        by output: a bound of |x'| over the recording [unit/s]; it bounds the error of the trapezoidal rule
+    derivatives  by output: the output that is its exact derivative; that row is not identified
+    within       by (state, name): known bounds of the coefficient of ``name`` in the row of ``state``
+    held_out     share of the samples, the last ones, that serve only for validation
 
-    The set's bounds are guaranteed for the stated noise and slope, inputs that are known and held, and a linear plant without
-    disturbance. Raises InputError for wrong data, and where no plant explains them within the bounds.
+    The set's bounds are guaranteed for the given noise and slope, known and held inputs, and a linear plant without disturbance.
+    Raises InputError for wrong data, and if no plant explains them within the bounds.
     """
     recording = data if isinstance(data, Recording) else read_csv(data, inputs, outputs, time)
     names = recording.output_names
     noise, slope = _bounds("noise", noise, names), _bounds("slope", slope, names)
     if (noise is None) != (slope is None):
         given, lacking = ("noise", "slope") if slope is None else ("slope", "noise")
-        raise InputError.of(lacking, f"is needed beside {given}: the known set rests on both")
+        raise InputError.of(lacking, f"is needed beside {given}: the known set depends on both")
     share = validate.number("held_out", held_out)
     if not 0 <= share <= 0.9:
         raise InputError.of("held_out", f"must be from 0 to 0.9, got {share:g}")
     p = len(names) + len(recording.input_names)
     trained = len(recording.times) - int(share * len(recording.times))
-    if len(recording.times) - trained < LEAST_SAMPLES:  # too few to try the plant on
+    if len(recording.times) - trained < LEAST_SAMPLES:  # too few for validation
         trained = len(recording.times)
     if trained - 1 < LEAST_ROWS * p:
         raise InputError(f"{trained} samples are too few for {p} coefficients in a row: give at least {LEAST_ROWS * p + 1}")
@@ -202,7 +233,10 @@ def _row(train: Recording, i: int, noise: Any, slope: Any, fixed: Array | None, 
                 f"{every.factor(fixed):.3g} times larger"
             )
         return Row(name, fixed)
-    estimate, interval, regressors = _least_squares(train, i)
+    known = np.full(train.outputs.shape[1] + train.inputs.shape[1], np.nan)
+    if limits is not None:
+        known = np.where(limits[:, 0] == limits[:, 1], limits[:, 0], np.nan)
+    estimate, interval, regressors, left = _least_squares(train, i, known)
     if every is None:
         return Row(name, estimate, estimate, interval, None, _blind(regressors))
     enclosure = enclose(every, limits)
@@ -213,9 +247,18 @@ def _row(train: Recording, i: int, noise: Any, slope: Any, fixed: Array | None, 
         )
     inside = ((enclosure.lower <= estimate) & (estimate <= enclosure.upper)).all()
     bounded = np.isfinite(enclosure.lower) & np.isfinite(enclosure.upper)
-    middle = estimate.copy()
-    middle[bounded] = enclosure.lower[bounded] / 2 + enclosure.upper[bounded] / 2
-    return Row(name, estimate if inside else middle, estimate, interval, enclosure, _unexcited(every, bounded))
+    nominal = estimate if inside else _within_set(regressors, left, enclosure)
+    return Row(name, nominal, estimate, interval, enclosure, _unexcited(every, bounded))
+
+
+def _within_set(Q: Array, left: Array, enclosure: Enclosure) -> Array:
+    """The least squares of left - Q a over the box of the known set."""
+    free, scale = enclosure.lower < enclosure.upper, np.maximum(np.abs(Q).max(axis=0), 1e-300)
+    a = enclosure.lower.copy()
+    bounds = (enclosure.lower[free] * scale[free], enclosure.upper[free] * scale[free])
+    found = optimize.lsq_linear(Q[:, free] / scale[free], left - Q[:, ~free] @ a[~free], bounds).x
+    a[free] = np.clip(found / scale[free], enclosure.lower[free], enclosure.upper[free])
+    return a
 
 
 def windows_of(recording: Recording, i: int, noise: Mapping[str, float], slope: Mapping[str, float]) -> Windows:
@@ -245,31 +288,34 @@ def _lengths(steps: int) -> list[int]:
     return [2**k for k in range(max(steps // 2, 1).bit_length())]
 
 
-def _least_squares(train: Recording, i: int) -> tuple[Array, Array, Array]:
-    """Coefficients, their intervals, and the regressors, over windows side by side of the length with the narrowest intervals."""
+def _least_squares(train: Recording, i: int, known: Array) -> tuple[Array, Array, Array, Array]:
+    """Coefficients, their intervals, the regressors and the left sides, over consecutive windows of the length with the narrowest
+    intervals. Coefficients that are ``known`` (not NaN) keep their value."""
     t, x, u = train.times, train.outputs, train.inputs
     h = np.diff(t)[:, None]
     terms = np.column_stack([h * (x[:-1] + x[1:]) / 2, h * u[:-1]])
     sums = np.vstack([np.zeros(terms.shape[1]), np.cumsum(terms, axis=0)])
-    p, best = terms.shape[1], None
+    p, best, free = terms.shape[1], None, np.isnan(known)
+    given, count = np.where(free, 0.0, known), int(free.sum())
     for steps in _lengths(len(h)):
         ends = np.arange(0, len(t), steps)
         Q, left = np.diff(sums[ends], axis=0), np.diff(x[ends, i])
         if len(Q) < LEAST_ROWS * p:
             break
-        a = np.linalg.lstsq(Q, left, rcond=None)[0]
-        variance = float(np.sum((left - Q @ a) ** 2)) / (len(Q) - p)
-        spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(Q.T @ Q)), 0.0) * variance)
+        a, spread = given.copy(), np.zeros(p)
+        a[free] = np.linalg.lstsq(Q[:, free], left - Q @ given, rcond=None)[0]
+        variance = float(np.sum((left - Q @ a) ** 2)) / (len(Q) - count)
+        spread[free] = np.sqrt(np.maximum(np.diag(np.linalg.pinv(Q[:, free].T @ Q[:, free])), 0.0) * variance)
         width = float(np.linalg.norm(spread * np.abs(np.column_stack([x, u])).max(axis=0)))
         if best is None or width < best[0]:
-            reach = stats.t.ppf(0.5 + CONFIDENCE / 2, len(Q) - p) * spread
-            best = (width, a, np.column_stack([a - reach, a + reach]), Q)
-    assert best is not None  # a window of one step has rows enough: see identify
+            reach = stats.t.ppf(0.5 + CONFIDENCE / 2, len(Q) - count) * spread
+            best = (width, a, np.column_stack([a - reach, a + reach]), Q, left)
+    assert best is not None  # one-step windows give enough rows: see identify
     return best[1:]
 
 
 def _blind(Q: Array) -> tuple[Array, ...]:
-    """Directions in which the regressors do not move at all, to rounding."""
+    """Directions in which the regressors do not move at all, up to rounding."""
     size = np.maximum(np.abs(Q).max(axis=0), 1e-300)
     _, values, directions = np.linalg.svd(Q / size, full_matrices=False)
     return tuple(
@@ -278,7 +324,7 @@ def _blind(Q: Array) -> tuple[Array, ...]:
 
 
 def _unexcited(windows: Windows, bounded: Array) -> tuple[Array, ...]:
-    """Directions whose regressor stays within its error in every window; asked for where the set is unbounded."""
+    """Directions whose regressor stays within its error in every window; used if the set is unbounded."""
     if bounded.all():
         return ()
     size = np.maximum(np.abs(windows.Q).max(axis=0), 1e-300)
@@ -289,7 +335,7 @@ def _unexcited(windows: Windows, bounded: Array) -> tuple[Array, ...]:
 
 
 def _validated(recording: Recording, rows: tuple[Row, ...], noise: Any, slope: Any, trained: int) -> Identification:
-    """With what the nominal plant is worth on the held-out samples."""
+    """The identification with the nominal plant's results on the validation samples."""
     names, n = recording.output_names, len(rows)
     rest = recording if trained == len(recording.times) else recording.part(trained, len(recording.times))
     A, B = np.array([row.nominal[:n] for row in rows]), np.array([row.nominal[n:] for row in rows])
@@ -313,7 +359,7 @@ def _bounds(field: str, given: Mapping[str, float] | None, names: Sequence[str])
     if given is None:
         return None
     if unknown := [name for name in given if name not in names]:
-        raise InputError.of(field, f"names {validate.show(unknown[0])}, which is no output{validate.hint(unknown[0], names)}")
+        raise InputError.of(field, f"names {validate.show(unknown[0])}, which is not an output{validate.hint(unknown[0], names)}")
     found = {}
     for name in names:
         if name not in given:
@@ -325,7 +371,7 @@ def _bounds(field: str, given: Mapping[str, float] | None, names: Sequence[str])
 
 
 def _require_slopes(recording: Recording, noise: Mapping[str, float], slope: Mapping[str, float]) -> None:
-    """InputError where two samples are further apart than noise and slope allow."""
+    """InputError if two samples differ by more than noise and slope allow."""
     for i, name in enumerate(recording.output_names):
         moved, h = np.abs(np.diff(recording.outputs[:, i])), np.diff(recording.times)
         allowed = (slope[name] * h + 2 * noise[name]) * (1 + 1e-9) + 1e-12 * np.abs(recording.outputs[:-1, i])
@@ -343,7 +389,9 @@ def _given_rows(derivatives: Mapping[str, str], names: Sequence[str], p: int) ->
     for state, rate in derivatives.items():
         for name in (state, rate):
             if name not in names:
-                raise InputError.of("derivatives", f"names {validate.show(name)}, which is no output{validate.hint(name, names)}")
+                raise InputError.of(
+                    "derivatives", f"names {validate.show(name)}, which is not an output{validate.hint(name, names)}"
+                )
         rows[state] = np.zeros(p)
         rows[state][list(names).index(rate)] = 1.0
     return rows
@@ -354,7 +402,7 @@ def _within(given: Mapping[tuple[str, str], tuple[float, float]], recording: Rec
     found: dict[str, Array] = {}
     for (state, name), ends in given.items():
         if state not in recording.output_names or name not in names:
-            raise InputError.of("within", f"names {validate.show(f'{state}.{name}')}, which is no coefficient")
+            raise InputError.of("within", f"names {validate.show(f'{state}.{name}')}, which is not a coefficient")
         low, high = validate.vector(f"within of {state}.{name}", ends, 2)
         if low > high:
             raise InputError.of(f"within of {state}.{name}", f"must begin with its lower end, got {low:g} and {high:g}")
@@ -364,6 +412,6 @@ def _within(given: Mapping[tuple[str, str], tuple[float, float]], recording: Rec
 
 
 def _require_affordable(n: int, p: int) -> None:
-    """InputError where the programmes of so many states are beyond the budget."""
+    """InputError if the linear programmes for this number of states exceed the budget."""
     each = 2.0 ** min(n, 6) * (2 * p + 1) * n * MOST_WINDOWS * 8
     budget.require("outputs", n, lambda count: WINDOW.times(each * count / n / 50), what="identifying so many states")

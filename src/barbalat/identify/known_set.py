@@ -1,21 +1,21 @@
-"""Set membership: every row of coefficients that explains the data within bounds of their errors, enclosed by linear programmes.
+"""Set membership: all rows of coefficients that explain the data within error bounds, enclosed by linear programmes.
 
-Over a window of samples the plant x' = A x + B u with held inputs says, row by row,
+Over a window of samples the plant x' = A x + B u with held inputs gives, row by row,
 
     x_i(end) - x_i(start) = sum_j A_ij (integral of x_j) + sum_l B_il (integral of u_l).
 
-What is known of both sides are the measurements: |y - x| <= nu makes the left side known to 2 nu_i, and the trapezoidal sum of
-y_j is the integral of x_j to E_j = sum over the steps of h nu_j + L_j h^2 / 4, the second from |x_j'| <= L_j. A row a explains a
-window if
+Both sides are known from the measurements: |y - x| <= nu gives the left side within 2 nu_i, and the trapezoidal sum of y_j is the
+integral of x_j within E_j = sum over the steps of h nu_j + L_j h^2 / 4, where the second term follows from |x_j'| <= L_j. A row a
+explains a window if
 
     |dy - Q a| <= 2 nu_i + sum_j E_j |a_j|,
 
 which is exact for errors anywhere in their box. That set is not convex, but it is a polyhedron in each orthant of the
-coefficients whose regressors have an error: linear programmes give its extreme values there. Beyond ``MOST_ORTHANTS`` such
-coefficients |a_j| is replaced by its chord over an interval that contains a_j, which gives a convex set that contains the exact
-one.
+coefficients whose regressors have an error, where linear programmes give its extreme values. With more than ``MOST_ORTHANTS``
+such coefficients, |a_j| is replaced by its chord over an interval that contains a_j, which gives a convex set that contains the
+exact one.
 
-Every bound is one of weak duality, rounded outward: what the solver returns are multipliers, which need not be right.
+Every bound is by weak duality, rounded outward: the solver's results are only multipliers, which need not be right.
 """
 
 from __future__ import annotations
@@ -29,16 +29,16 @@ from scipy.optimize import linprog
 from barbalat.validate import Array, InputError
 
 MOST_ORTHANTS = 6
-"""Coefficients of noisy regressors up to which the set is searched orthant by orthant: 2^6 of them."""
+"""Number of coefficients of noisy regressors up to which the set is searched orthant by orthant: 2^6 of them."""
 EPS = float(np.finfo(float).eps)
 SLACK = 1e-9
-"""Of a window's error bound: programmes are solved a little wider than they are, so that rounding leaves them feasible."""
+"""Share of a window's error bound by which programmes are widened, so that rounding leaves them feasible."""
 CHORD_PASSES = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """What is known of windows of the data, for one row: |left - Q a| <= left_error + Q_error |a|.
+    """The bounds from windows of the data, for one row: |left - Q a| <= left_error + Q_error |a|.
 
     left (K,), Q (K, p), left_error (K,), Q_error (K, p), all errors at least what they are with rounding
     """
@@ -50,7 +50,7 @@ class Windows:
 
     @property
     def noisy(self) -> Array:
-        """(p,) which coefficients multiply a regressor with an error of more than rounding."""
+        """(p,) which coefficients multiply a regressor with an error above rounding."""
         return (self.Q_error > 1e-9 * np.abs(self.Q).max(axis=0, initial=0.0)).any(axis=0)
 
     def explained_by(self, a: Array) -> Array:
@@ -58,13 +58,13 @@ class Windows:
         return np.abs(self.left - self.Q @ a) <= self.left_error + self.Q_error @ np.abs(a)
 
     def factor(self, a: Array) -> float:
-        """By how much the error bounds would have to be multiplied for a row to explain all windows."""
+        """The factor by which the error bounds would have to be multiplied for a row to explain all windows."""
         return float((np.abs(self.left - self.Q @ a) / (self.left_error + self.Q_error @ np.abs(a))).max())
 
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
-    """lower, upper (p,): contain every row that explains the windows; infinite where none is bounded.
+    """(p,): contain every row that explains the windows; infinite if unbounded.
 
     exact    whether the orthants were searched, so that only the correlation of the coefficients is lost
     empty    proven: no row explains the windows
@@ -79,7 +79,7 @@ class Enclosure:
 def enclose(windows: Windows, within: Array | None = None) -> Enclosure:
     """Bounds of every coefficient over all rows that explain the windows.
 
-    within  (p, 2), bounds known beforehand, infinite where there is none
+    within  (p, 2), bounds known beforehand, infinite if there are none
     """
     p = windows.Q.shape[1]
     prior = np.column_stack([np.full(p, -np.inf), np.full(p, np.inf)]) if within is None else np.array(within, dtype=float)
@@ -94,7 +94,7 @@ def enclose(windows: Windows, within: Array | None = None) -> Enclosure:
 
 
 def _by_orthants(windows: Windows, prior: Array) -> Array | None:
-    """The hull over the orthants of the noisy coefficients; None where all are proven empty."""
+    """The hull over the orthants of the noisy coefficients; None if all are proven empty."""
     noisy = np.flatnonzero(windows.noisy)
     hull = None
     for signs in product((-1.0, 1.0), repeat=len(noisy)):
@@ -116,7 +116,7 @@ def _by_orthants(windows: Windows, prior: Array) -> Array | None:
 
 
 def _by_chords(windows: Windows, prior: Array) -> Array | None:
-    """The convex outer set, from a first box that the data or ``within`` give."""
+    """The convex outer set, from a first box given by the data or by ``within``."""
     bounds = prior.copy()
     if not np.isfinite(bounds[windows.noisy]).all():
         first = _first_box(windows)
@@ -144,7 +144,7 @@ def _first_box(windows: Windows) -> Array:
     """|a| <= box for every row that explains the windows, from a left inverse M: |a| <= |M left| + |M| (errors + Q_error |a|)."""
     M = np.linalg.pinv(windows.Q)
     p = windows.Q.shape[1]
-    rest = np.abs(np.eye(p) - M @ windows.Q) + 8 * EPS * len(M.T) * (np.abs(M) @ np.abs(windows.Q))  # M is no inverse exactly
+    rest = np.abs(np.eye(p) - M @ windows.Q) + 8 * EPS * len(M.T) * (np.abs(M) @ np.abs(windows.Q))  # M is not exactly an inverse
     beta = (np.abs(M @ windows.left) + np.abs(M) @ (windows.left_error + 8 * EPS * len(M.T) * np.abs(windows.left))) * (1 + 1e-9)
     box = _self_bounded(beta, rest + np.abs(M) @ windows.Q_error * (1 + 1e-9))
     if box is None:
@@ -156,7 +156,7 @@ def _first_box(windows: Windows) -> Array:
 
 
 def _self_bounded(beta: Array, R: Array) -> Array | None:
-    """A box with |a| <= box for every a with |a| <= beta + R |a|; None where the spectral radius of R is not proven below 1."""
+    """A box with |a| <= box for every a with |a| <= beta + R |a|; None if the spectral radius of R is not proven below 1."""
     with np.errstate(all="ignore"):
         box = np.linalg.solve(np.eye(len(beta)) - R, beta + 1e-300) * (1 + 1e-9) if np.isfinite(R).all() else beta
     if not np.isfinite(box).all() or not (box > 0).all():
@@ -166,9 +166,9 @@ def _self_bounded(beta: Array, R: Array) -> Array | None:
 
 
 def _polyhedron(windows: Windows, bounds: Array, slope: Array, offset: Array) -> Array | None:
-    """(p, 2) bounds of {a within bounds: |left - Q a| <= left_error + Q_error (slope a + offset)}; None where proven empty.
+    """(p, 2) bounds of {a within bounds: |left - Q a| <= left_error + Q_error (slope a + offset)}; None if proven empty.
 
-    For coefficients that are not noisy |a| is bounded as |Q_error| is rounding: it is covered by the slack, which is far larger.
+    For coefficients that are not noisy Q_error is rounding, and its effect is covered by the far larger slack.
     """
     noisy = windows.noisy
     E = np.where(noisy, windows.Q_error, 0.0)

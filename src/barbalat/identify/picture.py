@@ -1,4 +1,4 @@
-"""The picture of an identification: what was measured, what the nominal plant does on the held-out samples, and what is left."""
+"""The plot of an identification: the measurements, the nominal plant on the validation samples, and the residuals."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from barbalat.pictures.theme import NARROW, WIDE, Theme, dash_of, new_figure
 
 
 def draw(found: Identification, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """A row of panels for each state: its measurements with the simulation over the held-out samples, and their difference."""
+    """A row of panels for each state: its measurements with the simulation over the validation samples, and their difference."""
     data, theme = found.recording, Theme.current()
     n, held = len(data.output_names), len(found.predicted)
     start = len(data.times) - held

@@ -1,4 +1,4 @@
-"""A recording to identify from: times, held inputs and measured states, read from a CSV file."""
+"""A recording for identification: times, held inputs and measured states, read from a CSV file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from barbalat.reading import contents
 from barbalat.validate import Array, InputError
 
 TEXT_BYTE = Estimate(memory=40.0, seconds=2e-7)
-"""A byte of a CSV file: its text, its cells, its numbers."""
+"""The cost of a byte of a CSV file: its text, its cells, its numbers."""
 LEAST_SAMPLES = 8
 
 
@@ -54,7 +54,7 @@ class Recording:
 def read_csv(file: str | Path, inputs: Sequence[str], outputs: Sequence[str], time: str | None = None) -> Recording:
     """The columns of these names; the time is the column ``time``, by default t or time.
 
-    Raises InputError that names the file and the column or line.
+    Raises InputError with the file and the column or line.
     """
     path = validate.local_path("the data file", file)
     try:

@@ -1,1 +1,1 @@
-"""The one judge of every run: what its signals say of following, shaking, saturating and being lost."""
+"""The judge of every run: from its signals it decides whether the run follows, oscillates, saturates or is lost."""

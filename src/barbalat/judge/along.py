@@ -1,4 +1,4 @@
-"""The judge beside what is no loop of ours: its list over signals that were recorded elsewhere, in flight or on a test bench."""
+"""The judge for signals that were recorded elsewhere, in flight or on a test bench, and not by a loop of this package."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from barbalat.validate import Array
 
 
 def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None = None, renewed: bool = False) -> Array:
-    """The memory (rows,) after K samples, each of whose entries is (K, size).
+    """The memory (rows,) after K samples, each entry of which is (K, size).
 
-    start    the memory before them; by default as it begins
-    renewed  whether what is kept of a tail begins anew with these samples
+    start    the memory before them; by default its initial value
+    renewed  whether the parts for the tail restart with these samples
     """
     sizes = tuple(np.asarray(part).reshape(len(samples.y), -1).shape[1] for part in samples)
     kernel = _kernel(memory, sizes, tuple(np.asarray(ranges, dtype=float).tolist()))
@@ -33,9 +33,9 @@ def along(memory: Memory, samples: Sample, ranges: Array, *, start: Array | None
     return state
 
 
-@lru_cache(maxsize=16)  # the flights of a vehicle have one
+@lru_cache(maxsize=16)  # all flights of a vehicle share it
 def _kernel(memory: Memory, sizes: tuple[int, ...], ranges: tuple[float, ...]) -> Kernel:
-    """The list as machine code, for rows of the parts of a sample with these sizes."""
+    """The list as machine code, for rows that contain the parts of a sample with these sizes."""
     import casadi as ca
 
     row_column, row = symbols("row", sum(sizes))

@@ -1,4 +1,4 @@
-"""The judge's list behind the operations of a kernel's step: it reads what these have computed and changes no bit of it."""
+"""The judge's list, appended to the operations of a kernel's step: it reads their results and changes no bit of them."""
 
 from __future__ import annotations
 
@@ -18,18 +18,21 @@ if TYPE_CHECKING:
     import casadi as ca
 
 STATE, MEMORY, PARAMETERS, SIGNALS, PAST, NOISE, ERROR, DEMAND = range(8)
-"""Arguments of the judge's list: those of a step, with the memory for its accumulators, and what the step computes anyway."""
+"""Arguments of the judge's list: those of a step, with the memory in place of its accumulators, and values that the step
+computes anyway."""
 ARRIVED = 1e-3
-"""Of a control's range: so near to its limit a rate limiter has brought it there, which it approaches as an exponential does."""
+"""Share of a control's range: this close to its limit a rate limiter counts as arrived, since it approaches the limit
+exponentially."""
 
 
 class Given(NamedTuple):
-    """What a kernel's step hands the judge beside states and signals.
+    """The values that a kernel's step gives to the judge in addition to states and signals.
 
-    errors, demands  places of e and of u among the step's operations
-    pieces           whether a step may come in pieces; a row of signals then ends with three numbers, the piece's length first
+    errors, demands  positions of e and of u among the step's operations
+    pieces           whether a step may be divided into pieces; a row of signals then ends with three numbers, the piece's length
+                     first
     dt               the step's length [s], or a symbol
-    parameters       CasADi's column of the symbols in the loop, or None
+    parameters       CasADi's column of the loop's symbols, or None
     """
 
     errors: tuple[int, ...]
@@ -42,7 +45,7 @@ class Given(NamedTuple):
 
 @dataclass(frozen=True)
 class Watched:
-    """What is kept of a run, as far as the loop does not say; see ``Memory``."""
+    """The quantities that are kept of a run, apart from those that depend on the loop; see ``Memory``."""
 
     hysteresis: float
     weighed: bool = False
@@ -52,7 +55,7 @@ class Watched:
     settles: float = 0.05
 
     def memory(self, loop: ClosedLoop) -> Memory:
-        """What is kept of this loop."""
+        """The memory for this loop."""
         return Memory(
             components=loop.errors,
             inputs=loop.inputs,
@@ -64,7 +67,7 @@ class Watched:
 
 
 def sample_of(loop: ClosedLoop, flat: Value, signals: Value, dt: Value, u: Value, e: Value, steps: Value) -> Sample:
-    """What the judge sees of a loop's state and of what drives it; u and e are computed already."""
+    """The judge's sample of a loop's state and of the signals that drive it; u and e are already computed."""
     state, given = loop.unpack(flat), loop.signals.named(signals)
     limited, at_limit, at_rate_limit = [], [], []
     for i, path in enumerate(loop.paths):
@@ -78,7 +81,7 @@ def sample_of(loop: ClosedLoop, flat: Value, signals: Value, dt: Value, u: Value
             actual = state.input[i].limited[0]
             behind = np.abs(asked - actual)
             held_back = np.where(behind >= path.rate_limit * dt, 1.0, 0.0)
-            if path.saturation is not None:  # on its way to the limit it is at the rate limit alone
+            if path.saturation is not None:  # on its way to the limit only the rate limit is active
                 beyond = beyond * np.where(behind <= ARRIVED * (high - low), 1.0, 0.0)
             asked = actual
         limited.append(asked)
@@ -98,7 +101,7 @@ def sample_of(loop: ClosedLoop, flat: Value, signals: Value, dt: Value, u: Value
 
 
 def ranges_of(loop: ClosedLoop) -> Value:
-    """(m,) upper - lower of each input's limits; 1 where there are none."""
+    """(m,) upper - lower of each input's limits; 1 without limits."""
     limits = [None if path is None else path.saturation for path in loop.paths]
     return _together([1.0 if found is None else found[1] - found[0] for found in limits])
 
@@ -129,7 +132,7 @@ def update_function(loop: ClosedLoop, memory: Memory, given: Given) -> ca.Functi
 
 
 def joined(step: Program, loop: ClosedLoop, memory: Memory, given: Given) -> Program:
-    """The step with the memory behind its states: all its own operations in their order, then the judge's."""
+    """The step with the memory appended to its states: all its own operations in their order, followed by the judge's."""
     judge = optimize(read(update_function(loop, memory, given)), fused=False)
     first = len(step.outputs[0])
 
@@ -146,7 +149,7 @@ def joined(step: Program, loop: ClosedLoop, memory: Memory, given: Given) -> Pro
 
 
 def unchanged(sample: Program, states: int, rows: int) -> Program:
-    """What a sampled controller does before a step, which leaves the memory behind the states as it is."""
+    """The operations of a sampled controller before a step, which leave the memory after the states unchanged."""
     count = len(sample.operations)
     inputs = tuple(Operation("input", source=(STATE, states + i)) for i in range(rows))
     (state,) = sample.outputs

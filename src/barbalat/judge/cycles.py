@@ -1,4 +1,5 @@
-"""Which runs are limit cycles: suspects by the reversals of their controls, then by windows of the run with everything held."""
+"""Detection of limit cycles: suspects are found by the reversals of their controls, and decided by continuing the run with all
+signals held."""
 
 from __future__ import annotations
 
@@ -10,41 +11,43 @@ from barbalat.judge.held import Held
 from barbalat.validate import Array
 
 FEWEST_REVERSALS = 2
-"""In the tail: a suspect reverses more often, one and a half periods at least."""
+"""In the tail: a suspect reverses more often than this, which is at least one and a half periods."""
 TURNS_EXPLAIN = 2
-"""Reversals, for each turn of the commands and disturbances; and of a control's way, as a multiple of its range, for theirs."""
+"""Reversals that are explained by each turn of the commands and disturbances; also the ratio of the control's path to theirs,
+each as a multiple of its range."""
 LIMITED_SHARE = 0.25
-"""Of the tail: a control that is for longer at a limit, or at a limited rate, answers to that and not to the command."""
+"""Share of the tail: a control that is at a limit, or at a limited rate, for longer responds to that and not to the command."""
 SLOWEST_PERIODS = 3.0
-"""A window of a continuation lasts so many periods of the model's slowest mode, as far as the run is not shorter."""
+"""A window of a continuation has this many periods of the model's slowest mode, unless the run is shorter."""
 FEWEST_CYCLES = 4.0
-"""And at least so many of the periods that were seen in the tail."""
+"""It also has at least this many of the periods seen in the tail."""
 LONGEST_SHARE = 0.5
-"""Of the run, that a window has at most, so that a continuation stays below MOST_WINDOWS halves of it."""
+"""Share of the run that a window has at most, so that a continuation takes less than MOST_WINDOWS halves of it."""
 KEPT_SHARE = 0.8
-"""What of the swing of one window the next one keeps in a limit cycle."""
+"""In a limit cycle, a window keeps at least this share of the previous window's swing."""
 STEADY_SHARE = 0.02
-"""A swing that changes by less from window to window is decided; what decays or grows faster is looked at for longer."""
+"""A swing that changes by less between windows is decided; one that decays or grows faster is continued."""
 LEVELLING_SHARE = 0.5
-"""What of a window's change the next one has at most, where a swing is on its way to a limit cycle's."""
+"""Largest ratio of successive changes between windows for a swing that converges to a limit cycle's."""
 FEWEST_WINDOWS = 3
-"""The first shows what holding the command does, the other two are compared."""
+"""The first shows the effect of holding the command, the other two are compared."""
 FIRST_PIECES = 3
-"""Of the first window: a run whose control is quiet in all but the first piece, and not less so in the last, needs no other."""
+"""Pieces of the first window: a run whose control is quiet in all pieces but the first, and as quiet in the last, needs no
+other window."""
 MOST_WINDOWS = 7
 
 
 def suspects(reversals: Array) -> Array:
-    """(M,) which members reverse a control too often in the tail; ``reversals`` (M, m) there."""
+    """(M,) whether a member reverses a control too often in the tail; ``reversals`` (M, m) there."""
     return np.asarray((reversals > FEWEST_REVERSALS).any(axis=1))
 
 
 def explained(reversals: Array, swings: Array, limited: Array, held: Held) -> Array:
-    """(M,) of which members what drives them explains the reversals, as far as counts can tell, if they follow.
+    """(M,) whether the driving signals explain a member's reversals, as far as counts show, if the member follows.
 
-    No control reverses more often than twice for each turn of the commands and disturbances, its way from turn to turn is not
-    longer than twice theirs, and none is at its limits for long: ``reversals``, ``swings`` and ``limited``, the share of the
-    tail, are (M, m). A cycle that is smaller, or slower, than what the command makes of the control may hide in that.
+    It requires that no control reverses more than twice for each turn of the commands and disturbances, that its path between
+    turns is at most twice theirs, and that no control is at its limits for long: ``reversals``, ``swings`` and ``limited``, the
+    share of the tail, are (M, m). A cycle that is smaller or slower than the control's response to the command may remain hidden.
     """
     often = reversals > FEWEST_REVERSALS + TURNS_EXPLAIN * held.turns
     far = swings > FEWEST_REVERSALS + TURNS_EXPLAIN * held.swings
@@ -52,9 +55,10 @@ def explained(reversals: Array, swings: Array, limited: Array, held: Held) -> Ar
 
 
 def window(slowest: float, tail: float, reversals: float, t_end: float) -> float:
-    """The length of a window [s]; ``slowest`` is the model's slowest period [s], ``reversals`` are those of the ``tail`` [s].
+    """The length of a window [s]; ``slowest`` is the model's slowest period [s], ``reversals`` is their number in the ``tail``
+    [s].
 
-    As long as it may be where neither says anything.
+    The maximum length if neither gives a period.
     """
     seen = FEWEST_CYCLES * 2 * tail / reversals if reversals > 0 else 0.0
     longest = LONGEST_SHARE * t_end
@@ -62,21 +66,23 @@ def window(slowest: float, tail: float, reversals: float, t_end: float) -> float
 
 
 def slowest_period(A: Array) -> float:
-    """Of x' = A x [s], by the smallest |eigenvalue| that is not 0; 0 where there is none."""
+    """The slowest period of x' = A x [s], from the smallest nonzero |eigenvalue|; 0 if there is none."""
     rates = np.abs(np.linalg.eigvals(A)) if A.size else np.zeros(0)
     rates = rates[rates > 0]
     return float(2 * np.pi / rates.min()) if len(rates) else 0.0
 
 
 def enough_windows(reversals: float) -> int:
-    """How many windows hold FEWEST_CYCLES periods of a cycle with so many ``reversals`` in each, two at least."""
+    """The number of windows that contain FEWEST_CYCLES periods of a cycle with this number of ``reversals`` in each window, at
+    least two."""
     return int(np.ceil(2 * FEWEST_CYCLES / reversals))
 
 
 def frequency_of(t: Array, v: Array) -> float:
-    """Of a cycle's control [rad/s] at K instants [s]: how often it passes from below a quarter of its swing to above three.
+    """The frequency of a cycle's control [rad/s] from K instants [s]: it counts passes from below a quarter of the swing to above
+    three quarters.
 
-    Waves of its own within the swing, as van der Pol's control has them, are not counted. 0 where it passes less than twice.
+    Smaller waves within the swing, as in a van der Pol oscillation, are not counted. 0 for less than two passes.
     """
     low, swing = float(v.min()), float(np.ptp(v))
     side = np.where(v > low + 0.75 * swing, 1, np.where(v < low + 0.25 * swing, -1, 0))
@@ -86,10 +92,10 @@ def frequency_of(t: Array, v: Array) -> float:
 
 
 def quiet(swing: Array, band: Array) -> Array:
-    """(M,) which runs rest by the pieces of their first window: ``swing`` (FIRST_PIECES, M, m), ``band`` (M, m).
+    """(M,) which runs are at rest, judged by the pieces of their first window: ``swing`` (FIRST_PIECES, M, m), ``band`` (M, m).
 
-    A control that stays in its band all that time, which is two periods of the model's slowest mode unless the run is shorter,
-    swings for ever only with a period that is several times as long.
+    A control that stays in its band for all that time, which is two periods of the model's slowest mode unless the run is
+    shorter, could only oscillate with a period several times as long.
     """
     with np.errstate(invalid="ignore"):
         return np.asarray(((swing[1:] <= band).all(axis=0) & (swing[-1] <= swing[-2])).all(axis=1))
@@ -97,11 +103,11 @@ def quiet(swing: Array, band: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """What K windows of a continuation showed, K >= 3, of M members with m inputs.
+    """The observations in K windows of a continuation, K >= 3, for M members with m inputs.
 
-    swing      (K, M, m) peak to peak of the limited control
+    swing      (K, M, m) peak-to-peak value of the limited control
     reversals  (K, M, m)
-    lost       (M,) whether a member diverged in them
+    lost       (M,) whether a member diverged
     """
 
     swing: Array
@@ -109,11 +115,11 @@ class Windows:
     lost: Array
 
     def cycling(self, band: Array) -> Array:
-        """(M, m) which controls swing for ever; ``band`` (M, m) is the least swing.
+        """(M, m) which controls oscillate without decay; ``band`` (M, m) is the smallest swing that counts.
 
-        The last window keeps KEPT_SHARE of the one before, or the other way round. Where the two still differ, the change must
-        be on its way to nothing, or have turned round: what is faintly damped, or diverges slowly, changes by the same factor
-        again and again.
+        The last window keeps KEPT_SHARE of the previous one's swing, or vice versa. If the two still differ, the change must be
+        decreasing or have changed its sign: lightly damped or slowly diverging oscillations change by the same factor again and
+        again.
         """
         earlier, before, last = self.swing[-3:]
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -123,19 +129,19 @@ class Windows:
         return np.asarray(lasting & self._swings(band))
 
     def growing(self, band: Array) -> Array:
-        """(M,) which swing more in each window than in the one before, or diverged: nothing ends the oscillation as far as it was
-        looked at, though it is no limit cycle yet."""
+        """(M,) which members oscillate more in each window than in the previous one, or diverged: the oscillation had no
+        visible end, but is not yet a limit cycle."""
         earlier, before, last = self.swing[-3:]
         rising = (last > before) & (before > earlier) & self._swings(band)
         return np.asarray(rising.any(axis=1) | self.lost)
 
     def decided(self, band: Array) -> Array:
-        """(M,) which members need no further window: they rest, swing steadily, or are lost."""
+        """(M,) which members need no further window: they are at rest, oscillate steadily, or are lost."""
         before, last = self.swing[-2:]
         with np.errstate(invalid="ignore"):
             steady = np.abs(last - before) <= STEADY_SHARE * last
         return np.asarray((steady | ~self._swings(band)).all(axis=1) | self.lost)
 
     def _swings(self, band: Array) -> Array:
-        """A drift has a swing, but does not turn back."""
+        """A drift has a swing, but does not reverse."""
         return np.asarray((self.swing[-1] > band) & (self.reversals[-1] >= 2) & ~self.lost[:, None])

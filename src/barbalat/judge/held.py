@@ -1,4 +1,4 @@
-"""What commands and disturbances do in a run's tail, and at which values they are held when a suspect is looked at closely."""
+"""The commands and disturbances in a run's tail, and the values at which they are held while a suspect is examined."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from barbalat.signals.smooth import Clock
 from barbalat.validate import Array
 
 INSTANTS = 2**14
-"""Of the tail, at which the signals are looked at."""
+"""Number of instants of the tail at which the signals are evaluated."""
 RIPPLE = 0.025
-"""Of a signal's range in the tail: what moves to and fro by less is no turn of it, and explains no reversal of a control."""
+"""Share of a signal's range in the tail: smaller movements are no turn of it, and explain no reversal of a control."""
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
     """The signals of a run's tail.
 
-    values  (k,) of each signal where its magnitude is the largest there, with the sign; NaN for the time itself, which goes on
-    turns   how often they jump from rest, or turn back
-    swings  their way between these turns, each as a multiple of its range
+    values  (k,) the value of each signal where its magnitude is largest, with the sign; NaN for the time itself, which continues
+    turns   how often they jump or turn back
+    swings  their path between these turns, each as a multiple of its range
     """
 
     values: Array
@@ -33,13 +33,14 @@ class Held:
 
     @classmethod
     def of(cls, signals: Sequence[Signal], begin: float, end: float) -> Held:
-        """Held at their largest and not at their last values: a regressor that dies would end any cycle of adaptation."""
+        """The signals are held at their largest and not at their last values: a vanishing regressor would end any cycle of
+        adaptation."""
         t = np.linspace(begin, end, INSTANTS)
         return cls.along([None if isinstance(one, Clock) else np.asarray(one(t), dtype=float) for one in signals])
 
     @classmethod
     def along(cls, signals: Iterable[Array | None]) -> Held:
-        """Of signals by their values (K,) in the tail; None stands for the time itself."""
+        """From the values (K,) of signals in the tail; None stands for the time itself."""
         found, turns, swings = [], 0, 0.0
         for values in signals:
             if values is None:
@@ -52,23 +53,23 @@ class Held:
 
 
 def _turns(values: Array) -> tuple[int, float]:
-    """How often it jumps or turns back, and its way as a multiple of its range."""
+    """How often a signal jumps or turns back, and its path as a multiple of its range."""
     full = float(np.ptp(values))
     width = RIPPLE * full
     steps = np.diff(values)
     jumps = int(((np.abs(steps[1:]) > width) & (steps[:-1] == 0)).sum())
     moving = np.flatnonzero(steps)
     back = moving[1:][np.sign(steps[moving[1:]]) != np.sign(steps[moving[:-1]])]
-    extremes = values[[0, *back, len(values) - 1]]  # between two of them what follows with play goes one way, or rests
+    extremes = values[[0, *back, len(values) - 1]]  # between two of them the signal with backlash is monotonic
     moves = np.diff(_without_ripple(extremes.tolist(), 0.5 * width))
     ways = np.sign(moves[moves != 0])
     turns = int((ways[1:] != ways[:-1]).sum())
-    way = float(np.abs(moves).sum()) + width * turns  # the play takes its width of each turn
+    way = float(np.abs(moves).sum()) + width * turns  # the backlash takes its width from each turn
     return jumps + turns, way / full if full > 0 else 0.0
 
 
 def _without_ripple(values: list[float], half: float) -> list[float]:
-    """What follows the values with so much play on either side."""
+    """The output of a backlash of this half width driven by the values."""
 
     def followed(last: float, value: float) -> float:
         low, high = value - half, value + half

@@ -1,4 +1,4 @@
-"""From what the judge kept of M runs to their verdicts."""
+"""The verdicts on M runs, from the judge's memory of them."""
 
 from __future__ import annotations
 
@@ -13,44 +13,44 @@ from barbalat.judge.verdict import Class, Cycle, Figures, Response, Verdict
 from barbalat.validate import Array
 
 CLASSES = tuple(Class)
-"""By their numbers in ``Judged.kinds``; the first that holds is a run's."""
+"""The classes by their numbers in ``Judged.kinds``; a run has the first one that applies."""
 TIE = 1e-9
-"""Of components' errors against their bands: what differs by less differs by roundings."""
+"""Components whose errors relative to their bands differ by less count as equal, because the difference is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Kept:
-    """What the judge kept of M runs: (rows, M) before the tail and of the whole run."""
+    """The judge's memory of M runs: (rows, M) before the tail and for the whole run."""
 
     memory: Memory
     before_tail: Array
     whole: Array
 
     def of(self, name: str) -> Array:
-        """(M, entries) of the whole run, or of the tail where that has rows of its own."""
+        """(M, entries) for the whole run, or for the tail if it has its own rows."""
         return self.whole[self.memory.places[name]].T
 
     def in_tail(self, name: str) -> Array:
-        """(M, entries) how much a count has grown in the tail."""
+        """(M, entries) the increase of a count in the tail."""
         rows = self.memory.places[name]
         return np.asarray((self.whole[rows] - self.before_tail[rows]).T)
 
     @property
     def ranges(self) -> Array:
-        """(M, m) of each control, in whose shares swings are judged."""
+        """(M, m) range of each control, relative to which swings are judged."""
         return np.maximum(self.of("range"), self._roundings)
 
     @property
     def reversals(self) -> Array:
-        """(M, m) of the tail; none of a control that does not move but for roundings."""
+        """(M, m) reversals in the tail; 0 for a control that moves only by rounding."""
         return np.where(self.of("range") > self._roundings, self.in_tail("reversals"), 0.0)
 
     @property
     def swings(self) -> Array:
-        """(M, m) the control's way between its turns in the tail, as a multiple of its range, to within one.
+        """(M, m) path of the control between its turns in the tail, as a multiple of its range, with an error of at most one.
 
-        Along the direction of each turn, the farthest points of two that follow each other add up to the way between them. Where
-        the number of turns is odd, the middle of the range stands twice for the first and the last one.
+        In the direction of each turn, the farthest points of two successive turns add up to the path between them. If the number
+        of turns is odd, the middle of the range is used twice, for the first and the last one.
         """
         direction = self.before_tail[self.memory.places["direction"]].T
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -59,13 +59,13 @@ class Kept:
 
     @property
     def _roundings(self) -> Array:
-        """(M, m) of the whole run."""
+        """(M, m) size of rounding errors over the whole run."""
         extrema = [part[self.memory.places[name]] for part in (self.before_tail, self.whole) for name in ("low", "high")]
         magnitudes = np.abs(np.where(np.isfinite(extrema), extrema, 0.0))
         return np.asarray(LEAST_RANGE * magnitudes.max(axis=0).T)
 
     def of_inputs(self, name: str, which: tuple[bool, ...], *, in_tail: bool = False) -> Array:
-        """(M, m) of inputs that have it; 0 for the others."""
+        """(M, m) values for inputs that have this quantity; 0 for the others."""
         found = np.zeros((self.whole.shape[1], self.memory.inputs))
         found[:, np.flatnonzero(which)] = self.in_tail(name) if in_tail else self.of(name)
         return found
@@ -73,9 +73,9 @@ class Kept:
 
 @dataclass(frozen=True, eq=False)
 class Cycles:
-    """What became of suspects: (M, m) which controls cycle, their amplitudes and frequencies [rad/s]; (M,) who is a suspect, and
-    whose oscillation still grows where the windows end, which may be on its way to a limit cycle, or without one, and who is lost
-    in them."""
+    """The results for suspects: (M, m) which controls cycle, their amplitudes and frequencies [rad/s]; (M,) which members are
+    suspects, whose oscillation still grows at the end of the windows, with or without a limit cycle ahead, and which are lost
+    there."""
 
     which: Array
     amplitude: Array
@@ -96,9 +96,9 @@ class Judged:
 
     kinds          (M,) numbers of CLASSES
     error          (M, n) the tail's largest |e|, against ``bands``
-    at_limit       (M, m) shares of the time, and ``at_rate_limit``
-    lost_at        (M,) [s], NaN where it is not known or the run was not lost
-    lost_within    (M,) how much earlier that may have been [s]
+    at_limit       (M, n) the largest |e| of the tail, compared with ``bands``
+    lost_at        (M, m) shares of the time; likewise ``at_rate_limit``
+    lost_within    (M,) [s], NaN if it is unknown or the run was not lost
     dt, steps      of the runs
     """
 
@@ -152,7 +152,7 @@ class Judged:
 
     @classmethod
     def together(cls, parts: Sequence[Judged]) -> Judged:
-        """The verdicts on all members of these, which have one structure and one simulation."""
+        """The verdicts on all members of these parts, which share one structure and one simulation."""
         if len(parts) == 1:
             return parts[0]
         first = parts[0]
@@ -176,19 +176,19 @@ class Judged:
         return len(self.kinds)
 
     def count(self, kind: Class) -> int:
-        """Of how many runs this is the class."""
+        """The number of runs of this class."""
         return int((self.kinds == CLASSES.index(kind)).sum())
 
     @property
     def worst(self) -> Array:
-        """(M,) the component that is worst against its own band: the first of those that are equally bad but for roundings."""
+        """(M,) the component that is worst relative to its band: the first of those that are equal up to rounding."""
         with np.errstate(divide="ignore", invalid="ignore"):
             against = np.where(self.error > 0, self.error / self.bands.follows, 0.0)
         against = np.nan_to_num(against, nan=np.inf)
         return np.asarray((against >= (1 - TIE) * against.max(axis=1, keepdims=True)).argmax(axis=1))
 
     def verdict(self, i: int, settled: bool | None = None) -> Verdict:
-        """On one run."""
+        """The verdict on one run."""
         kind, component = CLASSES[self.kinds[i]], int(self.worst[i])
         lost_at, error = float(self.lost_at[i]), float(self.error[i, component])
         finite = np.isfinite(self.kept.whole[:, i]).all() if kind is Class.LOST else True
@@ -212,7 +212,7 @@ class Judged:
         )
 
     def _cycling(self, i: int) -> int:
-        """The input whose cycle is the largest against its range."""
+        """The input whose cycle is largest relative to its range."""
         share = np.where(self.cycles.which[i], self.cycles.amplitude[i] / self.kept.ranges[i], -1.0)
         return int(share.argmax())
 
@@ -234,7 +234,7 @@ class Judged:
         )
 
     def _responses(self, i: int) -> dict[str, Response]:
-        """Of the components that the command's steps move at all."""
+        """The responses of the components that the command's steps move."""
         found = {}
         for j, name in enumerate(self.bands.names):
             if not any(self.kept.memory.gains[j]):

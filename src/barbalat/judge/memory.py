@@ -1,7 +1,8 @@
-"""The judge's operation list: what it keeps of a run, and how one sample changes that. No run has to be recorded for it.
+"""The judge's operation list: the quantities that it keeps of a run, and their update by one sample. The run need not be
+recorded.
 
-The same lines are evaluated on CasADi's arrays, from which kernels, C and pages are printed, and on NumPy's. The memory is a flat
-vector whose rows are named; it holds extrema, counts and sums, so that the verdict follows from it and from nothing else.
+The same lines are evaluated on CasADi's arrays, from which kernels, C and pages are generated, and on NumPy's. The memory is a
+flat vector with named rows; it contains extrema, counts and sums, and the verdict follows from it alone.
 """
 
 from __future__ import annotations
@@ -17,23 +18,23 @@ import numpy as np
 from barbalat.protocols import Value
 
 LEAST_RANGE = 1e-6
-"""A control without limits moves if it covers at least this part of its largest magnitude: below are roundings."""
+"""A control without limits counts as moving if it covers at least this share of its largest magnitude; less is rounding."""
 RISES_FROM, RISES_TO = 0.1, 0.9
-"""Between which shares of a step the rise time is counted, as in python-control's ``step_info``."""
+"""The shares of a step between which the rise time is measured, as in python-control's ``step_info``."""
 
 
 class Sample(NamedTuple):
-    """What the judge is handed at an instant; n components of the error, m inputs, q commands.
+    """The judge's input at an instant; n components of the error, m inputs, q commands.
 
-    y, y_m         (n,) what is to follow, x or the measured output, and the model's
+    y, y_m         (n,) the state x or the measured output, and the model's
     e              (n,) y - y_m
     u              (m,) the demand, before the limits
-    limited        (m,) what the limits leave of it
-    at_limit       (m,) 1 where the demand is at a limit or beyond it, and a limited rate has brought the control there, else 0;
-                   0 where there is none
-    at_rate_limit  (m,) 1 where the rate limit holds it back, else 0
+    limited        (m,) the demand after the limits
+    at_limit       (m,) 1 if the demand is at or beyond a limit and, with a rate limit, the control has arrived there, else 0; 0
+                   without limits
+    at_rate_limit  (m,) 1 if the rate limit is active, else 0
     r              (q,) the commands
-    steps          how long the sample stands for, in solver steps: 1, or less where a step comes in pieces
+    steps          the duration that the sample represents, in solver steps: 1, or less for a piece of a step
     """
 
     y: Value
@@ -48,7 +49,7 @@ class Sample(NamedTuple):
 
 
 class Begins(IntEnum):
-    """With what a quantity begins: with the run alone, with each window of a continuation too, or with its tail as well."""
+    """When a quantity restarts: only with the run, also with each window of a continuation, or also with its tail."""
 
     RUN = 0
     WINDOW = 1
@@ -58,8 +59,8 @@ class Begins(IntEnum):
 class Rows(NamedTuple):
     """A quantity in the memory.
 
-    begins   what it is before the first sample
-    renewed  with what it begins anew
+    begins   its value before the first sample
+    renewed  when it restarts
     """
 
     name: str
@@ -70,15 +71,15 @@ class Rows(NamedTuple):
 
 @dataclass(frozen=True)
 class Memory:
-    """What is kept of a loop with n components of e, m inputs and q commands.
+    """The memory for a loop with n components of e, m inputs and q commands.
 
-    limited     (m,) whether each input has limits, which are its range; else its range is what it has covered of the tail, or of
-                the run so far, and its largest magnitude there at least
-    hysteresis  a reversal counts when the control moves back by this share of its range
-    weighed     also the sum of the farthest points at which each control turned back, see ``Kept.swings``
-    detailed    also what sweeps do without: IAE, ITAE, the control's path, and the responses to steps of the command
-    gains       (n, q) at which the model's components come to rest at a command, where responses are wanted; else empty
-    bands       (n,) into which a response settles, NaN for the share ``settles`` of the model's largest motion so far
+    limited     (m,) whether each input has limits, which are then its range; otherwise its range is what it has covered in the
+                tail, or in the run so far, and at least its largest magnitude there
+    hysteresis  a reversal counts once the control has moved back by this share of its range
+    weighed     also keep the sum of the points at which each control turned back, see ``Kept.swings``
+    detailed    also keep what sweeps don't need: IAE, ITAE, the control's path, and the responses to steps of the command
+    gains       (n, q) steady-state gains of the model's components if responses are wanted; else empty
+    bands       (n,) bands for settling, NaN for the share ``settles`` of the model's largest motion so far
     """
 
     components: int
@@ -118,7 +119,7 @@ class Memory:
 
     @cached_property
     def places(self) -> dict[str, slice]:
-        """The rows of each quantity."""
+        """The positions of each quantity's rows."""
         found, start = {}, 0
         for rows in self.layout:
             found[rows.name] = slice(start, start + rows.size)
@@ -131,16 +132,17 @@ class Memory:
         return tuple(rows.begins for rows in self.layout for _ in range(rows.size))
 
     def renewed(self, at: Begins) -> list[int]:
-        """The rows that begin anew there."""
+        """The rows that restart there."""
         return [i for rows in self.layout if rows.renewed >= at for i in range(*self.places[rows.name].indices(1 << 30))]
 
     @property
     def responses(self) -> slice:
-        """The rows that tell of steps of the command: a step at the very end of a run is none."""
+        """The rows on steps of the command: a step at the very end of a run is not counted."""
         return slice(self.places["command"].start if self.gains else len(self.begins), None)
 
     def update(self, memory: Value, sample: Sample, ranges: Value) -> Value:
-        """The memory after one more sample, (rows,). ``ranges`` (m,): of inputs with limits upper - lower; of others ignored."""
+        """The memory after one more sample, (rows,). ``ranges`` (m,): upper - lower for inputs with limits; ignored for
+        others."""
         old = {name: memory[rows] for name, rows in self.places.items()}
         new = {
             "largest y_m": np.maximum(old["largest y_m"], np.abs(sample.y_m)),
@@ -157,7 +159,7 @@ class Memory:
         return np.concatenate([new[rows.name] for rows in self.layout])
 
     def _counted(self, old: dict[str, Value], sample: Sample) -> dict[str, Value]:
-        """For how many steps the limits hold the control back."""
+        """The number of steps for which the limits constrain the control."""
         at_limit = _chosen(sample.at_limit, self.limited)
         at_rate_limit = _chosen(sample.at_rate_limit, self.rate_limited)
         return {
@@ -166,9 +168,10 @@ class Memory:
         }
 
     def _reversed(self, old: dict[str, Value], new: dict[str, Value], sample: Sample, ranges: Value) -> dict[str, Value]:
-        """The limited control turns back where it is farther from its farthest point than the hysteresis.
+        """The limited control reverses when its distance from its farthest point exceeds the hysteresis.
 
-        All is seen along the direction in which it moves: what counts as farther is larger. A fall at the start is a turn, too.
+        Everything is measured in the direction of motion: a farther point has a larger value. A fall at the start counts as a
+        reversal, too.
         """
         free = tuple(not limited for limited in self.limited)
         moved, far = _chosen(new["high"] - new["low"], free), _chosen(np.abs(sample.limited), free)
@@ -186,7 +189,7 @@ class Memory:
         }
 
     def _responses(self, old: dict[str, Value], sample: Sample, scale: Value) -> dict[str, Value]:
-        """Overshoot [part of the step], rise and settling time [steps]: the worst over all steps of the command so far."""
+        """Overshoot [share of the step], rise and settling time [steps]: the worst over all steps of the command so far."""
         now, begun = old["steps"], old["steps"] > 0
         given = np.array(self.bands)
         bands = np.where(np.isnan(given), 0.0, given) + np.where(np.isnan(given), self.settles, 0.0) * scale
@@ -203,7 +206,7 @@ class Memory:
         waiting = np.where(jumped > 0, steps, old["rising"])
         risen = waiting * np.where(passed >= RISES_TO - 1, 1.0, 0.0)
         outside = steps * np.where(np.abs(sample.y - target) > bands, 1.0, 0.0)
-        over = np.where(begun, jumped, 0.0)  # what was asked for before is not awaited any longer
+        over = np.where(begun, jumped, 0.0)  # the previous target is no longer awaited
         return {
             "command": sample.r,
             "jumped at": np.where(jumped > 0, now, old["jumped at"]),
@@ -234,12 +237,12 @@ def _detailed(old: dict[str, Value], sample: Sample) -> dict[str, Value]:
 
 
 def _chosen(values: Value, which: Sequence[bool]) -> Value:
-    """The entries for which ``which`` holds."""
+    """The entries for which ``which`` is true."""
     return values[[i for i, wanted in enumerate(which) if wanted]]
 
 
 def _merged(some: Value, others: Value, which: Sequence[bool]) -> Value:
-    """Entries of ``some`` where ``which`` holds; where it does not, those of ``others``, which has no more than these."""
+    """The entries of ``some`` where ``which`` is true, otherwise those of ``others``."""
     if all(which):
         return some
     rest = iter(range(len(which)))

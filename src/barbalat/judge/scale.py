@@ -1,4 +1,4 @@
-"""What is large for a component of the error: the unit in which the default bands are shares, the same for all controllers."""
+"""The scale of each component of the error: the default bands are shares of it, the same for all controllers."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from barbalat.protocols import Signal
 from barbalat.validate import Array
 
 ROUNDING = 1e-9
-"""A model's component that moves by less than this part of the largest one rests; what is seen of it are roundings."""
+"""A model's component that moves by less than this share of the largest one is at rest; its motion is rounding."""
 RESTING = 0.01
-"""It rests too where it moves by less than this part of what initial state, noise and disturbances make of it: a command of
-next to nothing is none."""
+"""It is also at rest if it moves by less than this share of its response to initial state, noise and disturbances: a
+negligible command counts as none."""
 INSTANTS = 2**12
-"""Of a run, at which disturbances and the model's free motion are taken."""
+"""Number of instants of a run at which disturbances and the model's free motion are evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
 class Uncommanded:
-    """What moves the n components beside the command, whoever controls them.
+    """The motion of the n components without a command, independent of the controller.
 
-    answer  (n,) their largest motion under the disturbances alone, where nothing counters these: that of the model, which is the
-            loop with known parameters; a disturbance of an output that is fed back stands in the place of the command
-    spread  (n, n) how large each becomes in the model's free motion from one unit of another
+    answer  (n,) their largest response to the disturbances alone in the model, which is the loop with known parameters; an output
+            disturbance of a fed-back output takes the place of the command
+    spread  (n, n) the largest value of each in the model's free motion from a unit of another
     """
 
     answer: Array
@@ -33,23 +33,19 @@ class Uncommanded:
 
     @classmethod
     def of(cls, problem: TrackingProblem, t_end: float) -> Uncommanded:
-        """From t = 0 to t_end [s]."""
+        """For the time from 0 to t_end [s]."""
         A, B, C = problem.model.matrices
         C = np.atleast_2d(C)
         step = t_end / INSTANTS
         signals, inputs = _disturbances(problem, B)
         ahead, held = _sampled(A, inputs, step)
-        powers = [np.eye(len(A))]
-        for _ in range(INSTANTS):
-            powers.append(ahead @ powers[-1])
-        spread = np.abs(C @ np.array(powers) @ np.linalg.pinv(C)).max(axis=0)
+        powers = _powers(ahead, INSTANTS + 1)
+        spread = np.abs(C @ powers @ np.linalg.pinv(C)).max(axis=0)
         t = step * np.arange(INSTANTS)
         answer = np.zeros(len(C))
         if len(inputs):
-            x = np.zeros(len(A))
-            for values in np.array([np.asarray(signal(t), dtype=float) for signal in signals]).T:
-                x = ahead @ x + held @ values
-                answer = np.maximum(answer, np.abs(C @ x))
+            values = np.array([np.asarray(signal(t), dtype=float) for signal in signals])
+            answer = np.abs(_added_up(powers, values.T @ held.T) @ C.T).max(axis=0)
         if problem.output_disturbance is not None:
             answer = np.maximum(answer, np.abs(np.asarray(problem.output_disturbance(t), dtype=float)).max())
         return cls(answer, spread)
@@ -66,11 +62,28 @@ def _sampled(A: Array, inputs: Array, step: float) -> tuple[Array, Array]:
     return found[:n, :n], found[:n, n:]
 
 
+def _powers(ahead: Array, count: int) -> Array:
+    """(count, n, n) Phi^0, Phi^1, ...: multiplying the known ones by the next power doubles their number."""
+    found = np.eye(len(ahead))[None]
+    while len(found) < count:
+        found = np.concatenate([found, found @ (found[-1] @ ahead)])
+    return found[:count]
+
+
+def _added_up(powers: Array, forced: Array) -> Array:
+    """(K, n) x_1, x_2, ... of x_{k+1} = Phi x_k + forced_k from x_0 = 0, by repeatedly doubling the number of summed terms."""
+    x, terms = np.array(forced), 1
+    while terms < len(x):
+        x[terms:] += x[:-terms] @ powers[terms].T
+        terms *= 2
+    return x
+
+
 def _disturbances(problem: TrackingProblem, B: Array) -> tuple[list[Signal], Array]:
-    """The signals that move the state of what is simulated, and (k, n) along which direction of the plant's each does."""
+    """The signals that move the simulated state, and (k, n) their directions in the plant's state."""
     b, acting = getattr(problem.plant, "b", None), problem.surroundings
     matched = [] if acting.disturbance is None else [(acting.disturbance, B if b is None else b)]
-    measured = problem.dynamics.output  # of a truth with other states those of the plant
+    measured = problem.dynamics.output  # for a truth with other states those of the plant
     every = [*matched, *((one.signal, measured(np.asarray(one.direction, dtype=float))) for one in acting.unmatched)]
     rows = [np.pad(np.reshape(direction, -1), (0, len(B) - np.size(direction))) for _, direction in every]
     return [signal for signal, _ in every], np.array(rows).reshape(-1, len(B))  # no disturbance enters a baseline's own states
@@ -79,8 +92,8 @@ def _disturbances(problem: TrackingProblem, B: Array) -> tuple[list[Signal], Arr
 def scale_of(model: Array, initial: Array, noise: Array | None, beside: Uncommanded) -> Array:
     """The scale of each component, (M, n): the largest |y_m| of the run.
 
-    Where the model rests, the largest of |y| at t = 0, the noise's standard deviation, and the answer to the disturbances; where
-    none of these is there, what the model's free motion makes of the other components' scales; 0 where nothing moves at all.
+    If the model is at rest: the largest of |y| at t = 0, the noise's standard deviation, and the response to the disturbances; if
+    these vanish too, the free response of the model to the other components' scales; 0 if nothing moves at all.
     """
     moves = np.where(model > ROUNDING * model.max(axis=-1, keepdims=True, initial=0.0), model, 0.0)
     other = np.maximum(np.maximum(np.abs(initial), 0.0 if noise is None else noise), beside.answer)

@@ -1,4 +1,4 @@
-"""What a run is judged by: bands in the plant's units, given or derived from the model's motion."""
+"""The judge's settings: bands in the plant's units, given or derived from the model's motion."""
 
 from __future__ import annotations
 
@@ -14,23 +14,24 @@ from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError
 
 LOST_SHARE = 100.0
-"""A component beyond so many times its scale is lost by default: 40 dB above all that was asked for."""
+"""Default multiple of its scale beyond which a component is lost: 40 dB above everything that was requested."""
 CYCLE_SHARE = 0.025
-"""Of the control's range. On the flexible joint, with noise, every hysteresis from 1 to 5 % separates cycles from the rest."""
+"""Share of the control's range. On the flexible joint, with noise, every hysteresis from 1 to 5 % separates cycles from other
+runs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Judge(Settings):
-    """What counts as following, as lost, and as a limit cycle; nothing needs to be given.
+    """The criteria for following, for being lost, and for a limit cycle; all have defaults.
 
-    follows  by components, the largest |error| of the tail with which a run follows, in the plant's units; 5 % of the component's
-             scale unless given. The scale is the model's largest motion; where the model rests, the largest of initial state,
-             noise and the model's answer to the disturbances
-    lost     by components, the magnitude beyond which a run is lost, in the plant's units; 100 times the scale unless given
-    cycle    the hysteresis of a reversal of the limited control and the least swing of a limit cycle, as a share of the control's
-             range: of its limits, or of what it covers where there are none
-    closely  looks for a limit cycle in every run, also where the control reverses too seldom in the tail to be suspected, since
-             the tail may be shorter than one and a half periods. It takes up to three and a half times the run more
+    follows  by component, the largest |error| of the tail with which a run follows, in the plant's units; 5 % of the component's
+             scale by default. The scale is the model's largest motion; if the model is at rest, the largest of initial state,
+             noise and the model's response to the disturbances
+    lost     by component, the magnitude beyond which a run is lost, in the plant's units; 100 times the scale by default
+    cycle    the hysteresis of a reversal of the limited control and the smallest swing of a limit cycle, as a share of the
+             control's range: that of its limits, or the range that it covers without limits
+    closely  search every run for a limit cycle, even if the control reverses too rarely in the tail to be suspected, since the
+             tail may be shorter than one and a half periods. It takes up to three and a half times as long as the run in addition
     """
 
     follows: Mapping[str, float] = field(default_factory=dict)
@@ -56,9 +57,10 @@ class Judge(Settings):
         object.__setattr__(self, "closely", bool(self.closely))
 
     def named(self, problem: TrackingProblem) -> Judge:
-        """The same with each band by its component's label; InputError for a component that the problem does not have.
+        """The same settings with each band under its component's label; InputError for a component that the problem does not
+        have.
 
-        Beside labels, x_1, x_2, ..., or y where an output is fed back, are names of the components too.
+        In addition to labels, x_1, x_2, ..., or y with output feedback, are accepted names of components.
         """
         names = component_names(problem)
         numbered = tuple(f"x_{i + 1}" for i in range(len(names))) if problem.feedback == "state" else ("y",)
@@ -68,14 +70,14 @@ class Judge(Settings):
             for key, value in getattr(self, bands).items():
                 name = also.get(key, key)
                 if name not in names:
-                    raise InputError.of(f"judge.{bands}.{key}", f"names no component; there are {', '.join(names)}")
+                    raise InputError.of(f"judge.{bands}.{key}", f"does not name a component; there are {', '.join(names)}")
                 if name in by_name:
-                    raise InputError.of(f"judge.{bands}.{key}", f"is the band of {name}, which has one already; give it once")
+                    raise InputError.of(f"judge.{bands}.{key}", f"is a second band of {name}; give only one")
                 by_name[name] = value
         return replace(self, follows=found["follows"], lost=found["lost"])
 
     def bands(self, names: tuple[str, ...], units: tuple[str, ...], scale: Array) -> Bands:
-        """Of components with these names and units; ``scale`` (..., n)."""
+        """The bands for components with these names and units; ``scale`` (..., n)."""
         given = [
             np.array([found.get(name, np.nan) for name in names]) * np.ones_like(scale) for found in (self.follows, self.lost)
         ]
@@ -89,8 +91,8 @@ class Bands:
     """The bands of n components in the plant's units; each array is (..., n).
 
     scale    of each component
-    follows  within which the tail's error follows
-    lost     beyond which the run is lost
+    follows  bands of the tail's error within which a run follows
+    lost     magnitudes beyond which the run is lost
     """
 
     names: tuple[str, ...]
@@ -100,7 +102,7 @@ class Bands:
     lost: Array
 
     def said(self, i: int) -> str:
-        """Of the i-th run: "theta follows within 0.025 rad and is lost beyond 50 rad; ..."."""
+        """The text for the i-th run: "theta follows within 0.025 rad and is lost beyond 50 rad; ..."."""
         each = zip(self.names, self.units, self.follows[i], self.lost[i], strict=True)
         return "; ".join(
             f"{name} follows within {follows:.3g}{_unit(unit)} and "
@@ -118,5 +120,5 @@ def _unit(bracketed: str) -> str:
 
 
 def component_names(problem: TrackingProblem) -> tuple[str, ...]:
-    """What the components of the error are called: by the labels, else x_1, x_2, ..., or y."""
-    return problem.measured_names
+    """The names of the error's components: their labels, or x_1, x_2, ..., or y."""
+    return problem.followed_names

@@ -1,4 +1,4 @@
-"""What a design must meet."""
+"""The specification of a design."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from barbalat.validate import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Specification(Settings):
-    """What a design must meet; at least one of these is given.
+    """The requirements on a design; at least one must be given.
 
-    settling   of a step of the command's size, into the judge's band around where the model comes to rest [s]
-    overshoot  beyond where the model comes to rest, as a share of the step
-    u_max      largest |u| that is demanded, before the limits
-    delay      added to the plant's, which the loop tolerates without oscillating [s]
-    gain       the input's effectiveness is multiplied by factors from 1/gain to gain, which the loop tolerates
-    noise      largest RMS of what measurement noise does to u, as a share of the largest |u| without noise
+    settling   settling time for a step of the command's size, into the judge's band around the model's steady state [s]
+    overshoot  overshoot beyond the model's steady state, as a share of the step
+    u_max      largest demanded |u|, before the limits
+    delay      additional delay at the plant's input that the loop tolerates without oscillation [s]
+    gain       the loop tolerates factors from 1/gain to gain on the input's effectiveness
+    noise      largest RMS of the effect of measurement noise on u, as a share of the largest |u| without noise
     """
 
     settling: float | None = None
@@ -33,7 +33,7 @@ class Specification(Settings):
     def __post_init__(self) -> None:
         given = [one.name for one in fields(self) if getattr(self, one.name) is not None]
         if not given:
-            raise InputError.of("specification", f"must ask for one of {', '.join(one.name for one in fields(self))}")
+            raise InputError.of("specification", f"must contain at least one of {', '.join(one.name for one in fields(self))}")
         for name in given:
             value = validate.number(f"specification.{name}", getattr(self, name))
             if value < 0 or (value == 0 and name != "overshoot"):

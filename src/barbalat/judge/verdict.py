@@ -1,4 +1,4 @@
-"""What the judge says of one run: a value that prints as a sentence."""
+"""The judge's verdict on one run: a value that prints as a sentence."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 LEAST_SAID = 0.001
-"""Of the time: what a control spends less of at its limits is no matter of the sentence."""
+"""Share of the time at limits below which the sentence does not mention them."""
 FOLLOWS_SHARE = 0.05
-"""The default band of the tail's error, as a part of a component's scale."""
+"""The default band of the tail's error, as a share of a component's scale."""
 
 
 class Class(StrEnum):
-    """What a run did; the first of these that holds."""
+    """The class of a run: the first of these that applies."""
 
     LOST = "lost"
     CYCLE = "limit cycle"
@@ -25,11 +25,11 @@ class Class(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Cycle:
-    """A control that swings for ever with command and disturbances held and without noise.
+    """A control that oscillates without decay while command and disturbances are held and there is no noise.
 
-    signal     which control, such as "u_limited[0]": what the limits leave of the demand
-    amplitude  half of its swing, in the control's unit
-    frequency  [rad/s], by its passes from low to high; 0 where it was not measured
+    signal     the control, such as "u_limited[0]", the demand after the limits
+    amplitude  half of its peak-to-peak value, in the control's unit
+    frequency  [rad/s], from its passes from low to high; 0 if it was not measured
     """
 
     signal: str
@@ -42,16 +42,17 @@ class Cycle:
         return int(self.signal.partition("[")[2].rstrip("]"))
 
     def as_json(self) -> dict[str, Any]:
-        """By the names of the JSON contract."""
+        """The fields under the names of the JSON contract."""
         return {"signal": self.signal, "amplitude": self.amplitude, "frequency": self.frequency}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Response:
-    """A component's response to the command's steps, the worst over all of them, by the names of python-control's ``step_info``.
+    """A component's response to the command's steps, the worst over all of them, under the names of python-control's
+    ``step_info``.
 
-    RiseTime      [s] from 10 to 90 % of the step; None where a step is not risen to
-    SettlingTime  [s] into the judge's band; None where the response does not settle before the next step, or the end
+    RiseTime      [s] from 10 to 90 % of the step; None if the response does not reach it
+    SettlingTime  [s] into the judge's band; None if the response does not settle before the next step, or the end
     Overshoot     [% of the step]
     """
 
@@ -65,11 +66,11 @@ class Response:
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """What else is measured over every solver step.
+    """Further quantities measured over every solver step.
 
     IAE, ITAE  (n,) integrals of |e| and of t |e|
-    activity   (m,) the path of the limited control, the integral of |u'|; and how often it reverses
-    responses  by components, where the command moves in steps; else empty
+    activity   (m,) path of the limited control, the integral of |u'|; and the number of its reversals
+    responses  by component, if the command moves in steps; else empty
     """
 
     IAE: tuple[float, ...]
@@ -90,22 +91,22 @@ class Figures:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """What a run did, judged by its signals over every solver step.
+    """The verdict on a run, from its signals over every solver step.
 
     kind           lost, limit cycle, off (bounded, but outside the band), or follows
-    component      the name of the component that is worst against its own band
+    component      the name of the component that is worst relative to its band
     error, band    of that component in the plant's unit: the tail's largest |error|, and the band
-    scale          what the component's band is a part of by default
-    settled        whether it is the plant's and not the solver's; None where that was not examined
-    cycle          the limit cycle; None where there is none
+    scale          the scale of which the component's band is a share by default
+    settled        whether the verdict belongs to the plant and not to the solver; None if that was not examined
+    cycle          the limit cycle; None if there is none
     at_limit       share of the time at which each input is at its limits, and ``at_rate_limit`` at its rate limit
-    lost_at        by when the run was lost [s]; None where it was not
-    lost_within    how much earlier that may have been [s]; 0 where it is known to the step
+    lost_at        the time by which the run was lost [s]; None if it was not
+    lost_within    how much earlier that may have been [s]; 0 if it is known to the step
     lost_when_held whether a suspect that is not lost in its run is lost when it is continued with everything held
-    figures        IAE and the like; None where they were not asked for
-    bands          of all components, as they are said
-    of_the_solver  whether a finer step comes to the same class without the oscillation that the run shows
-    suspect        what looks like a limit cycle where no run can be taken further, as beside a flight model; else empty
+    figures        IAE and the like; None if they were not asked for
+    bands          the bands of all components, as text
+    of_the_solver  whether a finer step gives the same class without the oscillation that the run shows
+    suspect        what looks like a limit cycle if the run can't be continued, as with a flight model; else empty
     """
 
     kind: Class
@@ -131,7 +132,7 @@ class Verdict:
         """Such as "follows within 3 %, at its limits 12 % of the time"."""
         said = [self._said, *self._limits, *([self.suspect] if self.suspect else [])]
         if self.of_the_solver:
-            said.append("at a finer step too, but its oscillation is the solver's")
+            said.append("also at a finer step, but its oscillation is due to the solver")
         if self.settled is False:
             said.append("not settled by the solver")
         return ", ".join(said)
@@ -150,7 +151,7 @@ class Verdict:
 
     @property
     def _error(self) -> str:
-        """As a part of the scale; in the plant's unit where the band was given in it, or where nothing sets a scale."""
+        """The error as a share of the scale, or in the plant's unit if the band was given in it or there is no scale."""
         assert self.error is not None
         unit, where = (
             f" {self.unit}" if self.unit else "",
@@ -172,7 +173,7 @@ class Verdict:
         return said
 
     def as_json(self) -> dict[str, Any]:
-        """By the names of the JSON contract."""
+        """The fields under the names of the JSON contract."""
         return {
             "class": str(self.kind),
             "error": self.error,
@@ -193,5 +194,5 @@ class Verdict:
 
 
 def percent(share: float) -> str:
-    """With two digits: "3 %", "0.021 %"; a share that is not 0 never reads as 0."""
+    """With two digits: "3 %", "0.021 %"; a nonzero share is never printed as 0."""
     return f"{float(np.format_float_positional(100 * share, 2, fractional=False)):.12g} %"

@@ -1,1 +1,1 @@
-"""LTI systems and all that is known of them without adaptive control."""
+"""LTI systems and their analysis, without adaptive control."""

@@ -1,4 +1,4 @@
-"""A number known within a radius, that NumPy's functions and parsed formulas compute with."""
+"""Numbers with an error radius, on which NumPy's functions and parsed formulas compute."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from barbalat.linear.enclosure import power
 from barbalat.validate import Array
 
 BELOW_ZERO = 2.0**-28
-"""How far, relatively, a ball of numbers that are not negative may reach below zero: its radius has 30 bits."""
+"""How far, relatively, a ball of nonnegative numbers may extend below zero: its radius has 30 bits."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """A number known within a radius (python-flint's arb) that NumPy's functions and formulas compute with."""
+    """A number with an error radius (python-flint's arb), on which NumPy's functions and formulas compute."""
 
     value: arb
 
@@ -54,7 +54,7 @@ class Ball:
 
     def __pow__(self, exponent: float) -> Ball:
         whole = float(exponent).is_integer()
-        if whole and exponent > 0 and exponent % 2 == 0:  # not negative: from the ends of |value|
+        if whole and exponent > 0 and exponent % 2 == 0:  # nonnegative: from the ends of |value|
             return Ball((self.value.abs_lower() ** int(exponent)).union(self.value.abs_upper() ** int(exponent)))
         return Ball(power(self.value, int(exponent)) if whole else self.value ** as_arb(exponent))
 
@@ -64,16 +64,17 @@ class Ball:
     __radd__, __rmul__ = __add__, __mul__
 
     def sqrt(self) -> Ball:
-        """Without bound where it may be of a negative number; an absolute value's ball may reach below zero by a rounding."""
+        """The root; unbounded if the number may be negative, except that an absolute value's ball may extend below zero by
+        rounding."""
         if self.value.lower() < -BELOW_ZERO * self.value.abs_upper():
             return Ball(arb(0, math.inf))
         return Ball(arb(0).max(self.value.lower()).sqrt().union(arb(0).max(self.value.upper()).sqrt()))
 
 
-for _name in ("exp", "sin", "cos", "tanh"):  # NumPy asks an object for a method of the function's name
+for _name in ("exp", "sin", "cos", "tanh"):  # NumPy calls the method with the function's name
     setattr(Ball, _name, lambda self, name=_name: Ball(getattr(self.value, name)()))
 
 
 def as_arb(value: Any) -> arb:
-    """The ball of a number, or of what is one already."""
+    """The ball of a number; a ball is returned unchanged."""
     return value.value if isinstance(value, Ball) else arb(float(value))

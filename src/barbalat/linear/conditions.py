@@ -1,4 +1,4 @@
-"""Conditions on matrices: Hurwitz and controllable, in balanced coordinates; definite for certain, in ball arithmetic."""
+"""Conditions on matrices: Hurwitz and controllable, in balanced coordinates; provably definite, in ball arithmetic."""
 
 from __future__ import annotations
 
@@ -9,23 +9,26 @@ from barbalat.validate import Array, InputError, show
 
 
 def balance(A: Array) -> tuple[Array, Array]:
-    """(S^-1 A S, s) with S = diag(s) of powers of two, so that nothing is rounded; time scales no longer skew the norm."""
+    """(S^-1 A S, s) with S = diag(s) of powers of two, so that nothing is rounded; different time scales then no longer
+    dominate the norm."""
     from scipy.linalg import matrix_balance
 
-    with np.errstate(invalid="ignore"):  # SciPy makes whole numbers of all scales, for a permutation that nobody asked for
+    with np.errstate(invalid="ignore"):  # SciPy converts all scales to integers for a permutation that is not requested
         balanced, (scale, _) = matrix_balance(A, permute=False, separate=True)
     return np.asarray(balanced), np.asarray(scale)
 
 
 def scaled(matrix: Array) -> tuple[Array, float]:
-    """The matrix over a power of two near its largest entry, exactly, and that power: neither norms nor roots overflow then."""
+    """The matrix divided by a power of two near its largest entry, exactly, and that power: norms and roots then don't
+    overflow."""
     exponent = int(np.frexp(np.abs(matrix).max(initial=0.0))[1])
     with np.errstate(under="ignore"):
         return np.ldexp(matrix, -exponent), float(np.ldexp(1.0, exponent - 1))
 
 
 def rounding(A: Array) -> float:
-    """What a few roundings amount to in an eigenvalue of the balanced A: below this, zero and not zero look the same."""
+    """The size of a few rounding errors in an eigenvalue of the balanced A: a smaller eigenvalue can't be distinguished from
+    zero."""
     return 10 * len(A) * float(np.finfo(float).eps * np.linalg.norm(A, 2))
 
 
@@ -49,17 +52,36 @@ def require_controllable(fields: str, A: Array, b: Array) -> None:
     norm = float(np.linalg.norm(balanced, 2))
     for eigenvalue in np.linalg.eigvals(balanced):
         pencil = np.column_stack([(eigenvalue * np.eye(n) - balanced) / norm, column / size if size else column])
-        # 100: the eigenvalue itself carries a few roundings
+        # 100, since the eigenvalue itself has a few rounding errors
         if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:
             raise InputError.of(
                 fields, f"must be controllable, but b = {show(b)} does not reach the mode at {eigenvalue * half * 2:.6g}"
             )
 
 
+def unobservable_mode(A: Array, C: Array, *, stable_too: bool = True) -> complex | None:
+    """An eigenvalue of A whose mode is not observable in y = C x, beyond rounding; None if there is none.
+
+    stable_too  whether modes in Re s < 0 count; without them the test is for detectability
+    """
+    unit, half = scaled(A.T)
+    balanced, scale = balance(unit)
+    column = scaled(C.T)[0] / scale[:, None]
+    size, norm = float(np.abs(column).max()), float(np.linalg.norm(balanced, 2)) or 1.0
+    n = len(A)
+    for eigenvalue in np.linalg.eigvals(balanced):
+        if not stable_too and eigenvalue.real < -rounding(balanced):
+            continue
+        pencil = np.column_stack([(eigenvalue * np.eye(n) - balanced) / norm, column / size if size else column])
+        if np.linalg.svd(pencil, compute_uv=False)[-1] <= 100 * n * np.finfo(float).eps:  # as for ``require_controllable``
+            return complex(eigenvalue * half * 2)
+    return None
+
+
 def smallest_eigenvalue(P: Array) -> float:
     """A guaranteed lower bound of lambda_min of the symmetric positive definite P, as tight as rounding allows.
 
-    Raises InputError where P is not positive definite.
+    Raises InputError if P is not positive definite.
     """
     approximate = float(np.linalg.eigvalsh(P)[0])
     for slack in (1e-14, 1e-12, 1e-9, 1e-6, 1e-3):
@@ -70,7 +92,8 @@ def smallest_eigenvalue(P: Array) -> float:
 
 
 def is_positive_definite(matrix: arb_mat, shift: float = 0.0) -> bool:
-    """Whether the symmetric matrix - shift I is positive definite for certain: elimination in balls has positive pivots."""
+    """Whether the symmetric matrix - shift I is provably positive definite: elimination in ball arithmetic has positive
+    pivots."""
     n = matrix.nrows()
     work = arb_mat(matrix)
     for i in range(n):
@@ -86,7 +109,7 @@ def is_positive_definite(matrix: arb_mat, shift: float = 0.0) -> bool:
 
 
 def lyapunov_holds(P: Array, A_m: Array) -> bool:
-    """Whether P A_m + A_m'P is negative definite for certain with P as it is stored, roundings and all."""
+    """Whether P A_m + A_m'P is provably negative definite for the stored P, including its rounding errors."""
     exact_P, exact_A = exact_matrix(P), exact_matrix(A_m)
     return is_positive_definite(-(exact_P * exact_A + exact_A.transpose() * exact_P))
 

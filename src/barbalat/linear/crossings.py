@@ -1,4 +1,5 @@
-"""Where a linear loop's response crosses the unit circle and the real axis: none is lost between the points of a grid.
+"""The frequencies at which a linear loop's response crosses the unit circle and the real axis; none is missed between grid
+points.
 
 Source: the crossings are zeros of 1 - L(-s)L(s) and of L(s) - L(-s) on the imaginary axis, as in Boyd, Balakrishnan, Kabamba
 (1989).
@@ -16,7 +17,7 @@ from barbalat.validate import Array
 
 
 class Crossings:
-    """The crossings of one loop, whose response over frequency is computed once."""
+    """The crossings of one loop, with cached frequency responses."""
 
     def __init__(self, loop: StateSpace) -> None:
         self.loop = loop
@@ -35,10 +36,11 @@ class Crossings:
         return self._zeros(np.imag, _imaginary_part(self.loop))
 
     def _zeros(self, function: Callable[[Array], Array], system: StateSpace) -> list[float]:
-        """All w > 0 with function(L(j w)) = 0: zeros of ``system`` on the axis, and sign changes on a grid around the poles.
+        """All w > 0 with function(L(j w)) = 0, from the zeros of ``system`` on the axis and from sign changes on a grid around
+        the poles.
 
-        The zeros miss nothing between grid points; the grid holds against the rounding of zeros beside lightly damped poles.
-        Both are bracketed and refined on the function itself, so that no spurious one is returned.
+        The zeros miss nothing between grid points; the grid guards against rounding errors of zeros near lightly damped poles.
+        Both are bracketed and refined on the function itself, so that no spurious crossing is returned.
         """
         from scipy.optimize import brentq
 
@@ -46,33 +48,33 @@ class Crossings:
         points, order = np.unique(np.concatenate([self._grid, beside]), return_index=True)
         values = function(np.concatenate([self._response, self.loop.response(beside)])[order])
         found = [float(w) for w in points[values == 0]]
-        # the ends of a bracket are asked for more than once
+        # the ends of a bracket are requested repeatedly
         at = cache(lambda w: float(function(self.loop.response(np.array([w])))[0]))
         for k in np.flatnonzero(np.sign(values[:-1]) * np.sign(values[1:]) < 0):
             left, right = float(points[k]), float(points[k + 1])
             if at(left) * at(right) < 0:
                 found.append(float(brentq(at, left, right, xtol=1e-300, rtol=1e-13)))
-            else:  # one by one values differ from the grid's in the last bits, which beside a zero are their sign
+            else:  # single values differ from the grid's in the last bits, which near a zero decide the sign
                 found.append(min(left, right, key=lambda w: abs(at(w))))
         return sorted(found)
 
 
 _SPREAD = np.concatenate([-np.logspace(-2, -12, 21), np.logspace(-12, -2, 21)])
-"""Relative distances around a computed zero that bracket the true one whatever rounding did to it."""
+"""Relative distances around a computed zero that bracket the true one whatever the rounding error."""
 
 
 _ROUNDING = 1e-15
-"""Relative: a pole that is nearer to the axis, and a frequency that is nearer to the pole, are on it."""
+"""Relative distance: a pole this close to the axis, and a frequency this close to the pole, count as on it."""
 
 
 _LARGE_RESPONSE = 1e3
-"""A response that only grows further below: L is c/s there, or c/s^2."""
+"""A response that keeps growing towards lower frequencies: L is c/s there, or c/s^2."""
 _LEAST_SHARE = 1e-15
-"""Of the lowest frequency: further below, an integrator's response is lost in the rounding of the others."""
+"""Share of the lowest frequency: further below, an integrator's response vanishes in the rounding errors of the others."""
 
 
 def frequency_grid(loop: StateSpace) -> Array:
-    """Frequencies from far below to far above the poles, dense where a lightly damped one makes a narrow peak."""
+    """Frequencies from far below to far above the poles, dense near the narrow peaks of lightly damped ones."""
     poles = np.linalg.eigvals(loop.A)
     sizes = np.abs(poles)
     sizes = sizes[sizes > _ROUNDING * np.linalg.norm(loop.A)]  # an integrator's pole is zero up to rounding
@@ -88,9 +90,9 @@ def frequency_grid(loop: StateSpace) -> Array:
 
 
 def _below(loop: StateSpace, lowest: float) -> Array:
-    """Frequencies below ``lowest`` down to where an integrator has made the response large; none where it is so already.
+    """Frequencies below ``lowest`` down to where an integrator has made the response large; none if it is already large.
 
-    A slow integrator beside fast poles crosses the unit circle far below all of them.
+    A slow integrator with fast poles crosses the unit circle far below all of them.
     """
     sizes = np.abs(np.linalg.eigvals(loop.A))
     at_lowest = float(np.abs(loop.response(np.array([lowest])))[0])
@@ -101,7 +103,7 @@ def _below(loop: StateSpace, lowest: float) -> Array:
 
 
 def one_minus_magnitude(loop: StateSpace) -> StateSpace:
-    """1 - L(-s)L(s): L(-s) is (-A', -C', B', D), in series behind L. On the imaginary axis it is 1 - |L|^2."""
+    """1 - L(-s)L(s), where L(-s) is (-A', -C', B', D), in series after L. On the imaginary axis it is 1 - |L|^2."""
     A, B, C, D = loop.A, loop.B, loop.C, loop.D
     n = loop.order
     behind = np.block([[A, np.zeros((n, n))], [-np.outer(C, C), -A.T]])
@@ -117,7 +119,7 @@ def _imaginary_part(loop: StateSpace) -> StateSpace:
 
 
 def zeros(system: StateSpace) -> Array:
-    """The system's finite zeros, as generalised eigenvalues of its pencil; rounding may leave very large ones besides."""
+    """The system's finite zeros, as generalised eigenvalues of its pencil; rounding may add very large ones."""
     from scipy.linalg import eig
 
     n = system.order
@@ -131,5 +133,5 @@ def zeros(system: StateSpace) -> Array:
 def axis_zeros(system: StateSpace) -> Array:
     """The positive w near which the system vanishes at s = j w."""
     found = zeros(system)
-    # wide: a doubtful zero costs some evaluations, a lost one a wrong margin
+    # wide: a doubtful zero costs some evaluations, a missed one gives a wrong margin
     return np.asarray(found[(np.abs(found.real) <= 1e-3 * np.abs(found)) & (found.imag > 0)].imag)

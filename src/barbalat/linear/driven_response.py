@@ -1,4 +1,4 @@
-"""What a linear system does under given signals: exact for signals that are straight between the instants."""
+"""The response of a linear system to given signals: exact for signals that are linear between the instants."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from barbalat.protocols import Signal
 from barbalat.validate import Array, signal_values
 
 MOST_INSTANTS = 20_000
-"""At which the signals are sampled at most."""
+"""Largest number of instants at which the signals are sampled."""
 
 
 def driven_response(
@@ -18,12 +18,12 @@ def driven_response(
 ) -> tuple[Array, Array]:
     """Instants (K,) from 0 to ``t_end`` [s] and the output C x there, (K, outputs), of x' = A x + B [signals], x(0) = x0.
 
-    There are ``steps`` intervals, or MOST_INSTANTS where these are fewer.
+    There are ``steps`` intervals, or MOST_INSTANTS if that is fewer.
     """
     t = np.linspace(0.0, t_end, min(steps, MOST_INSTANTS) + 1)
     driven = np.stack([signal_values(signal, t) for signal in signals], axis=1)
     Phi, at_start, at_end = _over_an_interval(np.asarray(A), np.asarray(B), float(t[1] - t[0]))
-    # Each row is multiplied alone, as the state is: no bit depends on how many there are.
+    # Each row is multiplied separately, like the state, so that no bit depends on the number of rows.
     forced_at_start, forced_at_end = ((driven[:, None] @ effect)[:, 0] for effect in (at_start, at_end))
     x = [np.asarray(x0, dtype=float)]
     for start, end in zip(forced_at_start, forced_at_end[1:], strict=False):
@@ -32,10 +32,10 @@ def driven_response(
 
 
 def _over_an_interval(A: Array, B: Array, dt: float) -> tuple[Array, Array, Array]:
-    """The factors, as rows, of the state and of the signals' values at both ends from one instant to the next.
+    """The factors, as rows, of the state and of the signals' values at both ends of an interval.
 
-    By one exponential of the system with its signals, and their slopes, as states (Van Loan 1978). SciPy's ``lsim`` does the
-    same, to the bit; its module takes half a second to import, which is an eighth of a command's time.
+    By one exponential of the system augmented with its signals and their slopes (Van Loan 1978). SciPy's ``lsim`` gives the same
+    bits; its module takes half a second to import, an eighth of a command's time.
     """
     from scipy.linalg import expm
 

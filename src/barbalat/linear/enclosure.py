@@ -1,4 +1,4 @@
-"""A number that is known to lie between two floats, and rounding outward."""
+"""A number known to be between two floats, and rounding outward."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from flint import arb
 
 @dataclass(frozen=True)
 class Enclosure:
-    """Interval that contains a norm for certain, with how it was obtained.
+    """An interval that provably contains a norm, and how it was obtained.
 
     `lower` and `upper` are rounded outward: lower <= true value <= upper. `converged` says whether the
     requested relative width was reached within the work limit; the interval is valid either way.
@@ -27,7 +27,7 @@ class Enclosure:
 
     @property
     def ends(self) -> dict[str, float]:
-        """Both ends, by name: the certificate's block of a norm."""
+        """Both ends, by name, as in the certificate's block for a norm."""
         return {"lower": self.lower, "upper": self.upper}
 
     @property
@@ -42,7 +42,7 @@ class Enclosure:
 
 
 def power(value: arb, exponent: int) -> arb:
-    """value**exponent. Of a ball around zero itself python-flint's own is no number, whatever its radius."""
+    """value**exponent. For a ball around zero python-flint's own power is NaN, whatever the radius."""
     if exponent <= 0 or value.mid() != 0:
         return value**exponent
     end = value.abs_upper() ** exponent
@@ -51,7 +51,7 @@ def power(value: arb, exponent: int) -> arb:
 
 def float_above(value: arb) -> float:
     """Return the float nearest above every point of the ball; ArithmeticError for an indeterminate ball."""
-    return 0.0 - float_below(-value)  # 0.0 - 0.0 is +0.0, where a mere sign change would give -0.0
+    return 0.0 - float_below(-value)  # 0.0 - 0.0 is +0.0; a sign change would give -0.0
 
 
 def float_below(value: arb) -> float:
@@ -66,4 +66,4 @@ def float_below(value: arb) -> float:
 
 
 OUTWARD_FACTOR = 1 + 1e-12
-"""Room for the handful of roundings of plain arithmetic on numbers that are bounds already (each at most 1.2e-16)."""
+"""Allowance for a handful of rounding errors in arithmetic on numbers that are already bounds (each at most 1.2e-16)."""

@@ -1,7 +1,7 @@
-"""The largest value that something bears: bisection in ratio, for searches of one value and of many side by side.
+"""The largest tolerated value: bisection in ratio, for single searches and for many in parallel.
 
-Nothing here knows what is borne. A search finds *a* boundary between what is borne and what is not; where there are several,
-it is the caller's steps that decide which.
+Nothing here depends on what is tolerated. A search finds *a* boundary between tolerated and untolerated values; if there are
+several, the caller's steps decide which.
 """
 
 from __future__ import annotations
@@ -9,22 +9,28 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from itertools import count
 
 SMALLEST_FLOAT = sys.float_info.min
-"""The smallest float with all its digits: a search downward that has come this far has found nothing that is borne."""
+"""The smallest float with full precision: a search downward that reaches it has found no tolerated value."""
 
 NEIGHBOUR_GAP = 4 * sys.float_info.epsilon
 """Relative distance at which a search for neighbouring floats ends; between closer ones a geometric mean may not fall."""
 
 
-def largest(bears: Callable[[float], bool], low: float, high: float, *, within: float = NEIGHBOUR_GAP) -> float:
-    """Between ``low``, which is borne or 0, and ``high``, which is not: a value that is borne, one ``within`` above it is not.
+SECANTS = 5
+"""Every SECANTS-th step of a search by secants is a bisection, which bounds the search if the size jumps."""
 
-    ``within`` is relative. 0 where nothing above 0 was found to be borne.
+
+def largest(bears: Callable[[float], bool], low: float, high: float, *, within: float = NEIGHBOUR_GAP) -> float:
+    """Between ``low``, which is tolerated or 0, and ``high``, which is not: a tolerated value such that the value ``within``
+    above it is not.
+
+    ``within`` is relative. 0 if no positive value was found to be tolerated.
     """
     while high - low > within * high:
         middle = geometric_mean(low, high) if low > 0 else high / 16
-        if not low < middle < high:  # neighbours already, or below the smallest float
+        if not low < middle < high:  # already neighbours, or below the smallest float
             break
         low, high = (middle, high) if bears(middle) else (low, middle)
     return low
@@ -38,27 +44,66 @@ def largest_from(
     within: float = NEIGHBOUR_GAP,
     least: float = SMALLEST_FLOAT,
 ) -> float:
-    """Search without known ends: by steps of ``factor`` from ``start`` down to what is tolerated, then up to what is not.
+    """Search without known ends: by steps of ``factor`` from ``start`` down to a tolerated value, then up to one that is not.
 
-    0 where nothing is borne down to ``least``; infinite where every float is.
+    0 if nothing is tolerated down to ``least``; infinite if every float is.
     """
+    low, high = _ends(bears, start, factor, least)
+    return low if low == 0 or math.isinf(high) else largest(bears, low, high, within=within)
+
+
+def largest_of_size(size: Callable[[float], float], start: float, *, within: float) -> float:
+    """The search of ``largest_from`` for values that are tolerated if their ``size``, a smooth function of them, is below 1.
+
+    It uses secants of the logarithms (the Illinois algorithm): some eight sizes are computed, where bisection takes 25.
+
+    Source: Dowell and Jarratt, A modified regula falsi method for computing the root of an equation, BIT 11 (1971).
+    """
+    logarithms: dict[float, float] = {}
+
+    def bears(value: float) -> bool:
+        logarithms[value] = math.log(max(size(value), SMALLEST_FLOAT))
+        return logarithms[value] < 0
+
+    low, high = _ends(bears, start, 2.0, SMALLEST_FLOAT)
+    if low == 0 or math.isinf(high):
+        return low
+    below, above, raised = logarithms[low], logarithms[high], None
+    for step in count(1):
+        if high - low <= within * high:
+            break
+        middle = low * (high / low) ** (below / (below - above))
+        # past the root by a third of the requested width, toward the farther end, so that both ends come close to it
+        middle *= 1 - within / 3 if middle > geometric_mean(low, high) else 1 + within / 3
+        if step % SECANTS == 0 or not low < middle < high:
+            middle = geometric_mean(low, high)
+        if bears(middle):
+            low, below, above, raised = middle, logarithms[middle], above / 2 if raised is True else above, True
+        else:
+            high, above, below, raised = middle, logarithms[middle], below / 2 if raised is False else below, False
+    return low
+
+
+def _ends(bears: Callable[[float], bool], start: float, factor: float, least: float) -> tuple[float, float]:
+    """A tolerated value and, a ``factor`` above it, one that is not; the first is 0 if none is, infinite if all are."""
     low = start
     while not bears(low):
         if low <= least:
-            return 0.0
+            return 0.0, low
         low /= factor
     high = low * factor
     while bears(high):
         low, high = high, high * factor
         if math.isinf(high):
-            return high
-    return largest(bears, low, high, within=within)
+            return high, high
+    return low, high
 
 
 def largest_whole(bears: Callable[[int], bool], *, stride: int, most: int) -> int:
-    """A number up to ``most`` that is borne, the one above it is not: by strides from 0, which is taken as borne, then by halves.
+    """A tolerated number up to ``most`` such that the next one is not: by strides from 0, which is assumed to be tolerated, then
+    by bisection.
 
-    ``most`` where all that were tried are borne.
+    ``most`` if all numbers tried are tolerated.
     """
     high = next((trial for trial in range(stride, most + 1, stride) if not bears(trial)), None)
     if high is None:
@@ -71,7 +116,7 @@ def largest_whole(bears: Callable[[int], bool], *, stride: int, most: int) -> in
 
 
 def geometric_mean(low: float, high: float) -> float:
-    """The geometric mean, also where the product of the two is beyond the floats' range."""
+    """The geometric mean, even if the product of the two exceeds the floats' range."""
     product = low * high
     return math.sqrt(product) if SMALLEST_FLOAT < product < math.inf else math.sqrt(low) * math.sqrt(high)
 

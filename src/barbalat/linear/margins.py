@@ -1,4 +1,4 @@
-"""Exact gain, phase and delay margins of a linear loop, broken at the plant input, with or without a delay in it.
+"""Exact gain, phase and delay margins of a linear loop, broken at the plant input, with or without a delay in the loop.
 
 Source: Skogestad and Postlethwaite, Multivariable Feedback Control, section 2.4.3.
 """
@@ -17,18 +17,19 @@ from barbalat.linear.systems import StateSpace, sensitivity
 from barbalat.validate import Array, InputError
 
 LARGEST_FACTOR = 1e6
-"""On the gain, up or down: a loop that is as good as open, or bears that, has no margin. A crossing beyond it hangs on the last
-bits of what cancels in L, or on a theta that is as good as zero, and no actuator's gain varies that far."""
+"""Largest change of the gain, up or down: a loop that is practically open, or that tolerates this change, has no margin. A
+crossing beyond it depends on the last bits of a cancellation in L, or on a practically vanishing theta, and no actuator's gain
+varies that much."""
 
 
 @dataclass(frozen=True)
 class Margins:
     """The margins of the loop L e^(-s d) closed by u = -L v; infinite where no change of that kind destabilises it.
 
-    gain_up, gain_down  factors > 1 and < 1 at which the loop loses stability; infinite and 0 where none up to ``LARGEST_FACTOR``,
-                        or down to its inverse, does
-    phase               the smallest phase lag or lead [rad] that does, over all crossovers
-    delay               the smallest delay [s] that does, over all crossovers; beside d
+    gain_up, gain_down  factors > 1 and < 1 at which the loop loses stability; infinite and 0 if there is none up to
+                        ``LARGEST_FACTOR``, or down to its inverse
+    phase               the smallest phase lag or lead [rad] at which it does, over all crossovers
+    delay               the smallest additional delay [s] at which it does, over all crossovers
     crossovers          (K,) frequencies [rad/s] with |L| = 1
     """
 
@@ -40,12 +41,12 @@ class Margins:
 
 
 def margins(loop: Any, delay: float = 0.0) -> Margins:
-    """Margins of a loop that is stable when closed around the ``delay`` d [s].
+    """Margins of a loop that is stable with the ``delay`` d [s] in it.
 
     loop   L(s): a StateSpace, a TransferFunction or a SISO python-control system
 
-    InputError where it is not, with the closed loop's largest real part, or the delay that it bears. A loop with
-    |L(infinity)| >= 1 bears none.
+    InputError if it is not stable, with the closed loop's largest real part, or with the delay that it tolerates. A loop with
+    |L(infinity)| >= 1 tolerates none.
     """
     loop, delay = StateSpace.accept("loop", loop), validate.not_negative("delay", delay)
     closed = sensitivity(loop).A
@@ -54,13 +55,14 @@ def margins(loop: Any, delay: float = 0.0) -> Margins:
         raise InputError(f"margins need a stable closed loop, but its largest eigenvalue has real part {largest:.6g}")
     crossings = Crossings(loop)
     crossovers = np.array(crossings.of_unit_circle())
-    lags = np.angle(-loop.response(crossovers)) % (2 * np.pi)  # in (0, 2 pi]: that turn the values to the negative real axis
+    # in (0, 2 pi]: these lags rotate the values to the negative real axis
+    lags = np.angle(-loop.response(crossovers)) % (2 * np.pi)
     lags = np.where(lags > 0, lags, 2 * np.pi)
     longest = float((lags / crossovers).min(initial=np.inf))
     if abs(loop.D) >= 1:  # |L| >= 1 up to infinite frequency: an arbitrarily small delay meets -1
         longest = 0.0
     if delay > 0 and longest <= delay:
-        raise InputError(f"unstable: it bears a delay of {longest:.4g} s and has {delay:.4g} s")
+        raise InputError(f"unstable: it tolerates a delay of {longest:.4g} s and has {delay:.4g} s")
     lags = lags - delay * crossovers
     phase = float(np.minimum(lags, 2 * np.pi - lags).min(initial=np.inf))
     at = phase_crossings(crossings, delay, crossovers) if delay > 0 else np.array(crossings.of_real_axis())
@@ -73,7 +75,7 @@ def _gain_factors(loop: StateSpace, delay: float, at: Array) -> tuple[float, flo
     values = (loop.response(at) * np.exp(-1j * at * delay)).real.tolist()
     if loop.order == 0 or np.linalg.cond(loop.A) < 1 / np.finfo(float).eps:
         values.append(float(loop.response(np.zeros(1))[0].real))
-    values.append(-abs(loop.D) if delay > 0 else loop.D)  # beside a delay, L(infinity) turns through all phases
+    values.append(-abs(loop.D) if delay > 0 else loop.D)  # with a delay, L(infinity) rotates through all phases
     factors = [-1 / value for value in values if 1 / LARGEST_FACTOR <= -value <= LARGEST_FACTOR]
     up = min((k for k in factors if k > 1), default=np.inf)
     down = max((k for k in factors if k < 1), default=0.0)

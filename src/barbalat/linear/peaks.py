@@ -1,14 +1,15 @@
 """Peak gains over all frequencies: H-infinity norms of SISO systems, Ms and Mt of a loop.
 
-Source: Boyd, Balakrishnan, Kabamba (1989) and Bruinsma, Steinbuch (1990): a level is above the peak where no zero of
-level^2 - G(-s)G(s) lies on the imaginary axis; so no peak between the points of a grid is missed.
+Source: Boyd, Balakrishnan, Kabamba (1989) and Bruinsma, Steinbuch (1990): a level is above the peak if no zero of level^2 -
+G(-s)G(s) is on the imaginary axis, so that no peak between grid points is missed.
 
-Of a loop with a delay |S| and |T| are searched by branch and bound over frequency, which misses no peak either.
+For a loop with a delay, |S| and |T| are searched by branch and bound over frequency, which misses no peak either.
 
-|S| = 1/|1 + X| with X = L e^(-j w d), and |T| = 1/|1 + X| with X = 1/(L e^(-j w d)). With r_i the zeros and poles of X, w_m the
-middle of an interval and delta half its width,
+|S| = 1/|1 + X| with X = L e^(-j w d), and |T| = 1/|1 + X| with X = 1/(L e^(-j w d)). With the zeros and poles r_i of X, the
+middle w_m of an interval and half its width delta,
     |X(w)/X(w_m) - 1| <= q = (1 + delta d) prod (1 + delta/|j w_i - r_i|) - 1,
-w_i = w_m for a zero, and for a pole the w of the interval next to it. So |1 + X| >= |1 + X(w_m)| - q |X(w_m)| over the interval.
+where w_i = w_m for a zero, and for a pole w_i is the w of the interval nearest to it. So |1 + X| >= |1 + X(w_m)| - q |X(w_m)|
+over the interval.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array, InputError
 
 PEAK_PRECISION = 1e-6
-"""Relative: how far the peak may lie below the level that is returned."""
+"""Relative precision: the true peak is at most this much below the returned level."""
 
 
 class Peak(NamedTuple):
-    """The largest gain, and where it was found [rad/s]; infinite frequency where it is approached there."""
+    """The largest gain, and its frequency [rad/s]; infinite if it is approached at infinite frequency."""
 
     gain: float
     frequency: float
@@ -55,7 +56,7 @@ def peak_gain(system: StateSpace) -> Peak:
 
 
 class Peaks(NamedTuple):
-    """Upper ends: the peaks themselves are at most ``PEAK_PRECISION`` below."""
+    """Upper bounds: the peaks themselves are at most ``PEAK_PRECISION`` below."""
 
     sensitivity: float
     complementary: float
@@ -75,7 +76,7 @@ def delayed_peaks(loop: StateSpace, delay: float) -> Peaks:
     S, T = max(1.0, float((1 / np.abs(1 + L)).max())), float(np.abs(L / (1 + L)).max())
     if T == 0:
         return Peaks(1.0, 0.0)
-    # above the last w with |L| at such a level, |S| <= 1/(1 - |L|) and |T| <= |L|/(1 - |L|) are below what is found already
+    # above the last w with |L| at such a level, |S| <= 1/(1 - |L|) and |T| <= |L|/(1 - |L|) are below the values found so far
     levels = 1 - 1 / (S * (1 + PEAK_PRECISION)), T / (1 + T)
     ends = [max([*crossings.of_unit_circle(1 / level), low]) for level in levels]
     S = _search(rotation, low, ends[0], S, inverse=False)
@@ -84,7 +85,7 @@ def delayed_peaks(loop: StateSpace, delay: float) -> Peaks:
 
 
 def _search(rotation: Rotation, low: float, high: float, peak: float, *, inverse: bool) -> float:
-    """The largest 1/|1 + X| over [low, high], or less by ``PEAK_PRECISION``; at least ``peak``."""
+    """The largest 1/|1 + X| over [low, high], within ``PEAK_PRECISION``; at least ``peak``."""
     edges = np.geomspace(low, high, 400)
     left, right = edges[:-1], edges[1:]
     for _ in range(HALVING_STEPS):
@@ -103,7 +104,7 @@ def _search(rotation: Rotation, low: float, high: float, peak: float, *, inverse
 
 
 def _change(rotation: Rotation, left: Array, right: Array, inverse: bool) -> Array:
-    """q of each interval."""
+    """q for each interval."""
     zeros, poles = (rotation.poles, rotation.zeros) if inverse else (rotation.zeros, rotation.poles)
     middle, half = (left + right) / 2, (right - left) / 2
     q = 1 + half * rotation.delay

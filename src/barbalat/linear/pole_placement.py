@@ -15,19 +15,16 @@ FIELD = "reference_model.poles"
 
 
 def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
-    """A - b K with the poles asked for, by state feedback; b is (n,) or (n, m).
+    """A - b K with the requested poles, by state feedback; b is (n,) or (n, m).
 
-    A complex pole is given once, as [real, imaginary], or as a complex number; a pole may stand as often as there are inputs,
-    with one input as often as one likes.
+    A complex pole is given once, as [real, imaginary], or as a complex number; a pole may be repeated as often as there are
+    inputs, and with one input without limit.
 
-    Source: Ackermann's formula where a pole of one input stands several times; else Tits and Yang (1996), as SciPy has it.
+    Source: Ackermann's formula for repeated poles with one input; otherwise Tits and Yang (1996), in SciPy's implementation.
     """
     A = square_matrix("plant.A", A)
     b = np.asarray(b, dtype=float).reshape(len(A), -1)
-    wanted = _wanted(poles, len(A))
-    unstable = [pole for pole in wanted if not pole.real < 0]
-    if unstable:
-        raise InputError.of(FIELD, f"must lie in Re s < 0, got {_text(unstable[0])}")
+    wanted = wanted_poles(poles, len(A), FIELD)
     inputs = b.shape[1]
     often = max(set(wanted), key=wanted.count)
     if wanted.count(often) > inputs == 1:
@@ -39,21 +36,49 @@ def place(A: Any, b: Array, poles: Iterable[Any]) -> Array:
             "move them a little apart, or give A_m",
         )
     else:
-        K = _robust(A, b, wanted)
+        K = _robust(A, b, wanted, FIELD)
     return np.asarray(A - b @ K)
 
 
-def _wanted(poles: Iterable[Any], n: int) -> list[complex]:
+def observer_gain(A: Array, C: Array, wanted: list[complex], field: str) -> Array:
+    """L, (n, p), for which A - L C has the requested eigenvalues: state feedback of the dual pair, by the sources of ``place``.
+
+    ``field`` names the setting with the poles, for messages.
+    """
+    p = len(C)
+    often = max(set(wanted), key=wanted.count)
+    count = wanted.count(often)
+    if count > p == 1:
+        return np.asarray(_ackermann(A.T, C.T, wanted).T)
+    if count > p:
+        raise InputError.of(
+            field,
+            f"has one pole {count} times, and {counted(p, 'measured quantity')} can place a pole as often as that: "
+            "move them a little apart",
+        )
+    return np.asarray(_robust(A.T, C.T, wanted, field).T)
+
+
+def wanted_poles(poles: Iterable[Any], n: int, field: str) -> list[complex]:
+    """Both poles of each pair; InputError unless there are n, in Re s < 0."""
+    wanted = _wanted(poles, n, field)
+    unstable = [pole for pole in wanted if not pole.real < 0]
+    if unstable:
+        raise InputError.of(field, f"must lie in Re s < 0, got {_text(unstable[0])}")
+    return wanted
+
+
+def _wanted(poles: Iterable[Any], n: int, field: str) -> list[complex]:
     """Both poles of each pair; InputError unless there are n."""
     given, wanted = list(poles), []
     for pole in _once_each(given):
         parts = np.atleast_1d(pole)
         if len(parts) not in (1, 2):
-            raise InputError.of(FIELD, f"must be numbers or [real, imaginary], got {pole!r}")
+            raise InputError.of(field, f"must be numbers or [real, imaginary], got {pole!r}")
         wanted += [complex(*parts)] if len(parts) == 1 or parts[1] == 0 else [complex(*parts), complex(*parts).conjugate()]
     if len(wanted) != n:
         found = ", ".join(map(_text, wanted))
-        raise InputError.of(FIELD, f"must place {n} poles (a complex one counts twice), got {len(wanted)}: {found}")
+        raise InputError.of(field, f"must place {n} poles (a complex one counts twice), got {len(wanted)}: {found}")
     return wanted
 
 
@@ -69,16 +94,16 @@ def _ackermann(A: Array, b: Array, wanted: list[complex]) -> Array:
     return np.asarray(last @ polynomial).reshape(1, -1)
 
 
-def _robust(A: Array, b: Array, wanted: list[complex]) -> Array:
+def _robust(A: Array, b: Array, wanted: list[complex], field: str) -> Array:
     from scipy.signal import place_poles
 
     try:
         with warnings.catch_warnings():
-            # every iterate has the poles asked for; what has not converged is how little they move with A
+            # every iterate has the requested poles; only their sensitivity to A has not converged
             warnings.filterwarnings("ignore", "Convergence was not reached", UserWarning)
             return np.asarray(place_poles(A, b, np.array(wanted)).gain_matrix.real)
     except ValueError as error:
-        raise InputError(f"{FIELD} can't be placed: {str(error).splitlines()[0]}") from None
+        raise InputError(f"{field} can't be placed: {str(error).splitlines()[0]}") from None
 
 
 def _text(pole: complex) -> str:
@@ -86,7 +111,7 @@ def _text(pole: complex) -> str:
 
 
 def _once_each(given: list[Any]) -> list[Any]:
-    """Poles as case files have them: of complex numbers that come in pairs one of each pair, as [real, imaginary]."""
+    """Poles in the form of case files: one of each pair of complex numbers, as [real, imaginary]."""
     pairs = [pole for pole in given if isinstance(pole, complex) and pole.imag > 0]
     alone = [pole for pole in given if isinstance(pole, complex) and pole.imag < 0 and pole.conjugate() not in pairs]
     real = [pole.real if isinstance(pole, complex) else pole for pole in given if not isinstance(pole, complex) or pole.imag == 0]

@@ -1,18 +1,19 @@
-"""How much uncertainty a linear loop bears: mu of the matched family over all frequencies, and the parameters that break it.
+"""The uncertainty that a linear loop tolerates: mu of the matched family over all frequencies, and the parameters that
+destabilise it.
 
-A grid proves nothing between its points. So every peak of mu is refined, the frequencies at which a real parameter alone
-could act are solved for, and the destabilising parameters that mu names are tried on the eigenvalues.
+A grid proves nothing between its points. So every peak of mu is refined, the frequencies at which a real parameter alone could
+act are solved for, and the destabilising parameters from mu are verified by the eigenvalues.
 
 The family is the matched one, (1) and (11): real parameters, and complex dynamics at the plant's input.
 
-Everything uncertain of x' = (A_m + b theta') x + b (1 + W Delta)[u] enters where the control does, so the matrix that the
-uncertainty sees has rank one and mu has a closed form (Young, 1994: for rank one the upper bound of mu is exact): with
-a_i = w_i e_i'(jw I - A)^-1 b S(jw), the responses of the states to a perturbation at the plant's input, and rho = |W T|,
+All uncertainty in x' = (A_m + b theta') x + b (1 + W Delta)[u] enters at the control input, so the matrix between the
+uncertainty's ports has rank one and mu has a closed form (Young, 1994: for rank one the upper bound of mu is exact): with a_i =
+w_i e_i'(jw I - A)^-1 b S(jw), the responses of the states to a perturbation at the plant's input, and rho = |W T|,
 
     mu = max {t real: t = sum delta_i a_i + rho z, |delta_i| <= 1, |z| <= 1}
        = min over m of  sum |Re a_i + m Im a_i| + rho sqrt(1 + m^2).
 
-Every m gives an upper bound; the minimum is convex and is taken exactly, among the breakpoints and the points between them.
+Every m gives an upper bound; the minimum is convex and is computed exactly, among the breakpoints and the points between them.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from barbalat.linear.systems import StateSpace, TransferFunction, sensitivity, s
 from barbalat.validate import Array, InputError
 
 REAL_TO_ROUNDING = 1e-9
-"""An imaginary part below this fraction of its number counts as zero: a real parameter alone matters only where it is."""
+"""An imaginary part below this fraction of its number counts as zero: only then can a real parameter act alone."""
 
 
 class Mu(NamedTuple):
@@ -47,7 +48,8 @@ def mu_of_family(a: Array, rho: Array) -> Mu:
     start = -np.abs(beta).sum(axis=1, keepdims=True)
     slopes = np.concatenate([start, start + np.cumsum(steps, axis=1)], axis=1)  # of the sum of moduli, between breakpoints
     room = rho[:, None] ** 2 - slopes**2
-    between = np.where(room > 0, -slopes / np.sqrt(np.where(room > 0, room, 1.0)), 0.0)  # where rho sqrt(1 + m^2) balances it
+    # the point between breakpoints at which rho sqrt(1 + m^2) balances the slope
+    between = np.where(room > 0, -slopes / np.sqrt(np.where(room > 0, room, 1.0)), 0.0)
     candidates = np.concatenate([breakpoints, between], axis=1)  # (K, 2 n + 1), the minimiser among them
     moduli = np.abs(alpha[:, None, :] + candidates[:, :, None] * beta[:, None, :]).sum(axis=2)
     values = moduli + rho[:, None] * np.sqrt(1 + candidates**2)
@@ -58,7 +60,7 @@ def mu_of_family(a: Array, rho: Array) -> Mu:
 def destabilising(a: Array, m: float) -> Array:
     """The delta (n,) in [-1, 1] that attains mu = sum delta_i a_i at one frequency, for real parameters alone.
 
-    Where alpha_i + m beta_i vanishes delta_i is free and cancels the imaginary part.
+    If alpha_i + m beta_i vanishes, delta_i is free and cancels the imaginary part.
     """
     alpha, beta = a.real, a.imag
     slope = alpha + m * beta
@@ -73,13 +75,13 @@ def destabilising(a: Array, m: float) -> Array:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MatchedFamily:
-    """x' = A_m x + b (theta'x + (1 + W Delta)[u]), theta in a box, |Delta(j w)| <= 1, around one linear controller.
+    """x' = A_m x + b (theta'x + (1 + W Delta)[u]), theta in a box, |Delta(j w)| <= 1, with one linear controller.
 
     loop    broken at the plant's input, with theta at the box's centre; its first n states are the plant's
     width   (n,) half the box's sides
-    weight  W(s), the size of the unmodelled dynamics; ``None``: none
+    weight  W(s), the size of the unmodelled dynamics; ``None`` without any
 
-    Raises InputError where the loop is unstable at the centre already: mu has no meaning then.
+    Raises InputError if the loop is unstable at the centre: mu is then meaningless.
     """
 
     loop: StateSpace
@@ -94,7 +96,7 @@ class MatchedFamily:
             )
 
     def channels(self, w: Array) -> tuple[Array, Array]:
-        """a (K, n): the states' responses to a perturbation at the plant's input, times the widths; rho (K,) = |W T|."""
+        """a (K, n): the states' responses to a perturbation at the plant's input, times the half widths; rho (K,) = |W T|."""
         S = sensitivity(self.loop)
         a = states_response(S.A, S.B, w)[:, : len(self.width)] * self.width
         if self.weight is None:
@@ -106,10 +108,10 @@ class MatchedFamily:
 class RobustStability:
     """mu over frequency.
 
-    w, mu      (K,) the frequencies that were tried [rad/s], with the refined peaks, and the exact mu at each
-    peak       the largest of them: the family is stable up to 1/peak of its size, as far as these frequencies tell
-    frequency  where
-    delta      (n,) for real parameters alone: theta = centre + width delta is the nearest found on the border of stability
+    w, mu      (K,) the frequencies tried [rad/s], including the refined peaks, and the exact mu at each
+    peak       the largest of them: the family is stable up to 1/peak of its size, as far as these frequencies show
+    frequency  its frequency
+    delta      (n,) for real parameters alone: theta = centre + width delta is the nearest point found on the stability boundary
     """
 
     w: Array
@@ -120,7 +122,7 @@ class RobustStability:
 
     @property
     def scale(self) -> float:
-        """The factor by which the uncertainty may grow before the loop can lose stability; infinite where it never does."""
+        """The factor by which the uncertainty may grow before the loop can lose stability; infinite if it never does."""
         return 1 / self.peak if self.peak > 0 else np.inf
 
 
@@ -140,7 +142,7 @@ def robust_stability(family: MatchedFamily) -> RobustStability:
 
 
 def _refined(family: MatchedFamily, w: Array) -> Array:
-    """The maximisers between the neighbours of every local maximum that comes within half of the largest."""
+    """The maximisers between the neighbours of every local maximum that is at least half of the largest."""
     from scipy.optimize import minimize_scalar
 
     values = mu_of_family(*family.channels(w)).value
@@ -156,7 +158,7 @@ def _refined(family: MatchedFamily, w: Array) -> Array:
 
 
 def _real_crossings(family: MatchedFamily, grid: Array) -> Array:
-    """Frequencies at which some a_i is real: there a parameter can act alone, and mu of real parameters may jump."""
+    """Frequencies at which some a_i is real: a parameter can act alone there, and mu of real parameters may jump."""
     from scipy.optimize import brentq
 
     def imaginary(point: float, i: int) -> float:

@@ -1,8 +1,8 @@
-"""Loops with a delay: where L(j w) e^(-j w d) is real and negative, and how close it comes to -1, with nothing missed between.
+"""Loops with a delay: the frequencies at which L(j w) e^(-j w d) is real and negative, and its distance from -1, without a gap.
 
-The delay makes the loop's phase rotate for ever, and the pencils of ``crossings`` end at rational functions. But the phase is a
-sum of arcs, each monotone in w: one for every zero and pole of L, and -w d. So over an interval of w it is bounded, and
-intervals are halved until they hold no crossing for certain, or one for certain.
+The delay makes the loop's phase rotate without end, and the pencils of ``crossings`` need rational functions. But the phase is a
+sum of arcs, each monotone in w: one for every zero and pole of L, and -w d. So it is bounded over an interval of w, and intervals
+are halved until they provably contain no crossing, or exactly one.
 """
 
 from __future__ import annotations
@@ -16,17 +16,18 @@ from barbalat.linear.systems import StateSpace
 from barbalat.validate import Array
 
 HALVING_STEPS = 60
-"""Of an interval: to below rounding. What is left then is a phase that touches -pi without crossing it."""
+"""Halvings of an interval: to below rounding. An interval that is still undecided then has a phase that touches -pi without
+crossing it."""
 
 CLEAR_OF_A_LEVEL = 1e-9
-"""Relative: far above what rounding makes of a phase, whatever the order of its sum."""
+"""Relative: far above the rounding errors of a phase, whatever the order of its sum."""
 
 START_SHARE = 1e-9
-"""Where a search begins, as a share of the least zero, pole and 1/d: below it L is constant, or an integrator, to 1e-8."""
+"""The start of a search, as a share of the smallest zero, pole and 1/d: below it L is constant, or an integrator, within 1e-8."""
 
 
 class Rotation:
-    """The zeros and poles of L, the delay d, and the frequency ``low`` below which L is as at zero frequency."""
+    """The zeros and poles of L, the delay d, and the frequency ``low`` below which L has its low-frequency form."""
 
     def __init__(self, loop: StateSpace, delay: float) -> None:
         self.loop, self.delay = loop, delay
@@ -37,8 +38,8 @@ class Rotation:
         roots = np.concatenate([self.zeros, self.poles])
         sense = np.concatenate([np.ones(len(self.zeros)), -np.ones(len(self.poles))])
         self._sense = np.where(roots.real <= 0, sense, -sense)
-        """Of each arc: 1 where it rises with w, as that of a zero in the left half plane."""
-        self._width = np.maximum(np.abs(roots.real), 1e-150)  # its square is no zero
+        """For each arc: 1 if it rises with w, like that of a zero in the left half plane."""
+        self._width = np.maximum(np.abs(roots.real), 1e-150)  # its square must not underflow to zero
         self._at = roots.imag
         sizes = np.abs(roots)
         known = 2 * float(sizes.max(initial=0.0)) or 1 / delay  # a w at which L is neither zero nor infinite
@@ -62,7 +63,7 @@ class Rotation:
         return self._start + self._arcs(w)
 
     def swing(self, left: Array, right: Array) -> tuple[Array, Array]:
-        """How far the phase can lie below and above its value at the left end, anywhere in the interval."""
+        """How far the phase can be below and above its value at the left end, anywhere in the interval."""
         rises = self._each(right) - self._each(left)
         return rises @ (self._sense < 0) + (right - left) * self.delay, rises @ (self._sense > 0)
 
@@ -96,7 +97,7 @@ class Rotation:
         return np.unique([*found, *right])
 
     def _crossed(self, left: Array, right: Array, levels: Array) -> Iterator[tuple[float, float, float]]:
-        """Return those intervals of monotone phase whose ends may lie on both sides of their level: few of many."""
+        """Return the intervals of monotone phase whose ends may be on both sides of their level: few of many."""
         wanted = (2 * levels + 1) * np.pi
         off = np.array([self.phase(end) - wanted for end in (left, right)])
         clear = (np.abs(off) > CLEAR_OF_A_LEVEL * np.maximum(1.0, np.abs(wanted))).all(axis=0)
@@ -104,10 +105,10 @@ class Rotation:
             yield left[k], right[k], levels[k]
 
     def _at_level(self, left: float, right: float, level: float) -> list[float]:
-        """The frequency at which the phase, monotone between the two, has the value: one w or none."""
+        """The frequency at which the phase, monotone between the two, has this value: one w or none."""
         from scipy.optimize import brentq
 
-        def off(w: float) -> float:  # ``phase`` less the level, in one call: most of a search's time goes here
+        def off(w: float) -> float:  # ``phase`` minus the level, in one call: most of a search's time is spent here
             arcs = np.arctan((np.array([[w]]) - self._at) / self._width) @ self._sense
             return float(self._start + (arcs[0] - w * self.delay)) - level
 
@@ -115,20 +116,20 @@ class Rotation:
             ends = {w: off(w) for w in (left, right)}
             if ends[left] * ends[right] < 0:
                 return [float(brentq(off, left, right, xtol=1e-300, rtol=1e-13))]
-        return [w for w, value in ends.items() if abs(value) < 1e-12 * max(1.0, abs(level))]  # an end itself, to rounding
+        return [w for w, value in ends.items() if abs(value) < 1e-12 * max(1.0, abs(level))]  # one of the ends, up to rounding
 
 
 def _levels(lowest: Array, highest: Array) -> tuple[Array, Array]:
-    """The first and the last m with (2 m + 1) pi between the two; none where the first is the larger."""
+    """The first and the last m with (2 m + 1) pi between the two; there is none if the first is the larger."""
     return np.ceil((lowest / np.pi - 1) / 2), np.floor((highest / np.pi - 1) / 2)
 
 
 def phase_crossings(crossings: Crossings, delay: float, crossovers: Array) -> Array:
     """All w at which L e^(-j w d) is negative and real, up to where |L| is below its largest such value under 1.
 
-    Above the last crossover w_c the delay alone brings one: zeros and poles turn the phase by pi at most each, so that it falls
-    through an odd multiple of pi before w_c + (R + 2) pi/d. With k the factor there, nothing beyond the last w with k |L| = 1
-    is a smaller one.
+    Above the last crossover w_c the delay alone causes one: zeros and poles rotate the phase by at most pi each, so that it falls
+    through an odd multiple of pi before w_c + (R + 2) pi/d. With k the factor there, no smaller one is beyond the last w with k
+    |L| = 1.
     """
     rotation = Rotation(crossings.loop, delay)
     last = float(crossovers.max(initial=0.0))

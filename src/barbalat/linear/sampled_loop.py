@@ -1,30 +1,31 @@
 """A linear loop with a sampled controller, zero-order hold and a delay of any length: exact from sample to sample.
 
-Between samples X' = A X + E v, at a sample X becomes J X and the controller's output u = C X, which is held and reaches the plant
-as v(t) = u(t - d). With d = (l + f) T, 0 <= f < 1, v changes within a sample, at f T:
+Between samples X' = A X + E v; at a sample X becomes J X, and the controller's output u = C X is held and reaches the plant as
+v(t) = u(t - d). With d = (l + f) T, 0 <= f < 1, v changes within a sample, at f T:
 
     X[k+1] = J (e^(A T) X[k] + e^(A (1-f) T) Gamma(f T) u[k-l-1] + Gamma((1-f) T) u[k-l]),  Gamma(t) = integral_0^t e^(A s) ds E.
 
 With R = C (zI - J e^(A T))^-1 J, L(z) from v to -u is -R (e^(A (1-f) T) Gamma(f T)/z + Gamma((1-f) T))/z^l. Gain and phase
 margins and peaks of one input are those of L(z) on the unit circle, the other inputs closed; by z = (1 + s T/2)/(1 - s T/2) they
-are those of a continuous system. What no single L(z) tells is searched for.
+are those of a continuous system. Everything that no single L(z) shows is searched for.
 
 Source: Astrom and Wittenmark, Computer-Controlled Systems, 3rd ed., sections 2.3 (delays that are no whole samples), 8.2.
 
-No single transfer function tells the delay's margin, nor that of a gain that all inputs share.
+No single transfer function shows the delay margin, nor that of a gain that all inputs share.
 
-From a stable loop on the search goes as far as it certainly stays stable. For a delay that is while |change of L| < |1 + L| at
-every frequency: L changes as the edge of v moves through the sample, by R e^(A t) E (1 - 1/z) dt. For a factor k on all inputs
-det(I + k L) = 0 says that k is -1/lambda for an eigenvalue lambda of L: k may move by its distance from all of these. Near the
-end the spectral radius decides. One input's delay, the others closed, is the delay of the loop with one input whose resolvent is
+The search starts from a stable loop and advances by steps over which stability is certain. For a delay the step is certain while
+|change of L| < |1 + L| at every frequency: L changes as the edge of v moves through the sample, by R e^(A t) E (1 - 1/z) dt. For
+a factor k on all inputs det(I + k L) = 0 means that k is -1/lambda for an eigenvalue lambda of L: k may move by its distance from
+all of these. Near the boundary the spectral radius decides. The delay of one input, with the others closed, is the delay of the
+loop with one input whose resolvent is
 
-    R_i - L_io (I + L_oo)^-1 R_o,    o: the other inputs with the delays that they have.
+    R_i - L_io (I + L_oo)^-1 R_o,    R_i - L_io (I + L_oo)^-1 R_o, where o are the other inputs with their own delays.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +36,7 @@ from barbalat.validate import Array, InputError
 
 
 class Effects(NamedTuple):
-    """What u[k-l] and u[k-l-1] make of X by the next sample, for a delay of l samples and a share f of one; a column per
+    """The effects of u[k-l] and u[k-l-1] on X at the next sample, for a delay of l samples and a share f of one; a column per
     input."""
 
     whole: Array
@@ -46,7 +47,7 @@ class Effects(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
-    """A (s, s), E (s, m), J (s, s), C (m, s) and the sample time T [s]; u = C X acts with the sign that it has in the loop."""
+    """A (s, s), E (s, m), J (s, s), C (m, s) and the sample time T [s]; u = C X has the sign that it has in the loop."""
 
     A: Array
     E: Array
@@ -67,10 +68,11 @@ class SampledLoop:
         return int(self.E.shape[1])
 
     def broken(self, delay: float | Array) -> tuple[Array, Array, Array]:
-        """(M, N, C) of s[k+1] = M s[k] + N v[k], u[k] = C s[k]: open where u leaves, with one delay [s] or one of each input."""
+        """(M, N, C) of s[k+1] = M s[k] + N v[k], u[k] = C s[k]: opened at the output u, with one delay [s] or one for each
+        input."""
         found = self.effects(delay)
         s, m = self.E.shape
-        of_earlier: dict[tuple[int, int], int] = {}  # where u_i of so many samples ago stands while it is under way
+        of_earlier: dict[tuple[int, int], int] = {}  # position of u_i of this number of samples ago, while it is in the delay
         depths = found.whole + (found.part > 0)
         for age in range(1, int(depths.max()) + 1):
             of_earlier |= {(age, i): s + len(of_earlier) + k for k, i in enumerate(np.flatnonzero(depths >= age).tolist())}
@@ -91,7 +93,7 @@ class SampledLoop:
         return M, N, np.hstack([self.C, np.zeros((m, len(of_earlier)))])
 
     def broken_at(self, i: int, delay: float | Array) -> tuple[Array, Array, Array]:
-        """(M, N, C) of the loop that is open at the input i alone: the others are closed."""
+        """(M, N, C) of the loop that is opened only at the input i, with the others closed."""
         M, N, C = self.broken(delay)
         others = np.arange(self.inputs) != i
         return M + N[:, others] @ C[others], N[:, [i]], C[[i]]
@@ -117,7 +119,7 @@ class SampledLoop:
         return np.asarray(M + factor * N @ C)
 
     def radius(self, delay: float | Array, factor: float = 1.0) -> float:
-        """The closed loop's spectral radius: below 1 where it is stable."""
+        """The closed loop's spectral radius, which is below 1 if it is stable."""
         return float(np.abs(np.linalg.eigvals(self.closed(delay, factor))).max())
 
     def as_continuous(self, delay: float, at: int = 0) -> StateSpace:
@@ -136,50 +138,54 @@ class SampledLoop:
         return np.asarray(turned.transpose(0, 2, 1) @ self.J)
 
     def response(self, w: Array, R: Array, effects: Effects) -> Array:
-        """-R (late + early/z)/z^l at frequencies (K,), from inputs with these effects: L, where R is the resolvent."""
+        """-R (late + early/z)/z^l at frequencies (K,), for inputs with these effects: L, if R is the resolvent."""
         z = np.exp(1j * w * self.T)[:, None, None]
         return np.asarray(-(R @ effects.late + R @ effects.early / z) / z**effects.whole)
 
 
 def _split(delay: float, T: float) -> tuple[int, float]:
-    """Whole samples and the rest, a share of one; a rest within rounding of a sample is none."""
+    """Whole samples and the remaining share of one; a remainder within rounding of a sample is none."""
     whole = int(np.floor(delay / T + 1e-12))
     return whole, max(delay / T - whole, 0.0)
 
 
 LEAST_STEP = 1e-4
-"""Of a sample, or of the factor: the search goes on by this much at least, beyond what the grid of frequencies resolves."""
+"""Share of a sample, or of the factor: the search advances by at least this much, which the grid of frequencies does not
+resolve."""
 FREQUENCIES = 600
-"""Of the grid up to pi/T, once by equal ratios and once by equal steps; the modes without feedback join it."""
+"""Number of frequencies of the grid up to pi/T, once with equal ratios and once with equal steps; the modes without feedback
+are added."""
 CLOSER_LOOKS, POINTS_OF_A_LOOK = 2, 21
-"""Between the neighbours of a least value on the grid, and again: a hundredth of the grid's steps."""
+"""Refinements between the neighbours of a minimum on the grid: a hundredth of the grid's steps."""
 SHORT_STEP = 0.1
-"""Of a sample, or of the factor: shorter steps of the search are near a loss of stability, and what lies behind is looked at."""
+"""Share of a sample, or of the factor: shorter steps of the search are close to a loss of stability, which is then examined."""
 MOST_SAMPLES_OF_DELAY = 500
-"""Beyond it the delay margin is not sought."""
+"""Largest delay up to which the delay margin is searched."""
 EDGE_PLACES = 100
-"""Of the edge within a sample, where |L| < 1 is asked for."""
+"""Positions of the edge within a sample at which |L| < 1 is checked."""
 GRID_ALLOWANCE = 2e-3
-"""For a peak of |L| between the grid's frequencies, which is near enough to every mode that is not damped within two samples."""
+"""Allowance for a peak of |L| between the grid's frequencies, which are close to every mode that is not damped within two
+samples."""
 LARGEST_TURN = 0.05
-"""By how much e^(A t) may turn between the instants within a sample at which it is evaluated."""
+"""Largest rotation of e^(A t) between the instants within a sample at which it is evaluated."""
 SHARE_OF_ROOM = 0.9
-"""Of the factor's distance from a loss that is made at a time: it does not end on the loss itself."""
+"""Share of the factor's distance from a loss that is advanced at a time, so that the search does not end on the loss itself."""
 
 
 def delay_margin(loop: SampledLoop, delay: float, at: int | None = None) -> float:
-    """The smallest delay [s] beside ``delay`` at which the loop loses stability; infinite where none does.
+    """The smallest additional delay [s] at which the loop with ``delay`` loses stability; infinite if there is none.
 
-    at  the one input that is later, the others as they are; by default all are, alike
-    InputError where the loop is unstable, and where nothing is found up to ``MOST_SAMPLES_OF_DELAY`` samples.
+    at  the one input that is delayed further; by default all are, by the same delay
+    InputError if the loop is unstable, and if nothing is found up to ``MOST_SAMPLES_OF_DELAY`` samples.
     """
     return _DelaySearch(_stable(loop, delay), delay, at).margin()
 
 
 def gain_margins(loop: SampledLoop, delay: float) -> tuple[float, float]:
-    """The factors next to 1, below and above, that lose stability where they multiply all inputs; 0 and infinite where none does.
+    """The factors next to 1, below and above, at which stability is lost if they multiply all inputs; 0 and infinite if there is
+    none.
 
-    Factors up to ``LARGEST_FACTOR`` are looked at. InputError where the loop is unstable.
+    Factors up to ``LARGEST_FACTOR`` are examined. InputError if the loop is unstable.
     """
     search = _GainSearch(_stable(loop, delay), delay)
     return search.margin(-1), search.margin(1)
@@ -196,12 +202,12 @@ def _grid(loop: SampledLoop, M: Array) -> Array:
     highest = np.pi / loop.T
     w = np.union1d(np.geomspace(1e-6 * highest, highest, FREQUENCIES), np.linspace(0, highest, FREQUENCIES)[1:])
     modes = np.linalg.eigvals(M)
-    own = np.abs(np.angle(modes[np.abs(modes) > 0.5])) / loop.T  # others decay within samples: no narrow peak
+    own = np.abs(np.angle(modes[np.abs(modes) > 0.5])) / loop.T  # others decay within a few samples and have no narrow peak
     return np.union1d(w, own[own > w[0]])
 
 
 def _largest_gain(matrices: Array) -> Array:
-    """The largest singular values, (K,); of one input the size, a hundred times as fast."""
+    """The largest singular values, (K,); for one input the magnitude, which is a hundred times as fast."""
     if matrices.shape[1:] == (1, 1):
         return np.asarray(np.abs(matrices[:, 0, 0]))
     return np.asarray(np.linalg.norm(matrices, 2, axis=(1, 2)))
@@ -215,7 +221,7 @@ def _least_gain(matrices: Array) -> Array:
 
 
 def _between_neighbours(w: Array, room: Array) -> Array:
-    """Frequencies around the least values."""
+    """Frequencies around the minima."""
     inner = np.concatenate([[np.inf], room, [np.inf]])
     least = np.flatnonzero((room <= inner[:-2]) & (room <= inner[2:]) & (room <= 4 * room.min()))
     left, right = w[np.maximum(least - 1, 0)], w[np.minimum(least + 1, len(w) - 1)]
@@ -224,7 +230,7 @@ def _between_neighbours(w: Array, room: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _DelaySearch:
-    """The search for the delay of the inputs ``at``, or of all, beside the one that all have, at which stability is lost."""
+    """The search for the additional delay of the inputs ``at``, or of all, at which stability is lost."""
 
     loop: SampledLoop
     delay: float
@@ -235,20 +241,20 @@ class _DelaySearch:
 
         if self._never_large():
             return np.inf
-        T, late = self.loop.T, 0.0
+        T, late, radius = self.loop.T, 0.0, cache(self._radius)
         while late < MOST_SAMPLES_OF_DELAY * T:
             step = self._safe_step(late)
             if step < SHORT_STEP * T:
                 step = max(step, LEAST_STEP * T)
-                if self._radius(late + step) >= 1:
-                    stable = late if self._radius(late) < 1 else 0.0  # a mode narrower than the grid may have been passed
-                    return float(brentq(lambda one: self._radius(one) - 1, stable, late + step, xtol=1e-12 * T))
+                if radius(late + step) >= 1:
+                    stable = late if radius(late) < 1 else 0.0  # a mode narrower than the grid may have been missed
+                    return float(brentq(lambda one: radius(one) - 1, stable, late + step, xtol=1e-12 * T))
             late += step
         raise InputError(f"no delay up to {MOST_SAMPLES_OF_DELAY} samples destabilises it, and longer ones were not tried")
 
     @property
     def _columns(self) -> Array:
-        """The inputs that are later."""
+        """The inputs that are delayed further."""
         return np.arange(self.loop.inputs) if self.at is None else np.array([self.at])
 
     def _radius(self, late: float) -> float:
@@ -283,7 +289,7 @@ class _DelaySearch:
         return np.array([self.loop.over(t)[0] @ E for t in np.linspace(0, T, count + 1)])
 
     def _slopes(self, w: Array, R: Array) -> Array:
-        """The largest |dL/dd| at each frequency, over all places of the edge, (K,)."""
+        """The largest |dL/dd| at each frequency, over all positions of the edge, (K,)."""
         moved = np.stack([_largest_gain(R @ edge) for edge in self._edges]).max(axis=0)
         return np.asarray(np.exp(LARGEST_TURN) * moved * np.abs(1 - np.exp(-1j * w * self.loop.T)))
 
@@ -292,7 +298,7 @@ class _DelaySearch:
         return self._slopes(*self._grid)
 
     def _safe_step(self, late: float) -> float:
-        """|1 + L| over |dL/dd| at the worst frequency; around the least values on the grid it is looked at more closely."""
+        """|1 + L| over |dL/dd| at the worst frequency; around the minima on the grid it is refined."""
         w, R = self._grid
         effects = self._effects(late)
         room = self._room(w, R, self._grid_slopes, effects)
@@ -308,12 +314,12 @@ class _DelaySearch:
         return np.asarray(nearest / np.maximum(slopes, 1e-300))
 
     def _never_large(self) -> bool:
-        """Whether |L| < 1 at all frequencies wherever the edge stands, which no delay changes.
+        """Whether |L| < 1 at all frequencies and for all positions of the edge, so that no delay matters.
 
-        Between the places of the edge that are looked at L changes by what its slope allows.
+        Between the checked positions of the edge, L changes by at most what its slope allows.
         """
         w, R = self._grid
-        start = -self.delay  # the whole delay within a sample, whatever the plant's own
+        start = -self.delay  # the whole delay within a sample, including the plant's own
 
         def largest(parts: Array) -> Array:
             responses = (self.loop.response(w, R, self._effects(start + part * self.loop.T)) for part in parts)
@@ -336,15 +342,15 @@ class _GainSearch:
         """The first factor from 1 on, upwards or downwards."""
         from scipy.optimize import brentq
 
-        k = 1.0
+        k, radius = 1.0, cache(self._radius)
         while 1 / LARGEST_FACTOR < k < LARGEST_FACTOR:
             step = SHARE_OF_ROOM * self._safe_step(k)
             if step < SHORT_STEP * k:
                 step = max(step, LEAST_STEP * k)
                 following = k + direction * step
-                if self._radius(following) >= 1:
-                    stable = k if self._radius(k) < 1 else 1.0  # as above
-                    return float(brentq(lambda one: self._radius(one) - 1, stable, following, xtol=1e-12 * k))
+                if radius(following) >= 1:
+                    stable = k if radius(k) < 1 else 1.0  # as above
+                    return float(brentq(lambda one: radius(one) - 1, stable, following, xtol=1e-12 * k))
             k += direction * step
         return np.inf if direction > 0 else 0.0
 

@@ -1,7 +1,7 @@
-"""Bounds of what a stable system s[k+1] = M s[k] + N w[k], y[k] = C s[k] does at its samples: from above, by sums and tails.
+"""Upper bounds of the response of a stable system s[k+1] = M s[k] + N w[k], y[k] = C s[k] at its samples, by sums and tails.
 
-With P - M'PM >= q I > 0, |M s|_P <= beta |s|_P, beta^2 = 1 - q/lambda_max(P): what is not summed is at most a geometric series.
-P is solved for q = 1, and q then taken from the P that was found, less its roundings.
+With P - M'PM >= q I > 0, |M s|_P <= beta |s|_P, beta^2 = 1 - q/lambda_max(P): the part that is not summed is at most a geometric
+series. P is solved for q = 1, and q is then computed from the P found, less its rounding errors.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +17,15 @@ from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.validate import Array, InputError
 
 TAIL_SHARE = 1e-3
-"""Of the sum: a bound need not be closer."""
+"""Share of the sum: a bound need not be tighter."""
 MOST_SAMPLES = 4_000_000
-"""Summed at most; a loop that forgets more slowly has no bound."""
+"""Largest number of summed samples; a loop that decays more slowly has no bound."""
+PROVEN_SHARE, CERTAIN_SHARE = 1e-4, 0.999
+"""Shares of a sum that a proof leaves out, about, and of a decay that it claims."""
+MOST_PROVEN = 12_000
+"""Samples that ``barbalat-check`` follows: some minutes."""
 BLOCK_SAMPLES = 64
-"""Samples that are summed at once."""
+"""Samples that are summed together."""
 TOO_CLOSE = "the loop is too close to losing stability from sample to sample, or its states are of too far sizes, for a bound"
 
 
@@ -32,14 +37,24 @@ class SampledNorms:
     C: Array
 
     def summed(self, s: Array) -> Array:
-        """sum_k |C M^k s|, (p,), or (p, q) for q columns s: what an input of size 1 makes of y, with s = N."""
-        return self._bounded(s, summed=True)
+        """sum_k |C M^k s|, (p,), or (p, q) for q columns s: the largest effect of an input of size 1 on y, with s = N."""
+        return self._bounded(s, 1)[0]
+
+    def root_of_squares(self, s: Array) -> Array:
+        """sqrt(sum_k |C M^k s|^2), in the shape of ``summed``: the standard deviation of y for independent inputs of deviation
+        1."""
+        return self._bounded(s, 2)[0]
 
     def largest(self, s: Array) -> Array:
         """max_k |C M^k s|, of the shape of ``summed``."""
-        return self._bounded(s, summed=False)
+        return self._bounded(s, np.inf)[0]
 
-    def _bounded(self, s: Array, *, summed: bool) -> Array:
+    def samples(self, s: Array) -> int:
+        """How many samples are summed before what is left is negligible."""
+        return self._bounded(s, 1)[1]
+
+    def _bounded(self, s: Array, order: float) -> tuple[Array, int]:
+        """The norm of this order of the sequence C M^k s, and the samples followed. A tail's sum bounds all its norms."""
         from scipy.linalg import matrix_balance
 
         M, (scale, _) = matrix_balance(self.M, permute=False, separate=True)  # by powers of two: exact
@@ -53,22 +68,21 @@ class SampledNorms:
             rows.append(rows[-1] @ M)
         block, jump = np.stack(rows), np.linalg.matrix_power(M, BLOCK_SAMPLES)
         found = np.zeros((len(C), *s.shape[1:]))
-        for _ in range(MOST_SAMPLES // BLOCK_SAMPLES):
-            seen = np.abs(block @ s)
-            found = found + seen.sum(axis=0) if summed else np.maximum(found, seen.max(axis=0))
+        for followed in range(BLOCK_SAMPLES, MOST_SAMPLES + 1, BLOCK_SAMPLES):
+            found = np.linalg.norm([found, np.linalg.norm(block @ s, order, axis=0)], order, axis=0)
             s = jump @ s
             tail = np.multiply.outer(reach, np.linalg.norm(root @ s, axis=0))
             if (tail <= TAIL_SHARE * found.max(initial=0.0)).all():
-                return np.asarray((found + tail) * OUTWARD_FACTOR)
+                return np.asarray((found + tail) * OUTWARD_FACTOR), followed
         raise InputError("the loop forgets too slowly for a bound")
 
 
 def _contraction(M: Array) -> tuple[Array, float]:
-    """Root with root'root = P, and at most 1 - beta; InputError where the P that was found shows none."""
+    """Root with root'root = P, and at most 1 - beta; InputError if the P found shows none."""
     from scipy.linalg import LinAlgError, LinAlgWarning, cholesky, solve_discrete_lyapunov
 
     try:
-        with warnings.catch_warnings():  # of an ill-conditioned equation: its solution is judged here
+        with warnings.catch_warnings():  # about an ill-conditioned equation: its solution is verified here
             warnings.simplefilter("ignore", LinAlgWarning)
             root = cholesky(solve_discrete_lyapunov(M.T, np.eye(len(M))))
     except LinAlgError as error:
@@ -80,6 +94,21 @@ def _contraction(M: Array) -> tuple[Array, float]:
         raise InputError(TOO_CLOSE)
     share = min(1.0, q / float(np.linalg.norm(root, 2)) ** 2)
     return root, share / (1 + math.sqrt(1 - share))
+
+
+def contraction_witness(M: Array, samples: int) -> dict[str, Any]:
+    """P and a share with M'PM < (1 - share) P, and a number of samples well beyond ``samples``; InputError without any."""
+    from scipy.linalg import matrix_balance
+
+    balanced, (scale, _) = matrix_balance(M, permute=False, separate=True)
+    root, left = _contraction(balanced)
+    P = (root.T @ root) / np.outer(scale, scale)
+    share = (1 - (1 - left) ** 2) * CERTAIN_SHARE
+    if samples > MOST_PROVEN:
+        raise InputError(f"a proof would follow {samples} samples, and at most {MOST_PROVEN} are followed")
+    slowest = float(np.abs(np.linalg.eigvals(M)).max())
+    beyond = math.ceil(math.log(TAIL_SHARE / PROVEN_SHARE) / -math.log(slowest))
+    return {"P": ((P + P.T) / 2).tolist(), "share": share, "samples": samples + beyond}
 
 
 def grown(A: Array, T: float) -> Array:

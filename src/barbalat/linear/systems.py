@@ -1,4 +1,4 @@
-"""Linear time-invariant SISO systems: transfer functions, their realisation, and the numbers that conditions ask for."""
+"""Linear time-invariant SISO systems: transfer functions, their realisation, and the numbers that conditions need."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from barbalat.validate import Array, InputError, Vector
 
 
 def is_scipy(system: Any) -> bool:
-    """Whether it is a continuous system of SciPy's; discrete ones are not taken."""
+    """Whether it is a continuous system of SciPy; discrete ones are not accepted."""
     if not type(system).__module__.startswith("scipy."):
         return False
     from scipy.signal import lti
@@ -63,7 +63,7 @@ def foreign_coefficients(field: str, system: Any) -> tuple[Array, Array]:
 class StateSpace(Settings):
     """x' = A x + B u, y = C x + D u with one input and one output; A (n, n), B (n,), C (n,), D scalar, n may be 0.
 
-    Equal, and of one hash, where all the numbers are.
+    Two systems are equal, and have the same hash, if all their numbers are.
     """
 
     A: Array
@@ -98,14 +98,14 @@ class StateSpace(Settings):
 
     @classmethod
     def _of_matrices(cls, field: str, A: Any, B: Any, C: Any, D: Any) -> StateSpace:
-        """Of A (n, n), B (n,) or (n, 1), C (n,) or (1, n) and D, a number or (1, 1)."""
+        """From A (n, n), B (n,) or (n, 1), C (n,) or (1, n) and D, a number or (1, 1)."""
         matrix = validate.square_matrix(f"{field}.A", A)
         b, c = (validate.by_rows(f"{field}.{name}", given, len(matrix)) for name, given in (("B", B), ("C", C)))
         (d,) = validate.by_rows(f"{field}.D", np.reshape(D, -1) if validate.dimensions(D) == 0 else D, 1)
         return cls(matrix, b, c, float(d))
 
     def derivative(self, state: Value, u: Value) -> Value:
-        """x'; with a state (n, m) m copies of the system, for u (m,)."""
+        """x'; with a state (n, m) for m copies of the system with u (m,)."""
         return self.A @ state + (self.B * u if state.ndim == 1 else np.outer(self.B, u))
 
     def output(self, state: Value, u: Value) -> Value:
@@ -122,9 +122,10 @@ class StateSpace(Settings):
 
     @classmethod
     def accept(cls, field: str, system: Any) -> StateSpace:
-        """One of ours, matrices (A, B, C, D), or what ``TransferFunction.accept`` takes, proper; InputError names the field.
+        """A system from one of ours, matrices (A, B, C, D), or anything that ``TransferFunction.accept`` takes, proper;
+        InputError names the field.
 
-        A foreign state space is taken as it is: by way of polynomials slow and fast poles together would lose digits.
+        A foreign state space is used directly: conversion to polynomials would lose digits if it has both slow and fast poles.
         """
         if isinstance(system, cls):
             return system
@@ -175,7 +176,8 @@ class TransferFunction(Settings):
 
     @classmethod
     def accept(cls, field: str, system: Any) -> TransferFunction:
-        """One of ours, (num, den), matrices (A, B, C, D), or a continuous SISO system of python-control or SciPy.
+        """A transfer function from one of ours, (num, den), matrices (A, B, C, D), or a continuous SISO system of python-control
+        or SciPy.
 
         InputError names the field.
         """
@@ -223,7 +225,8 @@ class TransferFunction(Settings):
 
     @cached_property
     def is_minimum_phase(self) -> bool:
-        """Every zero in the open left half plane, by more than rounding; a zero on the axis is not enough for an inverse."""
+        """Whether every zero is in the open left half plane, beyond rounding; with a zero on the axis there is no stable
+        inverse."""
         if len(self.num) == 1:
             return True
         size = max(float(np.abs(self.poles).max(initial=0)), float(np.abs(self.zeros).max()))
@@ -242,7 +245,7 @@ class TransferFunction(Settings):
         D = float(num[0])
         if order == 0:
             return StateSpace(np.zeros((0, 0)), np.zeros(0), np.zeros(0), D)
-        with np.errstate(over="ignore", invalid="ignore"):  # what leaves the range of floats is refused below
+        with np.errstate(over="ignore", invalid="ignore"):  # values beyond the range of floats are refused below
             A, scale = balance(np.vstack([-self.den[1:], np.eye(order)[:-1]]))
             B, C = np.eye(order)[0] / scale, (num[1:] - D * self.den[1:]) * scale
         if not all(np.isfinite(part).all() for part in (A, B, C, D)):
@@ -251,13 +254,14 @@ class TransferFunction(Settings):
 
 
 def of_polynomial(count: float) -> Estimate:
-    """What a polynomial of so many coefficients costs: its roots, 1.1 s for 1,000, and the matrix of its realisation."""
+    """The cost of a polynomial with this number of coefficients: its roots, 1.1 s for 1,000, and the matrix of its
+    realisation."""
     return Estimate(memory=40.0 * count**2, seconds=1e-9 * count**3)
 
 
 def open_loop(field: str, system: Any) -> tuple[Array, Array]:
     """(A, B) of x' = A x + B u; InputError names the field."""
-    if isinstance(system, (tuple, list)) and len(system) in (2, 4):  # C and D have no part in it
+    if isinstance(system, (tuple, list)) and len(system) in (2, 4):  # C and D are not used
         return system[0], system[1]
     found = (system.A, system.B, system.C, system.D) if isinstance(system, StateSpace) else foreign_state_space(system)
     if found is None:
@@ -268,11 +272,11 @@ def open_loop(field: str, system: Any) -> tuple[Array, Array]:
 
 
 POLE_OFFSET_SHARE = 1e-13
-"""By how much, relatively, a frequency is moved off a pole that it hits exactly: a few hundred roundings."""
+"""Relative distance by which a frequency is moved off a pole that it hits exactly: a few hundred rounding errors."""
 
 
 SOLVED_AT_ONCE = 2**22
-"""Entries of all matrices that are solved together, 64 MB of them."""
+"""Entries of all matrices that are solved together, 64 MB."""
 
 
 def of_response(states: float, frequencies: int) -> Estimate:
@@ -283,7 +287,7 @@ def of_response(states: float, frequencies: int) -> Estimate:
 def states_response(A: Array, b: Array, w: Array) -> Array:
     """(j w I - A)^-1 b at frequencies (K,) in rad/s, (K, n).
 
-    Raises InputError where that many states at that many frequencies are beyond the budget.
+    Raises InputError if this number of states and frequencies exceeds the budget.
     """
     w, n = np.atleast_1d(np.asarray(w, dtype=float)), len(b)
     budget.require(
@@ -311,7 +315,7 @@ def states_response(A: Array, b: Array, w: Array) -> Array:
 
 
 LARGEST_ORDER = 100
-"""Of the input filter: from some 103 on, rounding moves roots of (kappa s + 1)^order into the right half plane."""
+"""Largest order of the input filter: from about 103 on, rounding moves roots of (kappa s + 1)^order into the right half plane."""
 
 
 def input_filter(kappa: float, order: int = 1) -> TransferFunction:
@@ -324,10 +328,20 @@ def input_filter(kappa: float, order: int = 1) -> TransferFunction:
     return TransferFunction(np.array([1.0]), den)
 
 
+def two_slopes(kappa: float, ratio: float = 1.0) -> TransferFunction:
+    """C(s) with 1 - C = kappa s/(kappa s + 1) kappa_2 s/(kappa_2 s + 1), kappa_2 = ratio kappa; both positive, kappa in s.
+
+    If the ratio is so large that 1/kappa_2 is slower than everything else, it is (6).
+    """
+    kappa, ratio = validate.positive("kappa", kappa), validate.positive("ratio", ratio)
+    first, second = kappa, ratio * kappa
+    return TransferFunction(np.array([first + second, 1.0]), np.array([first * second, first + second, 1.0]))
+
+
 def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:
     """c'(sI - A)^-1 b, by the Faddeev-LeVerrier recursion (Gantmacher, The Theory of Matrices, ch. IV).
 
-    Leading coefficients of the numerator that are zero up to rounding are dropped: they decide the relative degree.
+    Leading coefficients of the numerator that are zero up to rounding are dropped: they determine the relative degree.
     """
     n = len(b)
     A, scale = balance(A)
@@ -340,7 +354,7 @@ def transfer_function(c: Array, A: Array, b: Array) -> TransferFunction:
         product = A @ adjugate
         den.append(-float(np.trace(product)) / (k + 1))
         adjugate = product + den[-1] * np.eye(n)
-    # Markov parameters c'A^k b are bounded by |c| |A|^k |b|: below n roundings of that they are zero
+    # Markov parameters c'A^k b are bounded by |c| |A|^k |b|: below n rounding errors of that they are zero
     bound = np.linalg.norm(c) * np.linalg.norm(b) * np.linalg.norm(A, 2) ** np.arange(n)
     leading = 0
     while leading < n and abs(num[leading]) <= 10 * n * np.finfo(float).eps * bound[leading]:
@@ -358,7 +372,7 @@ def strictly_proper(name: str, given: Any) -> TransferFunction:
 
 
 def series(first: StateSpace, second: StateSpace) -> StateSpace:
-    """Two systems in a row: second(s) first(s)."""
+    """The series connection second(s) first(s)."""
     n, m = first.order, second.order
     A = np.block([[first.A, np.zeros((n, m))], [np.outer(second.B, first.C), second.A]])
     B = np.concatenate([first.B, second.B * first.D])
@@ -367,7 +381,7 @@ def series(first: StateSpace, second: StateSpace) -> StateSpace:
 
 
 def sensitivity(loop: StateSpace) -> StateSpace:
-    """S = 1/(1 + L); InputError where 1 + L(infinity) = 0."""
+    """S = 1/(1 + L); InputError if 1 + L(infinity) = 0."""
     return_difference = 1 + loop.D
     if abs(return_difference) < 1e-12:
         raise InputError(f"the closed loop is not well posed: 1 + L(infinity) = {return_difference:.3g}")

@@ -1,4 +1,4 @@
-"""A linear system from sample to sample under an input that is held in between: exact, whatever the sample time."""
+"""A linear system from sample to sample under an input that is held in between: exact for every sample time."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A problem and any controller as one system of differential equations; the only place that packs a state vector."""
+"""A problem and any controller as one system of differential equations; the only room that packs state vectors."""

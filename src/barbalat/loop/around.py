@@ -1,7 +1,8 @@
-"""The shell around a sampled controller, and the faults that reach it: what it is handed of a sample, and what it puts out.
+"""The shell around a sampled controller, and the faults: the samples that the controller receives, and the control that is put
+out.
 
-What is exported has the same shell as C: ``export/templates/controller.c``. The operations here are those, in that order, and
-tests hold the two against each other in every bit.
+Exported code has the same shell in C: ``export/templates/controller.c``. The operations here are the same, in the same order, and
+tests compare the two bit for bit.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.loop.packing import Held
+from barbalat.problem.baseline import FixedController
 from barbalat.problem.faults import COMMAND, Dropout, Fault, Jitter, Latency, Stuck
 from barbalat.problem.shell import Shell
 from barbalat.problem.tracking import TrackingProblem
@@ -21,33 +23,37 @@ from barbalat.protocols import kept as choose
 from barbalat.validate import Array, InputError
 
 MOST_COUNTED = 10**9
-"""Misses in a row: where the counter stays. It and what is added to it fit into every C compiler's long."""
+"""The largest count of consecutive misses, at which the counter stays. The count plus any increment fits into the long of
+every C compiler."""
+LOST = 2.0
+"""The value of the freeze switch at a sample without a measurement, which corrects no observer; the value 1 freezes only what
+is learnt."""
 MOST_LATE = 1000
-"""Samples of a latency, each of which is kept."""
+"""The largest latency in samples, each of which is stored."""
 
 
 class Kept(NamedTuple):
-    """What is kept from sample to sample; of what a case has no use for there are no entries."""
+    """The values stored from sample to sample; parts that a case does not need are empty."""
 
-    outage: Value  # () misses in a row
-    fade_left: Value  # () samples of a return's fade that are still to come
-    bump: Value  # (m,) what fades out
-    repeats: Value  # (k,) good samples in a row like the one before, of the channels that may be stuck
-    offered: Value  # (y,) what the sensor handed over last, right or wrong
-    lost: Value  # (2,) 1 where the last measurement, or the last command, did not come
+    outage: Value  # () consecutive misses
+    fade_left: Value  # () remaining samples of the fade after a fallback
+    bump: Value  # (m,) the step that fades out
+    repeats: Value  # (k,) consecutive good samples equal to the previous one, for the channels that may be stuck
+    offered: Value  # (y,) the sensor's last output, right or wrong
+    lost: Value  # (2,) 1 if the last measurement, or the last command, was lost
     late: Value  # (d y,) earlier measurements, the newest first
-    timer: Value  # (4,) steps to the next call, how late the last was, steps since it; the time between the last two; or (0,)
+    timer: Value  # (4,) steps to the next call, lateness of the last one, steps since it, time between the last two; or (0,)
 
 
 class Taken(NamedTuple):
-    """A sample as the controller's list is handed it, and what is decided about it."""
+    """A sample as the controller's list receives it, and the decisions about it."""
 
     y: Value
     r: Value
-    freeze: Value  # 1 on a miss
-    begun: Value  # 1 where there is a controller that goes on, now or before
-    due: Value  # 1 where the timer calls
-    wrong_time: Value  # 1 where it does so at another time than a shell takes
+    freeze: Value  # LOST on a miss, else 0
+    begun: Value  # 1 if there is a controller that continues, now or before
+    due: Value  # 1 if the timer calls
+    wrong_time: Value  # 1 if it calls at a time that the shell does not accept
     offered: Value
     lost: Value
     late: Value
@@ -56,10 +62,10 @@ class Taken(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OnLoop:
-    """What a fault does, whenever it is there: signals say when.
+    """The effect of a fault while it is present; signals say when it is.
 
-    where    (y,) the channels that it is on
-    command  whether it is on the command instead
+    where    (y,) the channels that it affects
+    command  whether it affects the command instead
     time     [s] of a jitter; ``samples`` of a latency
     """
 
@@ -70,9 +76,9 @@ class OnLoop:
     samples: int = 0
 
     @classmethod
-    def of(cls, fault: Fault, names: tuple[str, ...], T: float) -> OnLoop:
-        """InputError for a time that does not go with the sample time."""
-        on = np.array([fault.channels in ("", name) for name in names])
+    def of(cls, fault: Fault, names: tuple[str, ...], T: float, measured: int) -> OnLoop:
+        """InputError for a time that does not fit the sample time; a fault of all channels affects one of those measured."""
+        on = np.array([fault.channels == name or (not fault.channels and i < measured) for i, name in enumerate(names)])
         samples = 0
         if isinstance(fault, Latency):
             samples = round(fault.time / T)
@@ -88,13 +94,16 @@ class OnLoop:
 class Around:
     """A shell in numbers, and the faults; arrays are (y,) for the measured channels.
 
-    low, high  what is taken; infinite where a channel has no range
-    rate       the fastest change from one sample to the next; infinite where a channel has none
-    repeats    samples in a row that may be like the one before, by places of channels
-    ranged, rated  places of the channels that have a range, a rate: also where their numbers are symbols
-    T          [s] between two calls, of which ``band`` [s] may be off; None where another time is told and nothing else
-    longest    misses in a row before the fallback acts; None for no end
-    fade       samples of the fallback's fade, and of a return's
+    low, high  accepted range; infinite for a channel without one
+    rate       the fastest accepted change between samples; infinite for a channel without a limit
+    repeats    accepted number of equal samples in a row, by the channels' indices
+    baseline   the fixed controller that acts as the fallback; None if another fallback acts
+    gains      the nonzero entries (input, entry) of the gains of the command and of what is fed back, with its own states after
+               the measurements
+    ranged, rated  indices of the channels with a range or a rate limit, also if their numbers are symbols
+    T          [s] between two calls, with the tolerance ``band`` [s]; None if a wrong time is only reported
+    longest    consecutive misses before the fallback acts, a whole number; None for no limit
+    fade       samples of the fallback's fade, and of the return, a whole number; ``fades`` says whether there are any
     """
 
     low: Array
@@ -102,28 +111,33 @@ class Around:
     rate: Array
     T: float
     band: float | None
-    longest: int | None
-    fade: int
+    longest: float | None
+    fade: float
     fallback: str
     faults: tuple[OnLoop, ...]
     repeats: tuple[tuple[int, int], ...] = ()
+    fades: bool = False
     ranged: tuple[int, ...] = ()
     rated: tuple[int, ...] = ()
+    baseline: FixedController | None = None
+    gains: tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]] = ((), ())
 
     @classmethod
     def of(cls, problem: TrackingProblem, T: float) -> Around | None:
-        """None where there is neither a shell nor a fault; InputError for times that do not go with the sample time T [s]."""
-        shell, names = problem.shell, problem.measured_names
+        """The shell and the faults; None without both; InputError for times that do not fit the sample time T [s]."""
+        shell = problem.shell
         if shell is None and not problem.faults:
             return None
+        names = problem.handed_names
         ranges = [(-inf, inf) if shell is None else shell.range.get(name, (-inf, inf)) for name in names]
         low, high = np.array(ranges, dtype=float).T
         rate = np.array([inf if shell is None else shell.rate.get(name, inf) for name in names]) * T
         ends = shell is not None and shell.longest_outage is not None
-        longest, fade = shell.samples(T) if shell is not None and ends else (None, 0)
-        faults = tuple(OnLoop.of(fault, names, T) for fault in problem.faults)
-        if (late := sum(one.time for one in faults)) > T / 4 * (1 + 1e-9):  # else two calls could come at once
-            limit = f"a quarter of the sample time of {T:g} s, also that of several together"
+        longest, fade = map(float, shell.samples(T)) if shell is not None and ends else (None, 0.0)
+        faults = tuple(OnLoop.of(fault, names, T, len(problem.measured_names)) for fault in problem.faults)
+        baseline = problem.fixed if shell is not None and shell.fallback == "baseline" else None
+        if (late := sum(one.time for one in faults)) > T / 4 * (1 + 1e-9):  # otherwise two calls could coincide
+            limit = f"a quarter of the sample time of {T:g} s, also for several jitters together"
             raise InputError(f"a jitter's time must be at most {limit}, got {late:g} s")
         return cls(
             low=low,
@@ -133,20 +147,23 @@ class Around:
             band=None if shell is None or shell.jitter is None else shell.jitter * T,
             longest=longest,
             fade=fade,
+            fades=fade > 0,
             fallback="hold" if shell is None else shell.fallback,
             faults=faults,
             repeats=() if shell is None else _repeats(shell, names, T),
             ranged=tuple(np.flatnonzero(np.isfinite(low)).tolist()),
             rated=tuple(np.flatnonzero(np.isfinite(rate)).tolist()),
+            baseline=baseline,
+            gains=((), ()) if baseline is None else (_places(baseline.k_r), _places(baseline.K)),
         )
 
     @classmethod
     def of_shell(cls, problem: TrackingProblem, T: float | None) -> Around | None:
-        """The shell alone, for what is exported."""
+        """The shell alone, for export."""
         return None if problem.shell is None or T is None else cls.of(replace(problem, faults=()), T)  # type: ignore[type-var]
 
     def require_taken(self, measured: Array, names: tuple[str, ...]) -> None:
-        """InputError where a run without faults, of which (K, y) was measured, has a sample that is not taken."""
+        """InputError if a sample of a run without faults, of which (K, y) was measured, is not accepted."""
         for name, key, wrong in (
             ("range", "leaves", (measured < self.low) | (measured > self.high)),
             ("rate", "changes faster than", np.abs(np.diff(measured, axis=0, prepend=measured[:1])) > self.rate),
@@ -173,18 +190,18 @@ class Around:
         return any(one.kind == Jitter.kind for one in self.faults)
 
     def require_steps(self, dt: float) -> None:
-        """InputError for a jitter below the solver's step dt [s], of which nothing would be seen."""
+        """InputError for a jitter below the solver's step dt [s], which would have no effect."""
         for one in self.faults:
             if one.kind == Jitter.kind and one.time < dt * (1 - 1e-9):
                 raise InputError(f"a jitter's time must be at least simulation.dt = {dt:g} s, got {one.time:g} s")
 
     @property
     def counts(self) -> bool:
-        """Whether something depends on how many samples were missed."""
+        """Whether anything depends on the number of missed samples."""
         return self.longest is not None or bool(self.rated)
 
     def initial(self, y: Array, inputs: int) -> Kept:
-        """Before the first sample; ``y`` has the shape of what is measured."""
+        """The stored values before the first sample; ``y`` has the shape of the measurement."""
         flat, late = y.reshape(-1), max((one.samples for one in self.faults), default=0)
         some, ends = (np.zeros(1 if there else 0) for there in (self.counts, self.longest is not None))
         return Kept(
@@ -199,9 +216,9 @@ class Around:
         )
 
     def take(self, held: Held, y: Value, r: Value, faults: Value, dt: Value = None) -> Taken:
-        """What the controller is handed of a sample, of what the sensor measures, the command, and the faults' values.
+        """The sample that the controller receives, from the sensor's output, the command, and the faults' values.
 
-        dt  [s] of a solver step, on which a timer with jitter counts
+        dt  [s] of a solver step, in which a timer with jitter counts
         """
         kept: Kept = held.around
         flat, lost_y, lost_r = y.reshape(-1), 0 * faults[0] if self.faults else np.zeros(()), np.zeros(())
@@ -224,7 +241,7 @@ class Around:
         return Taken(
             y=np.where(good > 0, offered, held.measured.reshape(-1)).reshape(y.shape),
             r=np.where(lost_r > 0, held.r, r),
-            freeze=1.0 - good,
+            freeze=LOST * (1.0 - good),
             begun=begun,
             due=due,
             wrong_time=wrong,
@@ -235,7 +252,7 @@ class Around:
         )
 
     def _spoilt(self, one: OnLoop, value: Value, offered: Value, kept: Kept) -> Value:
-        """What the sensor hands over with one more fault."""
+        """The sensor's output with one more fault."""
         if one.kind == Latency.kind:
             size = offered.size
             wrong = np.where(value > 0, kept.late[(one.samples - 1) * size : one.samples * size], offered)
@@ -246,7 +263,7 @@ class Around:
         return np.where(one.where, wrong, offered)
 
     def _plausible(self, offered: Value, held: Held) -> Value:
-        """1 where every channel is in its range, and has changed no faster than it can since the last good sample."""
+        """1 if every channel is in its range, and has changed no faster than accepted since the last good sample."""
         good, last = 1.0 + 0 * held.started, held.measured.reshape(-1)
         for i in self.ranged:
             good = np.where(offered[i] >= self.low[i], np.where(offered[i] <= self.high[i], good, 0.0), 0.0)
@@ -260,7 +277,7 @@ class Around:
         return good
 
     def _repeated(self, taken: Taken, before: Held, old: Kept) -> Value:
-        """What is counted of samples that are like the one before."""
+        """The updated counts of samples equal to the previous one."""
         if not self.repeats:
             return old.repeats
         now, last = taken.y.reshape(-1), before.measured.reshape(-1)
@@ -271,12 +288,12 @@ class Around:
         return np.concatenate(counted)
 
     def _timer(self, timer: Value, next_late: Value, dt: Value) -> tuple[Value, Value, Value]:
-        """Whether the timer calls at this step, at a time that is not taken, and what it keeps."""
+        """Whether the timer calls at this step, whether at a time that is not accepted, and its updated values."""
         if not self.jitters:
             return np.ones(()), np.zeros(()), timer
         left, was_late, since, _ = timer[0], timer[1], timer[2], timer[3]
         due, first = np.where(left <= 0, 1.0, 0.0), np.where(since <= 0, 1.0, 0.0)
-        if dt is None:  # what comes next is not asked
+        if dt is None:  # the next call is not needed
             dt = self.T
         every, steps_late = np.floor(self.T / dt + 0.5), np.floor(next_late / dt + 0.5)
         between = np.where(first > 0, self.T, since * dt)
@@ -290,20 +307,23 @@ class Around:
         return due, wrong, np.concatenate(new)
 
     def put_out(self, taken: Taken, before: Any, after: Any) -> Any:
-        """The controller's whole state, an ``Acting``, after a sample, of which its list made ``after``, with its shell."""
+        """The controller's whole state, an ``Acting``, after a sample with its shell; ``after`` is the result of its list."""
         old: Kept = before.held.around
         miss = taken.freeze
         u, kept = np.where(miss > 0, before.held.u, after.held.u), old
         if self.counts:
             counted: Value = old.outage
             if self.longest is not None:
-                counted = np.where(taken.wrong_time > 0, np.fmax(old.outage, float(self.longest)), old.outage)
+                counted = np.where(taken.wrong_time > 0, np.fmax(old.outage, self.longest), old.outage)
             outage = np.where(miss > 0, np.fmin(counted + 1.0, float(MOST_COUNTED)), 0.0)
             kept = kept._replace(outage=outage)
         if self.longest is not None:
-            u, kept = self._with_fallback(u, miss, before.held.u, old, kept)
+            u, kept = self._with_fallback(u, miss, before.held, after.held, kept)
         kept = kept._replace(repeats=self._repeated(taken, before.held, old))
         held = after.held._replace(u=u, around=kept)
+        if self.baseline is not None:  # whose states are held while it acts on a held measurement
+            acts = kept.outage[0] > self.longest
+            held = held._replace(baseline=np.where(acts, before.held.baseline, held.baseline))
         going = choose(taken.begun > 0, after._replace(held=held), before)
         seen = going.held.around._replace(offered=taken.offered, lost=taken.lost, late=taken.late)
         whole = going._replace(held=going.held._replace(around=seen))
@@ -311,17 +331,23 @@ class Around:
         around = whole.held.around._replace(timer=taken.timer)
         return whole._replace(held=whole.held._replace(around=around))
 
-    def _with_fallback(self, u: Value, miss: Value, last_u: Value, old: Kept, kept: Kept) -> tuple[Value, Kept]:
-        """The control and what is kept where an outage has an end: what acts then, and a return without a bump."""
+    def _with_fallback(self, u: Value, miss: Value, before: Held, after: Held, kept: Kept) -> tuple[Value, Kept]:
+        """The control and the stored values if an outage has a limit: the fallback, and the bumpless return."""
         assert self.longest is not None
-        longest, fade = float(self.longest), float(self.fade)
-        own, last = u.reshape(-1), last_u.reshape(-1)
+        old: Kept = before.around
+        longest, fade = self.longest, self.fade
+        own, last = u.reshape(-1), before.u.reshape(-1)
         acts = kept.outage[0] > longest
         returns = np.where(miss > 0, 0.0, np.where(old.outage[0] > longest, 1.0, 0.0))
         bump = np.where(returns > 0, last - own, old.bump)
         left = np.where(returns > 0, fade, old.fade_left[0])
-        faded = np.where(left > 0, own + bump * (left / fade), own) if self.fade else own
         fallen, nothing = last, np.abs(0 * last)  # no negative zero
+        if self.baseline is not None:
+            alone = self._baseline(before, after)
+            begins = np.where(acts, np.where(old.outage[0] > longest, 0.0, 1.0), 0.0)
+            bump, left = np.where(begins > 0, last - alone, bump), np.where(begins > 0, fade, left)
+            fallen = np.where(left > 0, alone + bump * (left / fade), alone) if self.fades else alone
+        faded = np.where(left > 0, own + bump * (left / fade), own) if self.fades else own
         if self.fallback == "zero":
             fallen = nothing
         elif self.fallback == "fade":
@@ -331,8 +357,31 @@ class Around:
         still = np.where(left > 0, left - 1.0, left).reshape(1)
         return found.reshape(u.shape), kept._replace(fade_left=still, bump=bump)
 
+    def _baseline(self, before: Held, after: Held) -> Value:
+        """k_r r - K z, product by product as in C, with the last good measurement and the baseline's previous states."""
+        assert self.baseline is not None
+        r, z = after.r.reshape(-1), np.concatenate([after.measured.reshape(-1), before.baseline])
+        return np.concatenate([self._one_of(j, r, z).reshape(1) for j in range(len(self.baseline.K))])
+
+    def _one_of(self, j: int, r: Value, z: Value) -> Value:
+        assert self.baseline is not None
+        of_r, of_z = ([i for row, i in places if row == j] for places in self.gains)
+        found: Value = None
+        for i in of_r:
+            product = self.baseline.k_r[j, i] * r[i]
+            found = product if found is None else found + product
+        for i in of_z:
+            product = self.baseline.K[j, i] * z[i]
+            found = -product if found is None else found - product
+        return np.abs(0 * z[0]) if found is None else found
+
+
+def _places(gains: Array) -> tuple[tuple[int, int], ...]:
+    """The positions of a matrix's nonzero entries."""
+    return tuple((int(row), int(column)) for row, column in np.argwhere(gains))
+
 
 def _repeats(shell: Shell, names: tuple[str, ...], T: float) -> tuple[tuple[int, int], ...]:
-    """The places of channels that may be stuck, and how many samples in a row each may be like the one before."""
+    """The indices of channels that may be stuck, and the accepted number of equal samples in a row for each."""
     found = [(i, shell.repeats(name, T)) for i, name in enumerate(names)]
     return tuple((i, most) for i, most in found if most is not None)

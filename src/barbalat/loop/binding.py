@@ -1,4 +1,4 @@
-"""Controllers and problems brought together: what is refused, and a controller's equations for a problem."""
+"""Binds controllers to problems: checks that they fit, and returns a controller's equations for a problem."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _sampled: dict[type, bool] = {}
 
 
 def is_sampled(equations: Equations | SampledEquations) -> TypeGuard[SampledEquations]:
-    """Whether equations act at instants of their own; asked of a class once, for it takes long, and of every member's."""
+    """Whether equations act at samples; cached by class, since the check is slow and is made for every member."""
     kind = type(equations)
     if kind not in _sampled:
         _sampled[kind] = isinstance(equations, SampledEquations)
@@ -29,14 +29,15 @@ def is_sampled(equations: Equations | SampledEquations) -> TypeGuard[SampledEqua
 
 
 _checked: set[Hashable] = set()
-"""The structures of equations that were found right."""
+"""The structures of equations that passed the check."""
 
 
 def bound(problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
-    """The controller's equations for this problem; InputError for what is no controller, or one for another measurement.
+    """The controller's equations for this problem; InputError for an object that is no controller, or one for another
+    measurement.
 
-    Equations in which a class from outside takes part are checked, once for each structure: see ``check_controller``. Those of
-    the package are held to the same by its tests.
+    Equations that involve a class from outside are checked, once for each structure: see ``check_controller``. The package's own
+    equations are held to the same checks by its tests.
     """
     outside = comes_from_outside(controller)
     equations = _equations(problem, controller, outside=outside)
@@ -50,19 +51,19 @@ def bound(problem: TrackingProblem, controller: Controller) -> Equations | Sampl
 
 
 Bind = Callable[[TrackingProblem, Controller], Equations | SampledEquations]
-"""What gives a controller's equations for a problem."""
+"""A function that returns a controller's equations for a problem."""
 
 
 class Bindings:
-    """``bound`` for many members of one structure, which the caller compares: checked is the first.
+    """``bound`` for many members of one structure, which the caller compares: only the first is checked.
 
-    Members with the same controller and the same knowledge of the plant, which is all that ``bind`` is handed, share their
-    equations: of those that differ in theta alone only the first is bound.
+    Members with the same controller and the same known part of the plant, which is all that ``bind`` receives, share their
+    equations: of members that differ only in theta, only the first is bound.
     """
 
     def __init__(self) -> None:
         self._last: tuple[Controller, Any, Equations | SampledEquations] | None = None
-        self._outside = False  # whether a class from outside takes part in the first, and with it in all
+        self._outside = False  # whether the first, and so every member, involves a class from outside
 
     def __call__(self, problem: TrackingProblem, controller: Controller) -> Equations | SampledEquations:
         known = problem.known
@@ -82,8 +83,8 @@ class Bindings:
 def check_controller(controller: Controller, problem: TrackingProblem) -> None:
     """Try a controller's equations on a problem, as a run would use them; for tests of classes of your own.
 
-    Each equation is evaluated on numbers and on symbols at a few states, and the two are compared: what a run traces is then
-    what the lines say. Raises InputError, with the class, the equation, the shape and what would be right.
+    Each equation is evaluated on numbers and on symbols at a few states, and the two are compared, so that the traced equations
+    compute what the code says. Raises InputError with the class, the equation, the shape and what would be right.
     """
     validate.instance("problem", problem, TrackingProblem)
     equations = _equations(problem, controller, outside=comes_from_outside(controller))
@@ -104,12 +105,12 @@ def _equations(problem: TrackingProblem, controller: Controller, *, outside: boo
 
 
 def subject_of(controller: Controller) -> Subject:
-    """A controller in a message: its class and its name."""
+    """The name of a controller in a message: its class and its name."""
     return Subject(f"{type(controller).__name__} {validate.show(controller.name)}", controller.name)
 
 
 def ports_of(problem: TrackingProblem) -> Ports:
-    """What the problem hands to equations."""
+    """The values that the problem passes to equations."""
     commands = len(problem.commands) if isinstance(problem.reference, tuple) else None
     found = Ports.of(problem.dynamics, problem.model, commands, len(problem.plant.paths))
     if problem.fixed is None:
@@ -119,20 +120,21 @@ def ports_of(problem: TrackingProblem) -> Ports:
 
 
 def require_controllers(controllers: Sequence[Any]) -> None:
-    """InputError for what is no controller, and for two that share a name."""
+    """InputError for an object that is no controller, and for two with the same name."""
     for controller in controllers:
         if not validate.is_instance(controller, Controller) or isinstance(controller, type):
             raise InputError(f"a controller must have a name and a method bind, got {validate.show(controller)}")
         validate.label(f"the name of a {type(controller).__name__}", controller.name)
     names = [controller.name for controller in controllers]
     if twice := sorted({name for name in names if names.count(name) > 1}):
-        raise InputError(f"every controller needs a name of its own, but {twice[0]!r} stands {names.count(twice[0])} times")
+        raise InputError(f"every controller needs a different name, but {twice[0]!r} stands {names.count(twice[0])} times")
 
 
 def numbered(controllers: Controller | Iterable[Controller]) -> tuple[Controller, ...]:
-    """Any collection of controllers, or a single one; of several with one name all but the first get a number: MRAC, MRAC 2.
+    """Any collection of controllers, or a single one, as a tuple; if several have the same name, all but the first get a number:
+    MRAC, MRAC 2.
 
-    InputError for what is no controller, and for a second one of a name whose class has no field for it.
+    InputError for an object that is no controller, and for a second one with the same name whose class has no field for it.
     """
     given: Any = (controllers,) if isinstance(controllers, Controller) else controllers
     if isinstance(given, (str, bytes, Mapping)) or not isinstance(given, Iterable):
@@ -151,11 +153,12 @@ def numbered(controllers: Controller | Iterable[Controller]) -> tuple[Controller
 
 
 def _renamed(controller: Any, name: str) -> Any:
-    """A copy by another name; the controller itself where its class does not say how, which is then refused as a twin."""
+    """A copy with another name; the controller itself if its class does not allow this, which is then refused as a duplicate."""
     own = tuple(one.name for one in fields(controller) if one.init) if is_dataclass(controller) else ()
     if "name" in own:
         return replace(controller, name=name)
     for field, part in (parts_of(controller) or {}).items():
-        if field in own and isinstance(part, Controller) and part.name == controller.name:  # it goes by the name of what is in it
+        # it has the name of its inner controller
+        if field in own and isinstance(part, Controller) and part.name == controller.name:
             return replace(controller, **{field: _renamed(part, name)})
     return controller

@@ -1,7 +1,7 @@
-"""A controller's equations tried before they are traced: on numbers, on symbols, and the two compared.
+"""Checks a controller's equations before they are traced: evaluates them on numbers and on symbols, and compares the two.
 
-A run evaluates the equations on symbols once and never again. What is no expression there (an ``if``, a number that a symbol
-was turned into) would be frozen into the run, or be NaN, without a word; so each equation is held against itself on numbers.
+A run evaluates the equations on symbols only once. Code that is no expression there (an ``if``, a number made from a symbol)
+would silently be frozen into the run, or be NaN; so each equation is compared with its values on numbers.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ CONTINUOUS, SAMPLED = ("initial", "control", "derivative", "limit"), ("initial",
 
 
 class Ports(NamedTuple):
-    """What equations are handed beside their state, as numbers of the right shapes."""
+    """The values that equations receive in addition to their state, as numbers of the right shapes."""
 
     y: Array  # (n,) the plant's state, or its output
     y_m: Array  # the model's
@@ -43,7 +43,7 @@ class Ports(NamedTuple):
 
 
 class Arguments(NamedTuple):
-    """Everything of which an equation is a function; ``before`` and ``held`` are for what acts at samples."""
+    """All arguments of an equation; ``before`` and ``held`` are for sampled equations."""
 
     state: Any
     now: Ports
@@ -51,7 +51,7 @@ class Arguments(NamedTuple):
 
 
 def check_equations(equations: Equations | SampledEquations, ports: Ports, whose: Subject) -> None:
-    """InputError where the equations can't be traced, or mean something else on symbols than on numbers.
+    """InputError if the equations can't be traced, or give other values on symbols than on numbers.
 
     ``whose`` is the controller, for the messages.
     """
@@ -69,7 +69,7 @@ def check_equations(equations: Equations | SampledEquations, ports: Ports, whose
 
 
 def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
-    """InputError for roles of fields that the state does not have, and for names that are not as many as the estimates."""
+    """InputError for roles of fields that the state lacks, and for a number of names other than that of the estimates."""
     declared: Any = declared_roles(equations)
     whose = whose.part(".roles")
     if declared is None:
@@ -82,7 +82,7 @@ def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
     places = {path.rsplit(".", depth)[0] for path in paths for depth in range(path.count(".") + 1)}
     if unknown := [path for path in declared if path not in places and path.partition(".")[0] not in names_of(initial)]:
         raise whose.error(
-            f" names {show(unknown[0])}, which {type(initial).__name__} has not; it has {', '.join(names_of(initial))}"
+            f" names {show(unknown[0])}, but {type(initial).__name__} does not have it; it has {', '.join(names_of(initial))}"
         )
     for part in state_parts(equations, initial):
         names: Any = part.role.names
@@ -96,7 +96,7 @@ def _require_roles(equations: Any, initial: Any, whose: Subject) -> None:
 
 
 def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Array]) -> None:
-    """Check an ensemble's equations, where symbols stand for settings: a column of them, and numbers (p,) for it."""
+    """Check an ensemble's equations, in which symbols stand for settings: a column of them, with numbers (p,) for it."""
     whose = Subject(f"an ensemble: {type(numbers).__name__}")
     trial = TrialCall(whose, numbers, Arguments(numbers.initial(), ports, ports), *values)
     others = TrialCall(whose, varied, trial.arguments).equations
@@ -105,7 +105,7 @@ def check_varied(numbers: Any, varied: Any, ports: Ports, values: tuple[Any, Arr
 
 
 def _require_methods(equations: Any, whose: Subject) -> None:
-    """InputError for what lacks a method that a loop calls."""
+    """InputError for an object without a method that a loop calls."""
     wanted = SAMPLED if isinstance(equations, SampledEquations) else CONTINUOUS
     missing = [name for name in wanted if name not in dir(equations)]
     if missing or isinstance(equations, type):
@@ -121,7 +121,7 @@ Equation = Callable[[Arguments], Any]
 
 @dataclass(frozen=True, eq=False)
 class TrialCall:
-    """One object's equations, each as a function of all arguments; ``settings`` are symbols among its own numbers."""
+    """An object's equations, each as a function of all arguments; ``settings`` are symbols among its own numbers."""
 
     whose: Subject
     of: Any
@@ -138,7 +138,7 @@ class TrialCall:
         return found | {"derivative": lambda a: of.derivative(a.state, *a.now), "limit": lambda a: of.limit(a.state)}
 
     def compare(self, equation: str, symbolic: Equation) -> None:
-        """One equation's values on numbers and on symbols, at all points."""
+        """Compare one equation's values on numbers and on symbols, at all points."""
         import casadi as ca
 
         what = self.whose.part(f".{equation}")
@@ -158,12 +158,12 @@ class TrialCall:
             self._same(np.array(function(flatten(arguments), *more)).reshape(-1), numbers, what)
         never = np.flatnonzero(~np.isfinite(expected).any(axis=0))
         if len(never):
-            raise what.error(f" gives {expected[0][never[0]]:.6g} on all numbers that were tried, in entry {never[0] + 1}")
+            raise what.error(f" gives {expected[0][never[0]]:.6g} on all numbers tried, in entry {never[0] + 1}")
 
     def _evaluated(self, equation: str, call: Equation, arguments: Arguments) -> Array:
         what = self.whose.part(f".{equation}").on_numbers
         with np.errstate(all="ignore"), telling_user_errors(what):
-            found = call(map_arrays(np.copy, arguments))  # a copy: what changes its arguments in place changes nothing here
+            found = call(map_arrays(np.copy, arguments))  # a copy, in case the equation changes its arguments in place
         self._require(equation, found, what)
         return np.asarray(flatten((found,)), dtype=float)
 
@@ -175,7 +175,7 @@ class TrialCall:
 
     @cached_property
     def _points(self) -> list[Arguments]:
-        """The initial state with random measurements, then random states too."""
+        """The initial state with random measurements, followed by random states."""
         rng = np.random.default_rng(0)
         first = Arguments(self.arguments.state, *(_moved(ports, rng) for ports in self.arguments[1:]))
         return [first, *(_moved(self.arguments, rng) for _ in range(POINTS_TRIED - 1))]
@@ -201,15 +201,17 @@ class TrialCall:
             i = differs[0]
             if not np.isfinite(numbers[i]):
                 raise what.error(
-                    f" gives {numbers[i]:.6g} on finite numbers, as 0/0 does: it must not divide by what may be zero; add "
-                    "to the denominator, or choose one by np.where that never is"
+                    f" gives {numbers[i]:.6g} "
+                    "on finite numbers, as 0/0 does: it must not divide by a number that may be zero; add to the "
+                    "denominator, or select a nonzero one by np.where"
                 )
             raise what.error(
-                f" gives {numbers[i]:.6g} on numbers and {symbolic[i]:.6g} on symbols: it may depend on nothing but its "
-                "arguments and settings that don't change, so keep what it remembers in the state, and draw nothing at random"
+                f" gives {numbers[i]:.6g} on numbers and {symbolic[i]:.6g} on symbols"
+                ": it may depend only on its arguments and constant settings, so keep its memory in the state, and do not "
+                "use random numbers"
             )
 
 
 def _moved(part: Any, rng: np.random.Generator) -> Any:
-    """Numbers of the same shapes in the neighbourhood: as far away as they are large, and at least by about 1."""
+    """Random numbers of the same shapes near the given ones: the distance is about their magnitude, and at least about 1."""
     return map_arrays(lambda value: value + (1 + np.abs(value)) * rng.uniform(-1, 1, value.shape), part)

@@ -1,4 +1,4 @@
-"""Plant, reference model and controller as one system of differential equations: the only place that packs a state vector."""
+"""Plant, reference model and controller as one system of differential equations; the only file that packs state vectors."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from barbalat.loop.packing import LoopState, Outputs, Signals, SignalSizes, as_a
 from barbalat.loop.sampling import Acting, SampledController, held_model
 from barbalat.problem.baseline import FixedController
 from barbalat.problem.measurement import Sensor
+from barbalat.problem.observer import ObserverEquations
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, DiscretizedEquations, Dynamics, Equations, SampledEquations, Value
 from barbalat.roles import StatePart, main_estimates, state_parts, taken_from
@@ -31,7 +32,7 @@ class ClosedLoop:
     model: Dynamics
     equations: Equations | SampledEquations
     paths: input_paths.Paths = (None,)  # for each input
-    commands: int | None = None  # None for one command, a scalar
+    commands: int | None = None  # None for a single scalar command
     lag: Sensor | None = None  # of the sensor
     noise_std: Array | None = None
     disturbed: bool = False
@@ -40,24 +41,29 @@ class ClosedLoop:
     clocked: bool = False
     delayed: bool = False
     discrete_model: HeldSystem | None = None  # of a sampled controller
-    around: Around | None = None  # its shell, and the faults that reach it
-    baseline: FixedController | None = None  # with states of its own, which equations are handed behind what is measured
-    begins: Any = (
-        None  # the equations' state at t = 0, in numbers, where the equations themselves have symbols among their numbers
+    around: Around | None = None  # its shell and its faults
+    baseline: FixedController | None = None  # with its own states, which equations receive after the measurement
+    external: FixedController | None = (
+        None  # whose control other code computes, and passes to a sampled controller at its samples
     )
+    reads: Array | None = None  # (p, n) C of the measurement; None if that is the plant's output itself
+    observer: ObserverEquations | None = None  # whose estimate equations receive in place of the measurement
+    begins: Any = None  # the equations' state at t = 0, in numbers, if the equations themselves contain symbols
 
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, *, bind: Bind = bound) -> ClosedLoop:
-        """InputError where the controller does not fit the problem."""
+        """The loop; InputError if the controller does not fit the problem."""
         validate.instance("problem", problem, TrackingProblem)
         equations = bind(problem, controller)
-        around, noise = problem.surroundings, problem.noise
+        around, noise, fixed = problem.surroundings, problem.noise, problem.fixed_observer
         commands = len(problem.commands) if isinstance(problem.reference, tuple) else None
         if problem.faults and not is_sampled(equations):
             raise InputError(
                 f"faults reach a controller at its samples, and {controller.name} is continuous: give it a sample_time",
                 controller=controller.name,
             )
+        if problem.fixed is not None and is_sampled(equations):
+            problem.fixed.require_sampled(equations.sample_time)
         return cls(
             problem.dynamics,
             problem.model,
@@ -65,7 +71,7 @@ class ClosedLoop:
             paths=problem.input_paths,
             commands=commands,
             lag=around.sensor if around.sensor is not None and around.sensor.lag > 0 else None,
-            noise_std=None if noise is None else noise.std * np.ones(problem.dynamics.outputs),
+            noise_std=None if noise is None else noise.std * np.ones(problem.measured),
             disturbed=around.disturbance is not None,
             directions=tuple(disturbance.direction for disturbance in around.unmatched),
             output_disturbed=problem.output_disturbance is not None,
@@ -74,23 +80,27 @@ class ClosedLoop:
             discrete_model=held_model(problem.model, equations.sample_time, commands) if is_sampled(equations) else None,
             around=Around.of(problem, equations.sample_time) if is_sampled(equations) else None,
             baseline=problem.fixed if problem.fixed is not None and problem.fixed.order else None,
+            external=problem.fixed if problem.handed_controls and is_sampled(equations) else None,
+            reads=None if fixed is None else fixed.C,
+            observer=_observing(problem, equations.sample_time if is_sampled(equations) else None),
         )
 
     def initial(self) -> Array:
-        """The flat state at t = 0; the model starts where the plant does."""
+        """The flat state at t = 0; the model starts at the plant's state."""
         return np.asarray(flatten(self._initial))
 
     @cached_property
     def _initial(self) -> LoopState:
-        y = self.plant.output(self.plant.x0)
+        y = self.reading(self.plant.x0)
         controller: Any = self.equations.initial() if self.begins is None else self.begins
-        acting = None if self.computer is None else self.computer.initial(y, controller)
+        acting = None if self.computer is None else self.computer.initial(self.at_first, controller)
         return LoopState(
             x=self.plant.x0,
             x_m=self.model.x0,
             input=input_paths.initial(self.paths),
             sensor=np.zeros(0) if self.lag is None else y,
             baseline=np.zeros(0 if self.baseline is None or self.sampled else self.baseline.order),
+            observer=np.zeros(0) if self.observer is None or self.sampled else self.observer.start,
             controller=controller,
             held=() if acting is None else acting.held,
         )
@@ -101,32 +111,47 @@ class ClosedLoop:
         if not is_sampled(self.equations) or self.discrete_model is None:
             return None
         return SampledController(
-            self.equations, self.model, self.discrete_model, self.inputs, self.commands, self.around, self.baseline
+            self.equations,
+            self.model,
+            self.discrete_model,
+            self.inputs,
+            self.commands,
+            self.around,
+            self.baseline,
+            self.observer,
+            self.external,
         )
+
+    @property
+    def at_first(self) -> Array:
+        """The input of a sampled controller at t = 0, in numbers: the measurement, followed by an entry for each external
+        control."""
+        y = self.reading(self.plant.x0)
+        return y if self.external is None else np.concatenate([y, np.zeros(self.inputs)])
 
     @cached_property
     def sampled(self) -> bool:
-        """Whether the controller acts at instants of its own."""
+        """Whether the controller acts at samples."""
         return is_sampled(self.equations)
 
     @cached_property
     def sample_time(self) -> float | None:
-        """[s], of a sampled controller."""
+        """The sample time of a sampled controller [s]."""
         return self.equations.sample_time if is_sampled(self.equations) else None
 
     @cached_property
     def continuous(self) -> Equations | SampledEquations:
-        """The equations that a sampled controller stands for; others as they are."""
+        """The continuous equations behind a sampled controller; otherwise the equations themselves."""
         return self.equations.continuous if isinstance(self.equations, DiscretizedEquations) else self.equations
 
     @cached_property
     def inputs(self) -> int:
-        """The number of the control's entries."""
+        """The number of control inputs."""
         return len(self.paths)
 
     @cached_property
     def signals(self) -> SignalSizes:
-        """What drives the loop: functions of time, noisy measured quantities, inputs with a delay."""
+        """The signals that drive the loop: functions of time, noise of measured quantities, inputs after a delay."""
         return SignalSizes(
             commands=self.commands,
             matched=int(self.disturbed),
@@ -154,33 +179,33 @@ class ClosedLoop:
 
     @cached_property
     def measured_outputs(self) -> int:
-        """Outputs that are measured instead of the state."""
+        """The number of outputs that are measured instead of the state."""
         return 0 if self.plant.output(self.plant.x0).ndim else 1
 
     @cached_property
     def parts(self) -> tuple[StatePart, ...]:
-        """The arrays of the controller's own state with their roles, and where they stand in a flat state."""
-        own = flatten((self._initial.controller, self._initial.held, np.zeros(0)))  # they stand last in a flat state
+        """The arrays of the controller's own state with their roles and their positions in a flat state."""
+        own = flatten((self._initial.controller, self._initial.held, np.zeros(0)))  # they are last in a flat state
         return state_parts(self.equations, self._initial.controller, self.size - len(own))
 
     @cached_property
     def estimates(self) -> StatePart | None:
-        """What results have as theta_hat: see ``main_estimates``; None of a controller that estimates nothing."""
+        """The estimates that results call theta_hat: see ``main_estimates``; None for a controller without estimates."""
         return main_estimates(self.parts)
 
     @cached_property
     def other_estimates(self) -> tuple[StatePart, ...]:
-        """The estimates that results have beside theta_hat, by names of their own."""
+        """The further estimates, which results list under their own names."""
         return tuple(part for part in self.parts if part.role.kind == "estimates" and part is not self.estimates)
 
     @cached_property
     def parameters(self) -> int:
-        """Components of the estimate theta_hat."""
+        """The number of entries of theta_hat."""
         return 0 if self.estimates is None else self.estimates.size
 
     @cached_property
     def theta_hat_rows(self) -> slice:
-        """Where these stand in a flat state."""
+        """The rows of theta_hat in a flat state."""
         return slice(0, 0) if self.estimates is None or not self.parameters else self.estimates.rows
 
     def theta_hat(self, controller: Any) -> Value:
@@ -195,19 +220,19 @@ class ClosedLoop:
         return state  # type: ignore[no-any-return]
 
     def following_within(self, time: Value) -> ClosedLoop:
-        """The loop for a solver whose step is ``time`` [s]: what its rate limiters, if any, are given to follow their demand."""
+        """The loop for a solver whose step is ``time`` [s], within which its rate limiters, if any, follow their demand."""
         following = input_paths.following_within(self.paths, time)
         return self if following is self.paths else replace(self, paths=following)
 
     def derivative(self, flat: Value, signals: Value) -> Value:
-        """d/dt of the flat state; ``signals`` (signal_count,) stand in the order of ``Signals``."""
+        """The derivative of the flat state; ``signals`` (signal_count,) are in the order of ``Signals``."""
         state, given = self.unpack(flat), self.signals.named(signals)
         u = self._control(state, given)
         v = given.delayed.reshape(u.shape) if self.delayed else input_paths.output(self.paths, state.input, u)
         return flatten(self._rates(state, given, u, v))
 
     def derivative_given_input(self, flat: Value, signals: Value, v: Value) -> tuple[Value, Value]:
-        """d/dt of the flat state, and the control u, when v reaches the plant instead of u: the loop broken there."""
+        """The derivative of the flat state, and the control u, if v reaches the plant instead of u: the loop broken there."""
         state, given = self.unpack(flat), self.signals.named(signals)
         u = self._control(state, given)
         return flatten(self._rates(state, given, u, v)), u
@@ -223,25 +248,31 @@ class ClosedLoop:
             controller, held = (map_arrays(lambda value: 0 * value, part) for part in (controller, held))
         else:
             controller = self.equations.derivative(controller, *self._handed(state, y), given.r, u)
+        seen = self._seen(state, y)
         return LoopState(
             x=x_dot,
             x_m=self.model.derivative(state.x_m, given.r),  # (2)
             input=input_paths.derivative(self.paths, state.input, u),
-            sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self._output(state, given)),
-            baseline=self._of_the_baseline(state, y, given.r),
+            sensor=state.sensor if self.lag is None else self.lag.derivative(state.sensor, self._read(state, given)),
+            baseline=self._of_the_baseline(state, seen, given.r, u),
+            observer=state.observer if self.observer is None or self.sampled else self.observer.derivative(state.observer, y, u),
             controller=controller,
             held=held,
         )
 
     def sampled_at(self, flat: Value, signals: Value) -> tuple[Value, Value]:
-        """What a sampled controller is handed: the measurement and the command."""
+        """The input of a sampled controller: the measurement, followed by the control of an external baseline; and the
+        command."""
         state, given = self.unpack(flat), self.signals.named(signals)
-        return self._measured(state, given), given.r
+        y = self._measured(state, given)
+        if self.computer is None or self.external is None:
+            return y, given.r
+        return np.concatenate([y, self.computer.external_control(state.held, y, given.r)]), given.r
 
     def sample(self, flat: Value, signals: Value, freeze: Value = None) -> Value:
         """The flat state after a sampled controller has acted: it advances from the last sample to this one and sets u.
 
-        ``freeze``, without a shell and faults: where it is above 0 the estimates and the law's memory keep their values.
+        ``freeze``, without a shell and faults: if it is above 0, the estimates and the law's memory are held.
         """
         assert self.computer is not None
         state, (y, r) = self.unpack(flat), self.sampled_at(flat, signals)
@@ -253,7 +284,7 @@ class ClosedLoop:
         return flatten(state._replace(**self.around.put_out(taken, before, acted)._asdict()))
 
     def undelayed_input(self, flat: Value, signals: Value) -> Value:
-        """What enters the delay."""
+        """The signal that enters the delay."""
         state = self.unpack(flat)
         return input_paths.output(self.paths, state.input, self._control(state, self.signals.named(signals)))
 
@@ -262,11 +293,19 @@ class ClosedLoop:
         return y + given.at_output[0] if self.output_disturbed else y
 
     def followed(self, state: LoopState, given: Signals) -> Value:
-        """What is to follow the model, without the sensor's lag and noise, (n,)."""
+        """The output that is to follow the model, without the sensor's lag and noise, (n,)."""
         return self._output(state, given).reshape(-1)
 
+    def reading(self, x: Value) -> Value:
+        """The measurement of the plant's state x, without lag and noise: (p,), or a scalar."""
+        y = self.plant.output(x)
+        return y if self.reads is None else self.reads @ y
+
+    def _read(self, state: LoopState, given: Signals) -> Value:
+        return self._output(state, given) if self.reads is None else self.reading(state.x)
+
     def _measured(self, state: LoopState, given: Signals) -> Value:
-        y = self._output(state, given) if self.lag is None else state.sensor
+        y = self._read(state, given) if self.lag is None else state.sensor
         return y if self.noise_std is None else y + (self.noise_std * given.noise).reshape(y.shape)
 
     def _control(self, state: LoopState, given: Signals) -> Value:
@@ -274,27 +313,32 @@ class ClosedLoop:
             return state.held.u
         return as_array(self.equations.control(state.controller, *self._handed(state, self._measured(state, given)), given.r))
 
-    def _handed(self, state: LoopState, y: Value) -> tuple[Value, Value]:
-        """What equations are handed of the plant and of the model, a baseline's own states included."""
-        if self.baseline is None:
-            return y, self.model.output(state.x_m)
-        return np.concatenate([y, state.baseline]), state.x_m
+    def _seen(self, state: LoopState, y: Value) -> Value:
+        """The plant's state as the controller knows it: the measurement, or an observer's estimate."""
+        return y if self.observer is None or self.sampled else self.observer.estimate(state.observer, y)
 
-    def _of_the_baseline(self, state: LoopState, y: Value, r: Value) -> Value:
-        """The rates of the baseline's own states, which a sampled controller keeps itself."""
+    def _handed(self, state: LoopState, y: Value) -> tuple[Value, Value]:
+        """The states of plant and model that equations receive, including a baseline's own states."""
+        seen = self._seen(state, y)
+        if self.baseline is None:
+            return seen, self.model.output(state.x_m)
+        return np.concatenate([seen, state.baseline]), state.x_m
+
+    def _of_the_baseline(self, state: LoopState, seen: Value, r: Value, u: Value) -> Value:
+        """The derivatives of the baseline's own states, which a sampled controller advances itself."""
         if self.baseline is None or self.sampled:
             return state.baseline
-        return self.baseline.derivative(state.baseline, y, r)
+        return self.baseline.derivative(state.baseline, seen, r, u)
 
     def limit(self, flat: Value) -> Value:
         """The state with the estimates limited to the known set; applied at every stage and at a step's end."""
         state = self.unpack(flat)
-        if isinstance(self.equations, SampledEquations):  # the estimates have moved and are counted
+        if isinstance(self.equations, SampledEquations):  # the estimates have moved and their motion is counted
             return flatten(state._replace(held=state.held._replace(theta_hat=self.theta_hat(state.controller))))
         return flatten(state._replace(controller=self.equations.limit(state.controller)))
 
     def estimates_moved(self, flat: Value, following: Value) -> Value:
-        """|change of theta_hat| by a step from ``flat`` to ``following``, a sample at its start included, (n,)."""
+        """|change of theta_hat| by a step from ``flat`` to ``following``, including a sample at its start, (n,)."""
         state = self.unpack(flat)
         now = self.theta_hat(state.controller)
         moved = now - state.held.theta_hat if self.sampled else self.theta_hat(self.unpack(following).controller) - now
@@ -304,7 +348,16 @@ class ClosedLoop:
         state, given = self.unpack(flat), self.signals.named(signals)
         u, y = self._control(state, given), self._output(state, given)
         e = (y - self.model.output(state.x_m)).reshape(-1)
-        x = state.x if self.measured_outputs else y  # of a truth with more states those of the plant that is designed for
+        x = state.x if self.measured_outputs else y  # for a truth with more states, those of the design plant
         y = y.reshape(-1)[: self.measured_outputs]
         x_m = state.x_m if self.baseline is None else self.model.output(state.x_m)
         return Outputs(e, u.reshape(-1), self.theta_hat(state.controller), x, x_m, y)
+
+
+def _observing(problem: TrackingProblem, T: float | None) -> ObserverEquations | None:
+    """The observer of a problem, continuous or for samples of length T [s]; None without one."""
+    if problem.fixed_observer is None:
+        return None
+    known: Any = problem.known
+    n = problem.fixed_observer.C.shape[1]
+    return problem.fixed_observer.equations(np.asarray(known.x0)[:n], known.saturation, T)

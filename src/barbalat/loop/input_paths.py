@@ -1,4 +1,4 @@
-"""All inputs of a loop side by side: on each a path with limits or unmodelled dynamics, or None where u reaches the plant."""
+"""All inputs of a loop: for each a path with limits or unmodelled dynamics, or None if u reaches the plant unchanged."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from barbalat.protocols import Value
 
 Paths = tuple[InputPath | None, ...]
 States = tuple[Any, ...]
-"""Of each path the state; an empty tuple where there is no path."""
+"""The state of each path; an empty tuple without a path."""
 
 
 def initial(paths: Paths) -> States:
@@ -21,14 +21,14 @@ def initial(paths: Paths) -> States:
 
 
 def derivative(paths: Paths, states: States, u: Value) -> States:
-    """d/dt of the states, driven by u (m,)."""
+    """The derivatives of the states, driven by u (m,)."""
     flat = u.reshape(-1)
     pairs = enumerate(zip(paths, states, strict=True))
     return tuple(state if path is None else path.derivative(state, flat[i]) for i, (path, state) in pairs)
 
 
 def output(paths: Paths, states: States, u: Value) -> Value:
-    """What comes out of all paths, in the shape of u."""
+    """The outputs of all paths, in the shape of u."""
     if all(path is None for path in paths):
         return u
     flat, passed = u.reshape(-1), []
@@ -38,7 +38,7 @@ def output(paths: Paths, states: States, u: Value) -> Value:
 
 
 def following_within(paths: Paths, time: Value) -> Paths:
-    """Return the paths for a solver whose step is ``time`` [s], which rate limiters are given to follow their demand."""
+    """Return the paths for a solver whose step is ``time`` [s], within which rate limiters follow their demand."""
     if all(path is None or path.rate_limit is None for path in paths):
         return paths
     return tuple(path and replace(path, following=time) for path in paths)

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
-from typing import TYPE_CHECKING
+from functools import lru_cache
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.packing import column, flatten, symbols
-from barbalat.protocols import Value
 from barbalat.validate import Array
 
 if TYPE_CHECKING:
     import casadi as ca
+
+    Traced: TypeAlias = tuple[ca.SX, ca.SX, ca.SX]
+    """The symbols of a flat state and of its signals, and the expression computed from them."""
+
+LOOPS_KEPT = 8
+"""Number of loops whose functions are cached: an analysis requests them several times, and tracing takes far longer."""
 
 
 def signals_at_rest(loop: ClosedLoop, r: float) -> Array:
@@ -24,51 +28,62 @@ def signals_at_rest(loop: ClosedLoop, r: float) -> Array:
 
 
 def continuous_twin(loop: ClosedLoop) -> ClosedLoop:
-    """The loop with the equations that a sampled controller stands for; any other loop as it is.
+    """The loop with the continuous equations behind a sampled controller; any other loop unchanged.
 
-    Its flat state is the sampled loop's without what is held, which stands last. A sampled form with states of its own has
-    no such twin, nor has one beside a baseline with states.
+    Its flat state is the sampled loop's without the held part, which is last. A sampled form with its own states has no such
+    twin, nor has one with an observer or with a baseline that has states.
     """
-    if loop.baseline is not None:
+    if loop.baseline is not None or loop.observer is not None:
         return loop
     twin = replace(loop, equations=loop.continuous)
     same = len(flatten(twin.equations.initial())) == len(flatten(loop.equations.initial()))
     return twin if same else loop
 
 
+@lru_cache(maxsize=LOOPS_KEPT)
 def jacobian_function(loop: ClosedLoop) -> ca.Function:
     """The exact Jacobian of the loop's right-hand side, (size, size), as a CasADi function of (state, signals)."""
-    return _jacobian(loop, loop.derivative)
+    return _jacobian(*_rates(loop))
 
 
+@lru_cache(maxsize=LOOPS_KEPT)
 def sampled_jacobian_function(loop: ClosedLoop, *, frozen: bool = False) -> ca.Function:
-    """Return the Jacobian of what a sampled controller makes of a state; ``frozen`` estimates and memory keep their values."""
-    return _jacobian(loop, partial(loop.sample, freeze=1.0) if frozen else loop.sample)
+    """Return the Jacobian of a sampled controller's action on a state; ``frozen`` holds estimates and memory."""
+    return _jacobian(*_sample(loop, frozen))
 
 
 def right_hand_side(loop: ClosedLoop) -> ca.Function:
     """The loop's derivative as a CasADi function of (state, signals), as its equations write it."""
     import casadi as ca
 
-    state_column, state = symbols("state", loop.size)
-    signal_column, signals = symbols("signals", loop.signal_count)
-    return ca.Function("rates", [state_column, signal_column], [column(loop.derivative(state, signals))])
+    state, signals, rates = _rates(loop)
+    return ca.Function("rates", [state, signals], [rates])
 
 
 def sampled_function(loop: ClosedLoop, *, frozen: bool = False) -> ca.Function:
-    """What a sampled controller makes of a state, as a CasADi function of (state, signals); ``frozen`` as above."""
+    """A sampled controller's action on a state, as a CasADi function of (state, signals); ``frozen`` as above."""
     import casadi as ca
 
+    state, signals, made = _sample(loop, frozen)
+    return ca.Function("sample", [state, signals], [made])
+
+
+@lru_cache(maxsize=LOOPS_KEPT)
+def _rates(loop: ClosedLoop) -> Traced:
     state_column, state = symbols("state", loop.size)
     signal_column, signals = symbols("signals", loop.signal_count)
-    made = loop.sample(state, signals, 1.0 if frozen else None)
-    return ca.Function("sample", [state_column, signal_column], [column(made)])
+    return state_column, signal_column, column(loop.derivative(state, signals))
 
 
-def _jacobian(loop: ClosedLoop, of: Callable[[Value, Value], Value]) -> ca.Function:
+@lru_cache(maxsize=LOOPS_KEPT)
+def _sample(loop: ClosedLoop, frozen: bool) -> Traced:
+    state_column, state = symbols("state", loop.size)
+    signal_column, signals = symbols("signals", loop.signal_count)
+    return state_column, signal_column, column(loop.sample(state, signals, 1.0 if frozen else None))
+
+
+def _jacobian(state: ca.SX, signals: ca.SX, value: ca.SX) -> ca.Function:
     import casadi as ca
 
-    state_column, state = symbols("state", loop.size)
-    signal_column, signals = symbols("signals", loop.signal_count)
-    # sparse, and common parts not sought: for 900 states that takes 40 s, and saves nothing where it is evaluated
-    return ca.Function("jacobian", [state_column, signal_column], [ca.jacobian(column(of(state, signals)), state_column)])
+    # sparse, without a search for common subexpressions: for 900 states that takes 40 s and saves nothing in the evaluation
+    return ca.Function("jacobian", [state, signals], [ca.jacobian(value, state)])

@@ -1,4 +1,4 @@
-"""The named parts of a loop's state, of what drives it and of what is measured of it; nested named tuples <-> flat vectors."""
+"""The named parts of a loop's state, of its driving signals and of its outputs; nested named tuples <-> flat vectors."""
 
 from __future__ import annotations
 
@@ -16,16 +16,17 @@ if TYPE_CHECKING:
 
 
 class Held(NamedTuple):
-    """What a sampled controller keeps from one sample to the next."""
+    """The values that a sampled controller keeps from one sample to the next."""
 
     u: Value  # the control
-    measured: Value  # what was sampled: the state, or y
+    measured: Value  # the sampled measurement: the state, or y
     x_m: Value  # the state of its own reference model, from sample to sample
-    r: Value  # the command that was sampled
+    r: Value  # the sampled command
     started: Value  # 0 before the first sample, then 1
-    theta_hat: Value  # the estimates as they were before this step's sample, if it has one
+    theta_hat: Value  # the estimates before this step's sample, if it has one
     baseline: Value = np.zeros(0)  # (l,) the baseline's own states
-    around: Any = ()  # what the shell keeps, an ``around.Kept``, where there is one
+    observer: Value = np.zeros(0)  # (l,) the observer's state
+    around: Any = ()  # the shell's stored values, an ``around.Kept``, if there is one
 
 
 class LoopState(NamedTuple):
@@ -35,40 +36,41 @@ class LoopState(NamedTuple):
     x_m: Value  # (n,) reference model
     input: Any  # an InputState for each input with limits or unmodelled dynamics
     sensor: Value  # (n,) lagged measurement
-    baseline: Value  # (l,) a baseline's own states; those of a sampled controller are held
+    baseline: Value  # (l,) a baseline's own states; a sampled controller holds its baseline's itself
+    observer: Value  # (l,) the observer's state; a sampled controller holds its observer's itself
     controller: Any  # the scheme's own NamedTuple
     held: Any  # Held
 
 
 class Outputs(NamedTuple):
-    """What is measured at every solver step and recorded."""
+    """The outputs computed and recorded at every solver step."""
 
-    e: Value  # (n,) tracking error x - x_m, or y - y_m where the output is fed back
+    e: Value  # (n,) tracking error x - x_m, or y - y_m with output feedback
     u: Value  # (m,) control
     theta_hat: Value  # (n,) estimates
     x: Value  # (n,)
     x_m: Value  # (n,)
-    y: Value  # (1,) measured output, (0,) where the state is measured
+    y: Value  # (1,) measured output, (0,) if the state is measured
 
 
 class Signals(NamedTuple):
-    """What drives the loop at one instant."""
+    """The signals that drive the loop at one instant."""
 
     r: Value  # command, or (q,) commands
     matched: Value  # (0,) or (1,) matched disturbance
     unmatched: Value  # (k,) other disturbances
     at_output: Value  # (0,) or (1,): added to the output
     clock: Value  # (0,) or (1,): t, for a plant that depends on it
-    faults: Value  # (f,): what goes wrong with the samples
+    faults: Value  # (f,): faults of the samples
     noise: Value  # (n,) or (0,): standard Gaussian numbers of the measurement
-    delayed: Value  # (0,) or (m,): what leaves the delay at the plant's input
+    delayed: Value  # (0,) or (m,): output of the delay at the plant's input
 
 
 @dataclass(frozen=True)
 class SignalSizes:
-    """How many entries each part of ``Signals`` has in a flat vector, in which they stand in that order.
+    """The number of entries of each part of ``Signals`` in a flat vector, in that order.
 
-    commands  None for a single one, which is a number
+    commands  None for a single scalar command
     """
 
     commands: int | None
@@ -131,7 +133,7 @@ def as_array(value: Value) -> Value:
 
 
 def unflatten(template: Any, flat: Value, start: int) -> tuple[Any, int]:
-    """The inverse of ``flatten`` for the shapes of ``template``; also where the next part starts."""
+    """The inverse of ``flatten`` for the shapes of ``template``; also returns where the next part starts."""
     if isinstance(template, tuple):
         parts = []
         for part in template:

@@ -1,7 +1,7 @@
-"""A sampled controller with all that it carries from sample to sample: what a flight computer runs, and nothing else.
+"""A sampled controller with everything that it keeps from sample to sample: what a flight computer runs, and nothing else.
 
-It is handed the measurement and the command, and nothing of the plant. The reference model is a part of it, from sample to
-sample under the command that it sampled; ``ClosedLoop`` integrates (2) itself beside it, and e is reported against that.
+It receives the measurement and the command, and nothing else of the plant. It contains the reference model, advanced from sample
+to sample under the sampled command; ``ClosedLoop`` integrates (2) separately, and e is reported with respect to that.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.linear.zero_order_hold import HeldSystem
-from barbalat.loop.around import Around
+from barbalat.loop.around import LOST, Around
 from barbalat.loop.packing import Held, as_array, flatten, unflatten
 from barbalat.problem.baseline import FixedController
+from barbalat.problem.observer import ObserverEquations
 from barbalat.protocols import Dynamics, Freezable, Sample, SampledEquations, Value
 from barbalat.roles import main_estimates, resting, roles_of, state_parts, taken_from
 from barbalat.validate import Array
@@ -35,14 +36,17 @@ def held_model(model: Any, T: float, commands: int | None) -> HeldSystem:
 
 @dataclass(frozen=True, eq=False)
 class SampledController:
-    """A scheme's equations, the reference model under a held command, and what is kept from one sample to the next.
+    """A scheme's equations, the reference model under a held command, and the values kept from one sample to the next.
 
-    model     as the problem has it: its initial state, and what of its state is to be followed
-    discrete  the same from sample to sample
-    inputs    entries of u
+    model     the problem's model: its initial state, and the part of its state that is to be followed
+    discrete  the model from sample to sample
+    inputs    number of entries of u
     commands  ``None`` for one command, a scalar
-    around    the shell and the faults; None where every sample is taken as it comes
-    baseline  whose own states stand behind what is measured in what the equations are handed; None without any
+    around    the shell and the faults; None if every sample is used as it is
+    baseline  its own states follow the measurement in the equations' input; None without a baseline
+    observer  the equations and the baseline receive its estimate in place of the measurement; None without one
+    external  the baseline whose control other code computes: that control follows the measurement in the input, and u is its sum
+              with the adaptive part
     """
 
     equations: SampledEquations
@@ -52,11 +56,13 @@ class SampledController:
     commands: int | None
     around: Around | None = None
     baseline: FixedController | None = None
+    observer: ObserverEquations | None = None
+    external: FixedController | None = None
 
     def initial(self, y: Array, controller: Any = None) -> Acting:
-        """At t = 0, before the first sample; ``y`` has the shape of what is measured.
+        """The state at t = 0, before the first sample; ``y`` has the shape of the measurement.
 
-        controller  the equations' state there, by default what their ``initial`` gives
+        controller  the equations' state there, by default the result of their ``initial``
         """
         controller = self.equations.initial() if controller is None else controller
         held = Held(
@@ -67,36 +73,65 @@ class SampledController:
             started=np.zeros(()),
             theta_hat=self._theta_hat(controller),
             baseline=np.zeros(0 if self.baseline is None else self.baseline.order),
+            observer=np.zeros(0) if self.observer is None else self.observer.start,
             around=() if self.around is None else self.around.initial(y, self.inputs),
         )
         return Acting(controller, held)
 
     def act(self, state: Acting, y: Value, r: Value, freeze: Value = None) -> Acting:
-        """One sample: advance from the last one to this one, unless this is the first, and set u.
+        """One sample: advance from the last sample to this one, unless this is the first, and set u.
 
-        ``freeze``: where it is above 0, the estimates and the law's memory keep their values. ``None``: it never is.
+        ``freeze``: if it is above 0, the estimates and the law's memory are held; if it is ``LOST``, an observer predicts without
+        ``y``. ``None``: neither.
         """
         controller, held = state
         started = held.started > 0
         x_m = np.where(started, self.discrete.following(held.x_m, held.r), held.x_m)
-        xi = self._advanced(held, y)
-        before = Sample(self._handed(held.measured, held.baseline), self._followed(held.x_m), held.r)
-        now = Sample(self._handed(y, xi), self._followed(x_m), r)
+        z = self._observed(held, self._measured(y), None if freeze is None else freeze >= LOST)
+        seen_before, seen = self._seen(held.observer, self._measured(held.measured)), self._seen(z, self._measured(y))
+        xi = self._advanced(held, seen_before, seen)
+        before = Sample(self._handed(seen_before, held.baseline), self._followed(held.x_m), held.r)
+        now = Sample(self._handed(seen, xi), self._followed(x_m), r)
         advanced = self._advance(controller, before, held.u, now, freeze)
         chosen = np.where(started, flatten(advanced), flatten(controller))
         following, _ = unflatten(controller, chosen, 0)
         u = as_array(self.equations.control(following, *now))
-        return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, self._theta_hat(controller), xi, held.around))
+        if self.external is not None:
+            own = self.external.control(self._handed(seen, xi), r)
+            u = (y[-self.inputs :] + (u.reshape(-1) - own)).reshape(u.shape)
+        return Acting(following, Held(u, y, x_m, r, 0 * held.started + 1, self._theta_hat(controller), xi, z, held.around))
 
-    def _advanced(self, held: Held, y: Value) -> Value:
-        """The baseline's own states at this sample."""
+    def external_control(self, held: Held, y: Value, r: Value) -> Value:
+        """(m,) the control that the external baseline computes at the sample y: simulated from the same states."""
+        assert self.external is not None
+        z = self._observed(held, y)
+        before, seen = self._seen(held.observer, self._measured(held.measured)), self._seen(z, y)
+        return self.external.control(self._handed(seen, self._advanced(held, before, seen)), r)
+
+    def _measured(self, handed: Value) -> Value:
+        """The measurement, from the input at a sample."""
+        return handed if self.external is None else handed[: -self.inputs]
+
+    def _observed(self, held: Held, y: Value, lost: Value = None) -> Value:
+        """The observer's state at this sample; ``lost``: whether there is no measurement."""
+        if self.observer is None:
+            return held.observer
+        z = self.observer.advance(held.observer, held.u, y, lost)
+        return np.where(held.started > 0, z, held.observer)
+
+    def _seen(self, z: Value, y: Value) -> Value:
+        """The plant's state as the controller knows it: the measurement, or the observer's estimate."""
+        return y if self.observer is None else self.observer.estimate(z, y)
+
+    def _advanced(self, held: Held, before: Value, seen: Value) -> Value:
+        """The baseline's own states at this sample, from the plant's state at the previous one and at this one."""
         if self.baseline is None:
             return held.baseline
-        xi = self.baseline.advance(held.baseline, held.measured, y, held.r, self.equations.sample_time)
+        xi = self.baseline.advance(held.baseline, before, seen, held.r, held.u, self.equations.sample_time)
         return np.where(held.started > 0, xi, held.baseline)
 
-    def _handed(self, y: Value, xi: Value) -> Value:
-        return y if self.baseline is None else np.concatenate([y, xi])
+    def _handed(self, seen: Value, xi: Value) -> Value:
+        return seen if self.baseline is None else np.concatenate([seen, xi])
 
     def _followed(self, x_m: Value) -> Value:
         return self.model.output(x_m) if self.baseline is None else x_m

@@ -1,4 +1,4 @@
-"""What equations consist of: the parts of an object, whoever wrote its class, and all about them that is no number."""
+"""The structure of equations: the parts of an object, whoever wrote its class, and everything about them but the numbers."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from typing import Any
 import numpy as np
 
 DEEPEST_NESTING = 12
-"""Objects within objects: what lies deeper is compared as a whole, which ends objects that contain themselves."""
+"""Largest depth of objects within objects: deeper parts are compared as a whole, which also handles objects that contain
+themselves."""
 
 _WHOLE = {
     *(float, np.ndarray, NoneType, str, bool, int, bytes, type),
     *(FunctionType, BuiltinFunctionType, MethodType, ModuleType),
 }
-"""Classes of what has no parts."""
+"""Classes without parts."""
 
 
 def parts_of(part: Any) -> dict[Any, Any] | None:
-    """An object's parts by their names or places: fields, entries, attributes; ``None`` for what is a whole."""
+    """An object's parts by name or index: fields, entries, attributes; ``None`` for an object without parts."""
     kind = type(part)
     if kind in _WHOLE:
         return None
@@ -39,7 +40,7 @@ def parts_of(part: Any) -> dict[Any, Any] | None:
 
 
 _FIELDS: dict[type, tuple[str, ...] | None] = {}
-"""The fields of a dataclass by the class; ``None`` for any other class. Looked up for every member of an ensemble."""
+"""The fields of a dataclass by class; ``None`` for any other class. Looked up for every member of an ensemble."""
 
 
 def _field_names(kind: type) -> tuple[str, ...] | None:
@@ -59,7 +60,7 @@ def with_parts(part: Any, parts: list[Any]) -> Any:
         return named
     twin = copy.copy(part)
     if is_dataclass(part) and hasattr(twin, "__dict__"):
-        vars(twin).clear()  # of what is no field too: values that were computed from the other parts and kept
+        vars(twin).clear()  # including cached values that were computed from the other parts
     for name, value in named.items():
         object.__setattr__(twin, name, value)
     return twin
@@ -83,7 +84,7 @@ def structure(part: Any, depth: int = 0) -> Iterator[Any]:
 
 
 def values_of(part: Any) -> tuple[Any, ...]:
-    """The values of ``parts_of``, of what has parts."""
+    """The values of ``parts_of`` for an object with parts."""
     kind = type(part)
     if (found := _VALUES.get(kind)) is not None:
         return found(part)
@@ -105,12 +106,12 @@ def same_names(part: Any, other: Any) -> bool:
 
 
 def same_whole(part: Any, other: Any) -> bool:
-    """Whether two parts without parts are equal; what can't be compared is only itself."""
+    """Whether two objects without parts are equal; objects that can't be compared are equal only to themselves."""
     return part is other or (isinstance(other, Hashable) and bool(part == other))
 
 
 def identical(part: Any, other: Any, depth: int = 0) -> bool:
-    """Whether two parts agree in everything, to the last bit: nothing that is computed of them can differ."""
+    """Whether two parts agree in everything, to the last bit, so that everything computed from them is equal."""
     if part is other:
         return True
     if type(part) is not type(other):
@@ -127,7 +128,7 @@ def identical(part: Any, other: Any, depth: int = 0) -> bool:
 
 
 def comes_from_outside(part: Any, depth: int = 0) -> bool:
-    """Whether a class or a function that is not the package's own takes part."""
+    """Whether a class or a function from outside the package is involved."""
     kind = type(part)
     if kind is FunctionType:
         return not (part.__module__ or "").startswith(_PACKAGE)
@@ -139,5 +140,5 @@ def comes_from_outside(part: Any, depth: int = 0) -> bool:
 
 
 _OWN: dict[type, bool] = {}
-"""Whether a class is the package's own, or one of Python's that hold parts; asked for every member of an ensemble."""
+"""Whether a class is the package's own, or a container of Python's; cached, since it is asked for every member of an ensemble."""
 _PACKAGE = __name__.partition(".")[0] + "."

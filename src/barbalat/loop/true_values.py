@@ -1,7 +1,7 @@
-"""What a loop's estimates are to become, and the set that they are projected onto, by the roles that the equations declare.
+"""The true values of a loop's estimates, and the set onto which they are projected, from the roles that the equations declare.
 
-A law from outside the package may estimate anything: the weights of a network, or nothing. Its estimates are compared with the
-problem's parameters only where they are declared as theirs, or by convention, and where there are as many of them.
+A law from outside the package may estimate anything, such as the weights of a network, or nothing. Its estimates are compared
+with the problem's parameters only if they are declared as such, or by convention, and if their numbers agree.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from barbalat.validate import Array, counted
 
 
 def true_values(problem: TrackingProblem, loop: ClosedLoop) -> Array | None:
-    """(p,), one for each entry of theta_hat; None where the problem does not know them, or knows another number of them."""
+    """(p,), one for each entry of theta_hat; None if the problem does not know them, or has another number of them."""
     return None if loop.estimates is None else truth_of(problem, loop.estimates)
 
 
 def truth_of(problem: TrackingProblem, part: StatePart) -> Array | None:
-    """(p,), what these estimates are to become; None where nothing is known to be that."""
+    """(p,), the true values of these estimates; None if they are unknown."""
     role, found = part.role, None
     if role.true is not None:
         found = _of_role(role, problem) if isinstance(problem, Problem) else None
@@ -32,7 +32,7 @@ def truth_of(problem: TrackingProblem, part: StatePart) -> Array | None:
 
 
 def _of_role(role: Role, problem: Problem) -> Array | None:
-    """What a role makes of the true theta and gains."""
+    """The true values by a role, from the true theta and gains."""
     assert role.true is not None
     omega = np.array([path.gain for path in problem.surroundings.paths])
     if problem.simulated is None:
@@ -44,9 +44,9 @@ def _of_role(role: Role, problem: Problem) -> Array | None:
 
 
 def not_the_parameters(problem: TrackingProblem, loop: ClosedLoop) -> str | None:
-    """A sentence where a scheme has another number of estimates than the problem has parameters, and says nothing of them.
+    """A sentence if a scheme has another number of estimates than the problem has parameters, and does not declare them.
 
-    Whoever estimates nothing, or declares what else is estimated, needs no such sentence.
+    A scheme without estimates, or one that declares what it estimates, gets no such sentence.
     """
     found, expected = loop.estimates, problem.parameters
     if found is None or found.role.of != THETA or expected is None or found.size in (0, len(expected)):
@@ -58,7 +58,7 @@ def not_the_parameters(problem: TrackingProblem, loop: ClosedLoop) -> str | None
 
 
 def estimate_set(loop: ClosedLoop) -> EstimateSet | None:
-    """What theta_hat is projected onto; None where the scheme says nothing of it, or keeps another set under that name."""
+    """The set onto which theta_hat is projected; None if the scheme does not declare one, or uses that name for another set."""
     if loop.estimates is None:
         return None
     role, equations = loop.estimates.role, loop.continuous

@@ -1,4 +1,4 @@
-"""What is said of equations that can't be used: which controller, which equation, where in its file, and what would be right."""
+"""Messages about equations that can't be used: which controller and equation, where in its file, and what would be right."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from barbalat.validate import InputError
 
 PACKAGE = Path(__file__).parents[1]
 LONGEST_REASON = 160
-"""Characters of another package's message: the beginning says what went wrong."""
+"""Largest number of characters quoted of another package's message, whose beginning says what went wrong."""
 
 
 @dataclass(frozen=True)
 class Subject:
-    """What is spoken of: ``said`` as a sentence begins with it, ``controller`` the name of the one that is named there."""
+    """The subject of a message: ``said`` begins the sentence, ``controller`` is the name of the controller in it."""
 
     said: str
     controller: str = ""
@@ -38,16 +38,16 @@ class Subject:
 
     @property
     def on_symbols(self) -> Subject:
-        """An equation that went well on numbers: what fails now fails because of the symbols."""
+        """An equation that worked on numbers: a failure is now due to the symbols."""
         return replace(self.part(" on symbols"), symbolic=True)
 
     def error(self, what: str) -> InputError:
-        """A sentence that begins with it."""
+        """An error whose sentence begins with the subject."""
         return InputError(f"{self.said}{what}", controller=self.controller)
 
 
 def require_state(state: Any, what: Subject, declared: Mapping[str, Role] | None) -> None:
-    """InputError where ``initial`` gives no NamedTuple of arrays, or one of which nothing says what is estimated."""
+    """InputError if ``initial`` returns no NamedTuple of arrays, or one without declared estimates."""
     if not isinstance(state, tuple) or type(state) is tuple:
         raise what.error(f" must return a NamedTuple of arrays, got {validate.show(state)}")
     if "theta_hat" not in names_of(state) and declared is None:
@@ -63,7 +63,7 @@ def require_state(state: Any, what: Subject, declared: Mapping[str, Role] | None
 
 
 def require_array(found: Any, shape: tuple[int, ...], what: Subject, name: str) -> None:
-    """InputError for what is no number and no array of this shape; one number may stand in an array of one entry."""
+    """InputError for an object that is no number or no array of this shape; a number is accepted for an array with one entry."""
     given = shape_of(found)
     if given is None:
         raise what.error(f": {name} must be {_named(shape)}, got {_shown(found)}")
@@ -72,7 +72,7 @@ def require_array(found: Any, shape: tuple[int, ...], what: Subject, name: str) 
 
 
 def require_like(found: Any, state: Any, what: Subject) -> None:
-    """InputError for a state of another form than the initial one."""
+    """InputError for a state whose form differs from that of the initial one."""
     if not isinstance(found, tuple):
         raise what.error(f": it must return the state, a {type(state).__name__}, got {_shown(found)}")
     expected, given = list(leaves(state)), list(leaves(found))
@@ -114,7 +114,7 @@ def _shown(value: Any) -> str:
 
 @contextmanager
 def telling_user_errors(what: Subject) -> Iterator[None]:
-    """Whatever the user's own lines raise becomes one sentence with the line in it."""
+    """Turns any error raised by the user's code into one sentence with its line."""
     try:
         yield
     except InputError:
@@ -125,7 +125,7 @@ def telling_user_errors(what: Subject) -> Iterator[None]:
 
 @contextmanager
 def named(controller: str) -> Iterator[None]:
-    """A controller that does not fit its problem is told apart from those that stand beside it."""
+    """Adds the controller's name to an InputError, since several controllers may be given."""
     try:
         yield
     except InputError as error:
@@ -136,13 +136,13 @@ def named(controller: str) -> Iterator[None]:
 
 REMEDIES = {
     "__bool__": "it branches on a value that is known only during a run; use np.where, np.clip, np.minimum or np.maximum",
-    "__array__": "np.array can't hold symbols; use np.stack or np.concatenate",
+    "__array__": "np.array cannot hold symbols; use np.stack or np.concatenate",
 }
-"""By the method of a symbol that refuses: Python asks the first for a truth value, NumPy the second for numbers."""
+"""The methods of a symbol that raise: Python calls the first for a truth value, NumPy the second for numbers."""
 
 
 def _reason(error: BaseException, what: Subject) -> str:
-    """What went wrong, and the remedy where it is known."""
+    """What went wrong, with the remedy if it is known."""
     said = f"{type(error).__name__}: {' '.join(str(error).split())[:LONGEST_REASON]}"
     if not what.symbolic:
         return said
@@ -157,7 +157,7 @@ def _is_library(filename: str) -> bool:
 
 
 def _line(error: BaseException) -> str:
-    """Where in the user's file it happened: the last line there that is not the package's, nor a library's."""
+    """The line in the user's file: the last one in the traceback outside the package and its libraries."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [frame for frame in frames if not _is_library(frame.filename)]
     if not own:

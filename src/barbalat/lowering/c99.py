@@ -1,8 +1,8 @@
 """Operation list -> C99 source of the same time loop: for embedded targets, and as an independent check of the kernel.
 
-Every operation becomes one local constant, in the list's order. Compiled with ``-ffp-contract=off``, the C code computes
-bit by bit what the LLVM kernel of the same list computes. ``-ffast-math`` is not for this code: it assumes that no value
-is infinite or NaN, but accumulators start at infinity, and a run that diverges is to be seen.
+Every operation becomes one local constant, in the list's order. Compiled with ``-ffp-contract=off``, the C code computes bit for
+bit the same as the LLVM kernel of the same list. ``-ffast-math`` must not be used: it assumes that no value is infinite or NaN,
+but accumulators start at infinity, and a diverging run must remain visible.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ OF_BITS = {"exponent": _EXPONENT, "significand": _SIGNIFICAND, "pow2": _POW2}
 
 
 def of_bits(name: str, real: str, suffix: str, of: Format) -> str:
-    """C source of one of OF_BITS on numbers of this type."""
+    """C source of one of OF_BITS for numbers of this type."""
     width, stored = (32 if of is SINGLE else 64), of.bits - 1
     return OF_BITS[name].format(
         real=real,
@@ -92,7 +92,7 @@ _LOOP = """\
 
 @dataclass(frozen=True, slots=True)
 class Real:
-    """A type of C for numbers: its name, the end of its constants and of math.h's functions, its numbers and their format."""
+    """A C type for numbers: its name, the suffixes of its constants and of math.h's functions, and its format."""
 
     name: str
     suffix: str
@@ -107,10 +107,9 @@ def constant(value: float, real: Real = DOUBLE) -> str:
     """A number as C99 reads it exactly: a hexadecimal constant (section 6.4.4.2), or a macro of math.h."""
     with np.errstate(over="ignore"):
         value = float(real.numbers(value))
-    if math.isnan(value):
-        return "NAN"
-    if math.isinf(value):
-        return "INFINITY" if value > 0 else "-INFINITY"
+    if not math.isfinite(value):  # macros of type float, since -Wdouble-promotion checks them
+        cast = "(double)" if real is DOUBLE else ""
+        return f"{'-' if value < 0 else ''}{cast}{'NAN' if math.isnan(value) else 'INFINITY'}"
     return f"{value.hex()}{real.suffix}"
 
 
@@ -133,7 +132,8 @@ def statements(program: Program, inputs: dict[tuple[int, int], str], real: Real 
 
 
 def calls_functions(program: Program, real: Real = DOUBLE) -> bool:
-    """Whether the C text of the operations needs math.h, which has the infinity that a large constant becomes in 32 bits, too."""
+    """Whether the C text of the operations needs math.h, which also defines the infinity that a large constant becomes in 32
+    bits."""
     names = {op.name for op in program.operations}
     with np.errstate(over="ignore"):
         constants = {float(real.numbers(op.value)) for op in program.operations if op.name == "constant"}
@@ -184,7 +184,7 @@ class Printer:
         raise ValueError(f"the operation {name} has no C translation")
 
     def extremum(self, name: str, x: list[str]) -> str:
-        """Minimum or maximum that lets the first operand's NaN through, as the LLVM kernel's; C's fmin and fmax would not."""
+        """A minimum or maximum that passes on the first operand's NaN, like the LLVM kernel's; C's fmin and fmax would not."""
         return f"{x[0]} {'<' if name == 'fmax' else '>'} {x[1]} ? {x[1]} : {x[0]}"
 
 
@@ -232,7 +232,7 @@ def _local(letter: str, i: int, lanes: int) -> str:
 
 
 def _entry(array: str, i: int, lanes: int) -> str:
-    """Component i of this lane in an array that has the lanes side by side."""
+    """Component i of this lane in an array with interleaved lanes."""
     return f"{array}[{i}]" if lanes == 1 else f"{array}[{i * lanes} + lane]"
 
 
@@ -253,7 +253,7 @@ NOTICE = """\
 
 
 def definitions(programs: Iterable[Program], real: Real = DOUBLE) -> str:
-    """C source of the functions that these lists call, each with what it needs itself."""
+    """C source of the functions that these lists call, each with the functions that it needs itself."""
     called = {op.name for program in programs for op in program.operations} & FUNCTIONS
     made = [function(name, real.format) for name in sorted(called)]
     used = {op.name for one in made for part in (one.usual, one.rare) if part is not None for op in part.operations}

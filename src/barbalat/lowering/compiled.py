@@ -1,4 +1,4 @@
-"""A CasADi function, or an elementary function's list, as machine code that Python calls point by point or for whole arrays."""
+"""A CasADi function, or an elementary function's list, as machine code that Python calls for single points or whole arrays."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 
 
 def evaluate(name: str, *x: np.ndarray) -> np.ndarray:
-    """The function of arrays that broadcast together, with the bits that a kernel's operation of this name has."""
+    """The function applied to arrays that broadcast together, with the bits of a kernel's operation of this name."""
     arguments = np.broadcast_arrays(*(np.asarray(part, dtype=np.float64) for part in x))
     kernel, shape, count = _elementary_kernel(name), arguments[0].shape, arguments[0].size
     rows = -(-count // kernel.lanes)
     if not rows:
         return np.empty(shape)
-    table = np.zeros((len(arguments), rows * kernel.lanes))  # what is behind the last entry is computed in vain
+    table = np.zeros((len(arguments), rows * kernel.lanes))  # results after the last entry are discarded
     table[:, :count] = [part.ravel() for part in arguments]
     given = np.ascontiguousarray(table.reshape(len(arguments), rows, kernel.lanes).transpose(1, 0, 2))
     nothing, out = np.empty(0), np.empty((rows, 1, kernel.lanes))
@@ -35,7 +35,7 @@ def evaluate(name: str, *x: np.ndarray) -> np.ndarray:
 
 @cache
 def _elementary_kernel(name: str) -> Kernel:
-    """A loop without a state, whose members get a number of their own at every step and hand the function's value out."""
+    """A loop without a state, whose members receive a number at every step and return the function's value."""
     arguments = function(name).arguments
     operations = [Operation("input", source=(5, i)) for i in range(arguments)] + [Operation(name, tuple(range(arguments)))]
     program = Program(tuple(operations), ((), (arguments,), ()))
@@ -45,8 +45,8 @@ def _elementary_kernel(name: str) -> Kernel:
 class Compiled:
     """``f(x, s)`` of an SX function of a column x (n,) and a column s (k,) with one dense result; not for several threads.
 
-    A call takes some 2 us where CasADi's own takes some 50. It is one step of the time loop, which hands the state on
-    unchanged and gives the results out as its accumulators.
+    A call takes some 2 us where CasADi's own takes some 50. It is one step of the time loop, which leaves the state unchanged and
+    returns the results as its accumulators.
     """
 
     def __init__(self, function: casadi.Function) -> None:
@@ -65,7 +65,7 @@ class Compiled:
         self._result = out[n:]
 
     def __call__(self, x: np.ndarray, s: np.ndarray | float) -> np.ndarray:
-        """The result as a new array: (rows,), or (rows, columns) where it is a matrix."""
+        """The result as a new array: (rows,), or (rows, columns) for a matrix."""
         self._x[:], self._s[:] = x, s
         self._run()
         values = self._result.copy()
@@ -73,13 +73,13 @@ class Compiled:
 
 
 Tabulator = Callable[..., list[np.ndarray]]
-"""Of columns (n, K), as many as the function has, the results (rows, K)."""
+"""From columns (n, K), one for each argument of the function, the results (rows, K)."""
 
 
 def tabulator(function: casadi.Function) -> Tabulator:
-    """An SX function of columns, to be given K of each side by side: by its list, not fused.
+    """An SX function that is applied to K columns at once, by its operation list, without fused multiply-adds.
 
-    CasADi's own evaluation has the C library's functions, whose last bits are not the same everywhere.
+    CasADi's own evaluation uses the C library's functions, whose last bits differ between systems.
     """
     import casadi as ca
 

@@ -1,12 +1,13 @@
 """A CasADi function as a list of scalar operations in single-assignment form.
 
-Everything that a target needs (LLVM, C) is printed from this list; this module knows no target and no control theory.
+Every target (LLVM, C) is printed from this list; this module knows no target and no control theory.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import copysign
 from typing import TYPE_CHECKING, NamedTuple
 
 from barbalat import vocabulary
@@ -18,30 +19,41 @@ if TYPE_CHECKING:
 class Operation(NamedTuple):
     """One scalar operation; ``operands`` are positions of earlier operations in the same list.
 
-    A tuple, for a step has thousands, which are made, compared and hashed several times on their way to machine code.
+    A tuple, because a step has thousands of operations, which are created, compared and hashed several times on their way to
+    machine code.
     """
 
     name: str
     operands: tuple[int, ...] = ()
     value: float = 0.0  # of a "constant"
-    source: tuple[int, int] = (0, 0)  # of an "input": (argument, component)
-    table: tuple[float, ...] = ()  # of a "lookup": its operand is one of the places
+    source: tuple[int, int] = (0, 0)  # for an "input": (argument, component)
+    table: tuple[float, ...] = ()  # for a "lookup": its operand is an index
 
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """Operations in order, and for each output argument the positions of its components."""
+    """Operations in order, and for each output argument the positions of its components.
+
+    Equal programs compute equal bits: the constants 0 and -0, which == considers equal, are distinguished.
+    """
 
     operations: tuple[Operation, ...]
     outputs: tuple[tuple[int, ...], ...]
+    negative_zeros: tuple[int, ...] = field(init=False, repr=False)
+    """The positions of constants that are -0."""
+
+    def __post_init__(self) -> None:
+        constants = ((i, op.value) for i, op in enumerate(self.operations) if op.name == "constant" and op.value == 0)
+        object.__setattr__(self, "negative_zeros", tuple(i for i, value in constants if copysign(1.0, value) < 0))
 
 
 EXPONENT_BIAS = 1023
 FRACTION_BITS = 52
-"""Of a double, for the operations on its bits, which stand in the lists of elementary functions alone: "exponent" and
-"significand" of a normal number, and "pow2" of a whole number, see ``functions.trace``."""
+"""Of a double, for the operations on bits, which occur only in the lists of elementary functions: "exponent" and "significand"
+of a normal number, and "pow2" of a whole number, see ``functions.trace``."""
 ALIGNED = 2.0**FRACTION_BITS + EXPONENT_BIAS
-"""A whole number added to it stands, with the bias, in the last bits of the sum: no conversion, which is undefined for NaN."""
+"""A whole number added to it appears, with the bias, in the last bits of the sum, without a conversion, which is undefined for
+NaN."""
 COMPARISONS = frozenset({"lt", "le", "eq", "ne", "not", "and", "or"})
 """Operations whose result is a truth value; CasADi writes them as the numbers 0 and 1."""
 
@@ -91,9 +103,9 @@ def read(function: casadi.Function) -> Program:
 
 
 def following(first: tuple[Operation, ...], program: Program, inputs: Mapping[tuple[int, int], int]) -> Program:
-    """``program`` after the operations ``first``, whose values at the positions ``inputs`` take the places of its inputs.
+    """``program`` after the operations ``first``; the values at the positions ``inputs`` replace its inputs.
 
-    Inputs that are not named stay inputs. The program's own operations keep their order and their operands: all bits stay.
+    Other inputs stay inputs. The program's own operations keep their order and their operands, so that all bits stay the same.
     """
     operations, place = list(first), []
     for op in program.operations:
@@ -106,7 +118,7 @@ def following(first: tuple[Operation, ...], program: Program, inputs: Mapping[tu
 
 
 def sliced(program: Program, keep: Sequence[int]) -> Program:
-    """What these components of the first output need, in the order of the whole list; they are the one output."""
+    """The operations that these components of the first output need, in the order of the whole list; they form the one output."""
     row = tuple(program.outputs[0][i] for i in keep)
     alive = set(row)
     for i in range(len(program.operations) - 1, -1, -1):

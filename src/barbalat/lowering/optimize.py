@@ -1,10 +1,10 @@
-"""Rewriting of an operation list for speed; the result is the same list for every target, lane width and thread.
+"""Rewrites an operation list for speed; the result is the same list for every target, lane width and thread.
 
-The order of a sum and the place of a fused multiply-add decide the last bit of a result. They are therefore chosen here,
-once, and the targets are forbidden to choose again. That is what makes runs bit-identical.
+The order of a sum and the position of a fused multiply-add determine the last bit of a result. They are therefore chosen here,
+once, and the targets must not choose again. That is what makes runs bit-identical.
 
-A sum or product of many terms is associated in the order in which its terms become available: a time step is one
-long chain of dependent operations, and a term that is late should wait for as few others as possible.
+A sum or product of many terms is associated in the order in which its terms become available: a time step is one long chain of
+dependent operations, and a term that comes late should be followed by as few operations as possible.
 """
 
 from __future__ import annotations
@@ -22,11 +22,12 @@ LATENCY = {
 DEFAULT_LATENCY = 3
 
 PARAMETERS = 2
-"""The argument of a step function that holds the parameters, which stay the same from step to step."""
+"""The index of a step function's argument that contains the parameters, which are constant from step to step."""
 
 
 def optimize(program: Program, *, fused: bool = True) -> Program:
-    """Recover selections, share reciprocals, associate sums and products by availability, fuse multiply-adds, drop the dead.
+    """Recover selections, share reciprocals, associate sums and products by availability, fuse multiply-adds, remove dead
+    operations.
 
     Without ``fused`` every product is rounded before it is added: for targets that have no fused multiply-add.
     """
@@ -35,12 +36,12 @@ def optimize(program: Program, *, fused: bool = True) -> Program:
 
 
 def as_written(program: Program) -> Program:
-    """The list in the order in which it was written, rounded operation by operation: as the same lines in C."""
+    """The list in the order in which it was written, rounded operation by operation like the same lines in C."""
     return drop_dead(_order_extrema(_recover_selections(program)))
 
 
 def drop_dead(program: Program) -> Program:
-    """The list without what no output needs."""
+    """The list without operations that no output needs."""
     alive = {i for row in program.outputs for i in row}
     for i in range(len(program.operations) - 1, -1, -1):
         if i in alive:
@@ -73,7 +74,8 @@ def _recover_selections(program: Program) -> Program:
 
 
 def _order_extrema(program: Program) -> Program:
-    """Put the operand that changes from step to step first: it is the one whose NaN a minimum or maximum lets through."""
+    """Put the operand that changes from step to step first, because a minimum or maximum passes on the NaN of its first
+    operand."""
     ops = list(program.operations)
     fixed: list[bool] = []  # made of constants and parameters only
     for i, op in enumerate(ops):
@@ -87,8 +89,8 @@ def _order_extrema(program: Program) -> Program:
 def _share_reciprocals(program: Program) -> Program:
     """a/d becomes a (1/d), one reciprocal for each divisor.
 
-    The slow division then starts as soon as d is known, and the product fuses with an addition. The price: a rounding more
-    (1.5 units in the last place instead of 0.5), and an overflow for |d| < 5.6e-309.
+    The slow division then starts as soon as d is known, and the product fuses with an addition. The price: one more rounding
+    error (1.5 units in the last place instead of 0.5), and an overflow for |d| < 5.6e-309.
     """
     ops: list[Operation] = []
     place: list[int] = []
@@ -202,7 +204,7 @@ class _Associator:
         return a, b
 
     def _sum(self, terms: list[tuple[int, int]]) -> int:
-        """Add the terms, the earliest first; a product that is a term may be fused with the addition that takes it up."""
+        """Add the terms, the earliest first; a term that is a product may be fused with its addition."""
         queue: list[tuple[int, int, int, tuple[int, ...]]] = []  # (ready, tie-break, sign, one value or two factors)
         for order, (sign, i) in enumerate(terms):
             if self.old[i].name == "mul" and self._is_part_of_larger(i):

@@ -1,7 +1,7 @@
-"""The order of independent operations in which few values wait at once, for kernels that advance many members.
+"""Orders independent operations so that few values are live at once, for kernels that advance many members.
 
-Such a kernel has two vectors for every value of a step, and a value that no register holds is stored and loaded again. Only the
-order changes: every operation has the operands that it had, so all bits stay.
+Such a kernel has two vectors for every value of a step, and a value without a register is stored and loaded again. Only the order
+changes: every operation keeps its operands, so that all bits stay the same.
 """
 
 from __future__ import annotations
@@ -12,16 +12,17 @@ from barbalat.lowering.operations import Operation, Program
 
 
 def few_waiting(program: Program, *, urgent_first: bool) -> Program:
-    """Next is always the operation that is the last to need most of its operands; constants stay in memory and don't count.
+    """The next operation is always the one that is the last user of most of its operands; constants stay in memory and don't
+    count.
 
-    Among equals the list's order decides, or, with ``urgent_first``, the longest chain of operations that depend on it: where
-    registers are plenty, what the others wait for should not come late.
+    Ties are decided by the list's order or, with ``urgent_first``, by the longest chain of dependent operations: with plenty of
+    registers, operations that others depend on should come early.
     """
     return _reordered(program, _Chooser(program, urgent_first=urgent_first).run())
 
 
 class _Chooser:
-    """``unread[j]`` counts the users of value j that are still to come, ``missing[i]`` the operands that i still lacks."""
+    """``unread[j]`` counts the remaining users of value j, ``missing[i]`` the operands that i still lacks."""
 
     def __init__(self, program: Program, *, urgent_first: bool) -> None:
         self.operations = program.operations
@@ -53,7 +54,7 @@ class _Chooser:
         while self.ready:
             *_, i = heapq.heappop(self.ready)
             if i in done:
-                continue  # it stands in the heap a second time since it got better
+                continue  # an outdated entry of the heap, whose priority has improved since
             done.add(i)
             order.append(i)
             for j in self.operands[i]:

@@ -1,7 +1,7 @@
-"""Where an expression jumps or bends, its choices made inputs: between two of them it is smooth, and a step can end at each.
+"""Turns the choices of an expression that jumps or bends into inputs: between choices it is smooth, and a step can end at each.
 
-A choice is a condition of ``np.where``, the side that a minimum, a maximum or a magnitude takes, a comparison that is used as a
-number. Conditions joined by and, or, not are one choice. This module knows no control theory.
+A choice is a condition of ``np.where``, the side that a minimum, a maximum or a magnitude takes, or a comparison used as a
+number. Conditions joined by and, or, not form one choice. This module knows no control theory.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ if TYPE_CHECKING:
     import casadi as ca
 
 COUNTLESS = frozenset({"floor", "ceil", "copysign"})
-"""Operations that jump at more places than two sides tell apart."""
+"""Operations with more jumps than two sides can represent."""
 
 
 class CountlessError(ValueError):
-    """An expression has one of them; the error says which."""
+    """The expression contains one of them; the error says which."""
 
 
 class Condition(NamedTuple):
-    """A condition of which only the sides are left open.
+    """A condition whose side is left open.
 
     truth   whether it holds
-    margin  above 0 where it holds, below where it does not, continuous wherever its operands are
-    size    the magnitude of what is compared
+    margin  positive where it holds, negative where it does not, continuous wherever its operands are
+    size    the magnitude of the compared values
     """
 
     truth: Any
@@ -36,10 +36,10 @@ class Condition(NamedTuple):
 
 
 class Switched(NamedTuple):
-    """An expression with its choices taken from outside; J of them.
+    """An expression with its J choices as inputs.
 
     values      with the choices as given
-    conditions  whether each choice would be made where it stands, with the others as given
+    conditions  whether each choice would be made at the given arguments, with the others as given
     """
 
     values: list[Any]
@@ -49,7 +49,7 @@ class Switched(NamedTuple):
 def switched(function: ca.Function, arguments: list[Any], choices: Any = None) -> Switched:
     """The function of these arguments, columns of expressions, with its choices as ``choices``, a column of J numbers 0 or 1.
 
-    Without ``choices`` each is made as it stands: the conditions' truths are then the choices that belong to the arguments.
+    Without ``choices`` each is made by its condition: the conditions' truths are then the choices that belong to the arguments.
     Raises CountlessError for an expression with an operation of ``COUNTLESS``.
     """
     import casadi as ca
@@ -70,7 +70,7 @@ def switched(function: ca.Function, arguments: list[Any], choices: Any = None) -
 
 
 class _Compared(NamedTuple):
-    """A condition that nobody has asked for as a number yet; ``key`` names it, negated or not."""
+    """A condition that has not yet been used as a number; ``key`` names it, negated or not."""
 
     key: int
     condition: Condition
@@ -88,8 +88,8 @@ class _Compared(NamedTuple):
 class _Reading:
     """One pass over a function's instructions.
 
-    choices  its choices, or None where each is made as it stands
-    work     what CasADi's work vector holds: expressions, and comparisons
+    choices  its choices, or None if each is made by its condition
+    work     the content of CasADi's work vector: expressions, and comparisons
     """
 
     choices: Any
@@ -98,7 +98,7 @@ class _Reading:
     work: dict[int, Any] = field(default_factory=dict)
 
     def chosen(self, key: int, condition: Condition) -> Any:
-        """The choice as a number, 0 or 1; ``key`` names the condition, which may be asked for several times."""
+        """The choice as a number, 0 or 1; ``key`` names the condition, which may be used several times."""
         if condition.truth.is_constant():
             return condition.truth
         if key not in self.places:
@@ -107,7 +107,7 @@ class _Reading:
         return condition.truth if self.choices is None else self.choices[self.places[key]]
 
     def number(self, place: int) -> Any:
-        """What stands at a place of the work vector, as a number."""
+        """The value in a place of the work vector, as a number."""
         import casadi as ca
 
         value = self.work[place]
@@ -117,7 +117,7 @@ class _Reading:
         return ca.logic_not(found) if value.negated else found
 
     def operation(self, k: int, code: int, given: list[int]) -> Any:
-        """The result of instruction ``k``, whose operands stand at the places ``given``."""
+        """The result of instruction ``k``, whose operands are at the places ``given``."""
         import casadi as ca
 
         name, values = vocabulary.names().get(code, ""), [self.work[i] for i in given]
@@ -128,7 +128,7 @@ class _Reading:
         numbers = [self.number(i) for i in given]
         if name in ("lt", "le", "fmin", "fmax", "fabs", "sign"):
             return self._choice(k, name, numbers)
-        if len(numbers) == 2 and name not in ("sq", "twice", "inv"):  # these have one operand, told twice
+        if len(numbers) == 2 and name not in ("sq", "twice", "inv"):  # these have one operand, listed twice
             return ca.SX.binary(code, *numbers)
         return ca.SX.unary(code, numbers[0])
 

@@ -1,1 +1,1 @@
-"""The numbers of a case: where each stands, what it does to a run, and what kernels are handed where it varies."""
+"""The numbers of a case: their paths, their effects on a run, and the arguments of kernels that vary them."""

@@ -1,4 +1,4 @@
-"""What the kernel of many members of one structure is handed for each of them."""
+"""The arguments of a kernel for many members of one structure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 Member = tuple[Any, ...]
-"""A problem and a controller, and its equations on it where they are known: see ``Case.member``."""
+"""A problem and a controller, and its equations on it if they are known: see ``Case.member``."""
 
 
 OTHER_STRUCTURE = (
@@ -24,13 +24,14 @@ OTHER_STRUCTURE = (
     "narrow the range, or sweep its parts one by one"
 )
 ROUNDING = 1e-9
-"""Part of the largest number of an array. What did not change with any of the values tried and is off by no more in some member
-is the same number computed in other steps, as an A_m that follows from a varied A; every member has the first's."""
+"""Share of the largest number of an array. A number that did not change with any value tried and differs by at most this in
+some member is the same number computed by other operations, such as an A_m that follows from a varied A; every member uses the
+first's."""
 
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """What kernels of one structure are handed for M members; all arrays have the members' axis last.
+    """The arguments of kernels of one structure for M members; all arrays have the members' axis last.
 
     parameters (p, M), states (size, M); lags (M,), history (m, M) and delays (M,) [s] with a delay; seeds (M,) with noise
     """
@@ -43,7 +44,7 @@ class Numbers:
     seeds: Array | None
 
     def of(self, which: Array) -> Numbers:
-        """The numbers of chosen members, which may stand there more than once."""
+        """The numbers of selected members, which may be repeated."""
         return Numbers(*(None if part is None else part[..., which] for part in vars(self).values()))
 
     def identical(self, other: Numbers) -> bool:
@@ -62,11 +63,11 @@ class Numbers:
 
 @dataclass(frozen=True, eq=False)
 class Family:
-    """Members of one structure that vary in what a few examples vary in: one kernel, whatever members there are.
+    """Members of one structure that vary in the same numbers as a few examples: one kernel for all members.
 
     differs   (N,) which of all numbers of a member are arguments of the kernel
     windows   of the kernel, see ``Members``
-    rounding  by which examples may differ in other numbers, as a part of their array's largest
+    rounding  by which examples may differ in other numbers, relative to their array's largest number
     """
 
     reader: Reader
@@ -78,7 +79,7 @@ class Family:
     def of(
         cls, examples: Sequence[Member], simulation: Simulation, *, windows: int = 0, watched: Watched | None = None
     ) -> Family:
-        """InputError where an example can't be used; ``watched`` as of ``Members``."""
+        """InputError if an example can't be used; ``watched`` as in ``Members``."""
         reader = Reader.of(examples[0][:2], simulation, adjustable=False, watched=watched)
         for problem, controller, *_ in examples[1:]:
             reader.add(problem, controller)
@@ -92,11 +93,11 @@ class Family:
 
     @property
     def numbers(self) -> Numbers:
-        """What the kernel is handed for the examples."""
+        """The kernel's arguments for the examples."""
         return _numbers(self.reader, self.reader.chosen(self.differs, self.rounding), 0)
 
     def read(self, members: Sequence[Member]) -> Numbers:
-        """The numbers of members that differ from the examples in no more than these do; InputError for others."""
+        """The numbers of members that differ from the examples only in the same numbers; InputError for others."""
         first = self.reader.problem, self.reader.controller
         if all(one is other for member in members for one, other in zip(member[:2], first, strict=True)):
             return self._first.of(np.zeros(len(members), dtype=int))
@@ -111,14 +112,14 @@ class Family:
 
     @cached_property
     def _first(self) -> Numbers:
-        """What the kernel is handed for the first example."""
+        """The kernel's arguments for the first example."""
         return self.numbers.of(np.array([0]))
 
     @property
     def weights(self) -> tuple[Array, Array]:
         """(k,) the rows of the parameters that are a delay's weights, and which of all weights these are."""
         reader = self.reader
-        if reader.weights is not None and reader.adjustable:  # all of them, last
+        if reader.weights is not None and reader.adjustable:  # all of them, at the end
             size = reader.weights.first.size
             return int(self.differs.sum()) + 1 + np.arange(size), np.arange(size)
         first = reader.columns.first.delay_weights
@@ -141,12 +142,12 @@ class Family:
 
 
 def _numbers(reader: Reader, parameters: Array, first: int) -> Numbers:
-    """What was read of all members from number ``first`` on; ``parameters`` are theirs alone."""
+    """The numbers that were read of all members from number ``first`` on; ``parameters`` contains only theirs."""
     return Numbers(
         parameters,
         reader.initial.everything()[:, first:],
-        np.array(reader.lags[first:]) if reader.loop.delayed else None,
-        np.column_stack(reader.history[first:]) if reader.loop.delayed else None,
+        np.array(reader.lags[first:]) if reader.lags else None,
+        np.column_stack(reader.history[first:]) if reader.history else None,
         np.array(reader.delays[first:]),
         np.array(reader.seeds[first:]) if reader.loop.signals.noise else None,
     )

@@ -1,4 +1,4 @@
-"""Members of one structure and one set of signals: from rows of numbers to what the kernels are handed."""
+"""Members of one structure and one set of signals: from rows of numbers to the arguments of kernels."""
 
 from __future__ import annotations
 
@@ -20,20 +20,21 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 MOST_CORNERS = 2**8
-"""Cases that are made to see that a box of numbers is admitted: two seconds. Beyond eight numbers all are made into cases."""
+"""Largest number of cases that are built to verify that a box of numbers is admissible: two seconds. With more than eight
+numbers a case is built for every member."""
 MOST_KEPT = 20_000
-"""Cases of which the numbers are kept for later members: some kilobytes each."""
+"""Largest number of cases whose numbers are kept for later members: some kilobytes each."""
 
 
 @dataclass(eq=False)
 class Setting:
-    """All members with the same numbers where one kernel does not serve all values.
+    """All members with the same values of the numbers for which one kernel does not serve all values.
 
-    A number that stands in every kernel as it is, or is the plant's delay, is put there directly, see ``probe.direct``: then no
-    case is made for a member. What its constructors would have refused is still refused: the corners of the box in which the
-    members lie are made into cases. That holds for the whole box, since what a constructor admits of such numbers is convex:
-    limits, orders, known sets. And each corner's numbers must be those that are put there, bit by bit. Where a corner is refused
-    every member is made into a case.
+    A number that occurs unchanged in every kernel, or is the plant's delay, is inserted directly, see ``probe.direct``: no case
+    is then built for a member. Values that constructors would refuse are still refused: a case is built for each corner of the
+    box that contains the members. This is valid for the whole box, because the admissible set of such numbers is convex: limits,
+    orders, known sets. Each corner's numbers must also equal the inserted ones, bit for bit. If a corner is refused, a case is
+    built for every member.
 
     base      (d,) numbers of an example
     families  of each controller
@@ -46,16 +47,16 @@ class Setting:
     families: tuple[Family, ...]
     copied: dict[int, tuple[Effect | DelayEffect, ...]]
     numeric: tuple[int, ...] = ()
-    admitted: Array | None = None  # (2, copied) the box whose corners were made
+    admitted: Array | None = None  # (2, copied) the box whose corners were built
     made: dict[bytes, tuple[Numbers, ...]] = field(default_factory=dict)
 
     @classmethod
     def of(
         cls, varied: Varied, kinds: Sequence[Kind], tried: Tried, base: Array, *, windows: int = 0, judged: bool = False
     ) -> Setting:
-        """``base`` has the numbers that are the same for all, in their columns; ``windows`` as of ``Members``.
+        """``base`` contains the numbers that are the same for all, in their columns; ``windows`` as in ``Members``.
 
-        judged  whether the judge is beside all runs, by the case's own settings
+        judged  whether all runs are judged, by the case's own settings
         """
         numeric = [column for column, kind in enumerate(kinds) if kind.is_number]
         rows = {column: tried.rows(column, base) for column in numeric}
@@ -87,7 +88,7 @@ class Setting:
 
     @cached_property
     def terms(self) -> Terms:
-        """What the members are judged by."""
+        """The terms by which the members are judged."""
         return Terms.of(self.example.problem, self.simulation, self.example.judge)
 
     @property
@@ -102,12 +103,13 @@ class Setting:
         return replace(self, base=base, example=example, made=made)
 
     def members(self, rows: Array, streams: Array) -> tuple[Members, ...]:
-        """What each kernel is given; rows (M, d), streams of noise (M,). RefusedError for a member that makes no case."""
+        """The arguments of each kernel; rows (M, d), streams of noise (M,). RefusedError for a member that gives no valid
+        case."""
         numbers = self.numbers(rows)
         return tuple(family.given(one, streams) for family, one in zip(self.families, numbers, strict=True))
 
     def numbers(self, rows: Array) -> tuple[Numbers, ...]:
-        """What the kernels are handed, of each controller."""
+        """The arguments of the kernels, for each controller."""
         if not self.numeric and (rows == self.base).all():
             return tuple(one.of(np.zeros(len(rows), dtype=int)) for one in self._made(self.base))
         columns = list(self.copied)
@@ -131,7 +133,7 @@ class Setting:
         return row
 
     def _made(self, row: Array) -> tuple[Numbers, ...]:
-        """The numbers of one row, by way of a case."""
+        """The numbers of one row, from a case that is built."""
         key = row.tobytes()
         if key not in self.made:
             if len(self.made) >= MOST_KEPT:
@@ -149,7 +151,7 @@ class Setting:
         return _numbers(self.families, cases)
 
     def _admits(self, values: Array, unique: Array, others: Sequence[int]) -> bool:
-        """Whether the box around what is copied is known to be admitted, with each of the other numbers."""
+        """Whether the box around the copied numbers is known to be admissible, with each of the other numbers."""
         low, high = values.min(axis=0), values.max(axis=0)
         if self.admitted is None or (low < self.admitted[0]).any() or (high > self.admitted[1]).any():
             box = np.array([low, high])
@@ -172,7 +174,7 @@ class Setting:
             yield changed
 
     def _ends(self, row: Array) -> Iterator[Array]:
-        """The row where all that is copied is the smallest, and where it is the largest."""
+        """The row with all copied numbers at their minimum, and at their maximum."""
         assert self.admitted is not None
         for values in self.admitted:
             changed = row.copy()
@@ -180,7 +182,7 @@ class Setting:
             yield changed
 
     def _as_copied(self, row: Array) -> bool:
-        """Whether a member is admitted and its numbers are what copying makes of them."""
+        """Whether a member is admissible and its numbers equal the copied ones."""
         try:
             exact = _numbers(self.families, [self.varied.at(row)])
         except InputError:
@@ -192,7 +194,7 @@ class Setting:
 
 
 class RefusedError(InputError):
-    """A member that makes no case; ``place`` among those that were asked for."""
+    """A member that gives no valid case; ``place`` is its index among those requested."""
 
     def __init__(self, place: int, error: InputError) -> None:
         super().__init__(*error.sentences)

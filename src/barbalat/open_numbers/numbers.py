@@ -1,4 +1,4 @@
-"""The numbers of a case: which there are, which values each may have, and which are tried to see what it does."""
+"""The numbers of a case: their list, the admissible values of each, and the values tried to find its effect."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from barbalat.protocols import InterpolatedSignal
 from barbalat.validate import Array, InputError
 
 NO_NUMBERS = ("name", "record_points", "seed", "sample_time", "solver")
-"""Keys and fields that hold no number of the loop, or say at which instants something happens."""
+"""Keys and fields that contain no number of the loop, or determine when something happens."""
 MANTISSAS = (
     1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 1.6, 1.8, 2.0, 2.2, 2.5, 2.7, 3.0, 3.3, 3.6, 4.0, 4.3, 4.7, 5.0, 5.5, 6.0, 6.5, 7.0, 7.5,
     8.0, 9.0,
 )  # fmt: skip
-"""Of a decade on a logarithmic slider: two digits, about evenly spread, those that people write among them."""
+"""Values per decade on a logarithmic slider: two digits, roughly evenly spaced, including those that people write."""
 REACH_FACTORS = (100.0, 10.0, 3.0, 1.3)
-"""Of a logarithmic slider to either side, as a factor; the first that constructors take at its ends."""
+"""Range of a logarithmic slider to either side, as a factor; the first for which constructors accept the ends is used."""
 LINEAR_REACHES = (2.0, 1.0, 0.5, 0.1)
-"""Of a linear one to either side, in sizes of the number itself; of a zero in units."""
+"""Range of a linear slider to either side, relative to the number itself; absolute for a zero."""
 LINEAR_STEPS = 40
-"""To either side of a linear slider's beginning."""
+"""Steps to either side of a linear slider's start."""
 SPECIAL_VALUES = (-1.0, 0.0, 1.0)
-"""Values that a structure may depend on: a zero says what a state acts on at all, and a gain of one multiplies nothing."""
+"""Values on which a structure may depend: a zero determines which states are coupled, and a gain of one is left out."""
 At = Callable[[FieldPath, float], Case]
-"""The case with another number at one place; InputError where it can't be used."""
+"""The case with another number at one place; InputError if it can't be used."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Number:
-    """A number of the case with the values that its slider has.
+    """A number of the case with the values of its slider.
 
-    values       (K,) increasing, the case's own among them
-    whole        whether it is written without a point
-    logarithmic  whether the slider's scale is
-    without      between the least and the greatest, which would be another system
+    values       (K,) increasing, including the case's own value
+    whole        whether it is written without a decimal point
+    logarithmic  whether the slider's scale is logarithmic
+    without      excluded values in between, which would give another system
     """
 
     path: FieldPath
@@ -51,19 +51,19 @@ class Number:
 
     @property
     def tried(self) -> Array:
-        """The values that are tried: its own, some from one end to the other, those on which a structure may depend."""
+        """The values that are tried: its own, some over the whole range, and those on which a structure may depend."""
         values, last = self.values, len(self.values) - 1
         special = [value for value in SPECIAL_VALUES if values[0] <= value <= values[last] and value not in self.without]
         return np.unique([self.value, *values[[0, last // 5, last // 2, last]], *special])
 
 
 def beside(value: float) -> tuple[float, float]:
-    """Two values near a number of which no range is known, one to each side: what is tried then."""
+    """Two values near a number without a known range, one to each side, which are tried instead."""
     return 1.125 * value + 0.0625 * (value == 0), 0.875 * value - 0.0625 * (value == 0)
 
 
 def in_tables(tables: dict[str, Any]) -> Iterator[tuple[FieldPath, float]]:
-    """The numbers of a case file's tables with their places; of a physical parameter the value that is simulated."""
+    """The numbers of a case file's tables with their places; of a physical parameter, the simulated value."""
     declared, truth = tables.get("parameters"), tables.get("truth")
     given = declared if isinstance(declared, dict) else {}
     own = truth.get("parameters", {}) if isinstance(truth, dict) else {}
@@ -94,8 +94,8 @@ def in_case(case: Case) -> Iterator[tuple[FieldPath, float]]:
 
 
 def in_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...], float]]:
-    """The numbers among an object's fields; of a controller that runs another one those of both."""
-    if isinstance(part, (bool, InterpolatedSignal)):  # a record is what was measured
+    """The numbers among an object's fields; for a controller that contains another one, those of both."""
+    if isinstance(part, (bool, InterpolatedSignal)):  # recorded data are not varied
         return
     if isinstance(part, (int, float)):
         if np.isfinite(part):
@@ -115,7 +115,7 @@ def in_object(part: Any, keys: tuple[Key, ...]) -> Iterator[tuple[tuple[Key, ...
 
 
 def ranged(path: FieldPath, value: float, at: At) -> Number | None:
-    """The number with the values that its case's constructors take; None where they take no other one."""
+    """The number with the values that its case's constructors accept; None if they accept no other one."""
     whole = isinstance(value, int)
     if value > 0 and not _taken(path, [-value], at):
         for reach in REACH_FACTORS:

@@ -1,4 +1,4 @@
-"""The one name of a number, ``plant.theta[0]``: how it is written, where it stands in a case file and in Python's objects."""
+"""The path of a number, ``plant.theta[0]``: its text, and its position in a case file and in Python's objects."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from barbalat.protocols import Controller
 from barbalat.validate import InputError
 
 Tables = dict[str, Any]
-"""What TOML makes of a case file."""
+"""The tables that TOML gives for a case file."""
 Key = str | int
 
 _KEY = re.compile(r"([A-Za-z_][A-Za-z0-9_-]*)((?:\[\d+(?:,\d+)*\])*)$")
 _LABEL = re.compile(r"\[([^\[\]]*)\]")
 FILE_TABLES = {"disturbance": "plant", "unmatched": "plant", "output_disturbance": "plant", "input_gain": "uncertainty"}
-"""Fields of a problem that stand in a table of the case file, and in which."""
+"""Fields of a problem that are keys of a table of the case file, with that table."""
 WRAPPED = "controller"
-"""The field of a controller that runs another one, as ``Sampled`` does: a path does not name it, as a case file does not."""
+"""The field of a controller that contains another one, as in ``Sampled``: paths omit it, as case files do."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class FieldPath:
 
     @classmethod
     def parse(cls, text: str) -> FieldPath:
-        """InputError for what is no path."""
+        """InputError for an invalid path."""
         keys: list[Key] = []
         for part in text.split("."):
             found = _KEY.match(part)
@@ -57,23 +57,23 @@ class FieldPath:
 
     @property
     def field(self) -> tuple[Key, ...]:
-        """Where the number stands among the fields of a problem, of ``controller[i]`` or of the simulation."""
+        """The number's position among the fields of a problem, of ``controller[i]`` or of the simulation."""
         return self.keys[1:] if len(self.keys) > 1 and FILE_TABLES.get(str(self.keys[1])) == self.keys[0] else self.keys
 
     @property
     def vector(self) -> tuple[Key, ...]:
-        """The place of the vector or matrix of which the number is an entry, or its own."""
+        """The place of the vector or matrix that contains the number, or its own."""
         keys = self.keys
         while isinstance(keys[-1], int):
             keys = keys[:-1]
         return keys
 
     def entry(self, index: int) -> FieldPath:
-        """The path to an entry of the list that stands here."""
+        """The path to an entry of the list at this path."""
         return FieldPath((*self.keys, index))
 
     def of(self, tables: Tables) -> Any:
-        """What stands there; None where a table lacks the key, for which a default may stand in. InputError for a wrong index."""
+        """The value at this path; None if a table lacks the key, which may have a default. InputError for a wrong index."""
         here: Any = tables
         for position, key in enumerate(self.keys):
             if isinstance(key, int):
@@ -83,13 +83,15 @@ class FieldPath:
                     return None
                 here = here[key]
             else:
-                raise InputError(f"{self} names no field: {_text(self.keys[:position])} is {validate.show(here)}, not a table")
+                raise InputError(
+                    f"{self} does not name a field: {_text(self.keys[:position])} is {validate.show(here)}, not a table"
+                )
         return here
 
     def put(self, tables: Tables, value: float) -> None:
-        """A number there, whole where a whole one or none stood; tables that are missing on the way are made.
+        """Put a number at this path, as a whole number if there was a whole one or none; missing tables are created.
 
-        InputError where a list or a table stands there: its entries are the numbers.
+        InputError if there is a list or a table: its entries are the numbers.
         """
         here: Any = tables
         for position, key in enumerate(self.keys[:-1]):
@@ -100,40 +102,42 @@ class FieldPath:
                     raise self._not_given(position, here)
                 here = here.setdefault(key, {})
             else:
-                raise InputError(f"{self} names no field: {_text(self.keys[:position])} is {validate.show(here)}, not a table")
+                raise InputError(
+                    f"{self} does not name a field: {_text(self.keys[:position])} is {validate.show(here)}, not a table"
+                )
         last: Any = self.keys[-1]
         if isinstance(last, int):
             self._index(here, len(self.keys) - 1)
         elif not isinstance(here, dict):
-            raise InputError(f"{self} names no field: {_text(self.keys[:-1])} is {validate.show(here)}, not a table")
+            raise InputError(f"{self} does not name a field: {_text(self.keys[:-1])} is {validate.show(here)}, not a table")
         old = here[last] if isinstance(last, int) else here.get(last)
         if isinstance(old, (list, dict)):
             entry = "entry" if isinstance(old, list) else "key"
             example = f"{self}[0]" if isinstance(old, list) else f"{self}.{next(iter(old), 'key')}"
             raise InputError(f"{self} is not a number but has several; name one {entry}, as {example}")
         if isinstance(old, (str, bool)):
-            raise InputError(f"{self} is {validate.show(old)}, not a number, and can't be varied")
+            raise InputError(f"{self} is {validate.show(old)}, not a number, and cannot be varied")
         here[last] = int(value) if isinstance(old, int | None) and value.is_integer() else value
 
     def _not_given(self, position: int, table: Tables) -> InputError:
-        """For a list that is not there, with the one of the table that is spelt most like it."""
+        """The error for a missing list, with the closest spelling in the table."""
         near = get_close_matches(str(self.keys[position]), [key for key, value in table.items() if isinstance(value, list)], n=1)
         meant = f"; did you mean {_text((*self.keys[:position], *near, *self.keys[position + 1 :]))!r}?" if near else ""
         place = _text(self.keys[: position + 1])
-        return InputError(f"{self} names no field: {place} is not given: write it into the case first{meant}")
+        return InputError(f"{self} does not name a field: {place} is not given: write it into the case first{meant}")
 
     def _index(self, here: Any, position: int) -> int:
         key, place = self.keys[position], _text(self.keys[:position])
         if not isinstance(here, list):
             said = "is not given: write it into the case first" if here in (None, {}) else f"is {validate.show(here)}, not a list"
-            raise InputError(f"{self} names no field: {place} {said}")
+            raise InputError(f"{self} does not name a field: {place} {said}")
         if not isinstance(key, int) or key >= len(here):
-            raise InputError(f"{self} names no field: {place} has {validate.counted(len(here), 'entry')}, counted from 0")
+            raise InputError(f"{self} does not name a field: {place} has {validate.counted(len(here), 'entry')}, counted from 0")
         return key
 
 
 def wrapped_in(part: Any, key: Key | None = None) -> Any:
-    """The controller that another one runs, where a path goes on in it with ``key``; None for what runs none."""
+    """The inner controller of one that contains another, if a path continues in it with ``key``; otherwise None."""
     own = vars(part) if is_dataclass(part) else {}
     inner = own.get(WRAPPED)
     if not isinstance(inner, Controller) or (key in own and not (key == WRAPPED and key in vars(inner))):
@@ -148,7 +152,7 @@ def by_index(text: str, labels: Labels | None) -> str:
 
 
 def copied(tables: Tables) -> Tables:
-    """Tables of their own with the same values: what TOML has are tables, lists, and what nobody changes."""
+    """An independent copy of tables: only tables and lists are copied, since other values are immutable."""
     return {key: _copied(value) for key, value in tables.items()}
 
 

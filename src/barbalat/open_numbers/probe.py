@@ -1,7 +1,7 @@
-"""What a number of a case does to a run: found by trying other values of it, by one routine for every command.
+"""The effect of a number of a case on a run, found by trying other values; all commands use this one routine.
 
-Either it stands there as it is, to the last bit, or numbers follow from it: P from A_m, a filter's matrices from kappa, the
-weights of a delay. Or it is in the signals alone; or another value of it makes another kernel, or other steps.
+Either the number occurs unchanged, to the last bit, or other numbers follow from it: P from A_m, a filter's matrices from kappa,
+the weights of a delay. Or it affects only the signals; or another value needs another kernel, or other steps.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from barbalat.validate import Array, InputError
 
 
 class Kind(Enum):
-    """What other values of a number make of a case."""
+    """The effect of other values of a number on a case."""
 
     STRUCTURE = "structure"
     """Another kernel, or other steps."""
@@ -38,7 +38,7 @@ class Kind(Enum):
     FOLLOWED = "followed"
     """Other numbers of the same kernel, which follow from it."""
     COPIED = "copied"
-    """Numbers of the same kernel that are the number itself, to the last bit."""
+    """Numbers of the same kernel that equal the number itself, to the last bit."""
 
     @property
     def is_number(self) -> bool:
@@ -47,15 +47,15 @@ class Kind(Enum):
 
 
 Rows = set[tuple[str, int]]
-"""Of what a kernel is handed: parameters, "p", and the initial state, "s"."""
+"""Arguments of a kernel: parameters, "p", and the initial state, "s"."""
 
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """The effect of one number on what one controller's kernel is handed.
+    """The effect of one number on the arguments of one controller's kernel.
 
-    parameters, states  rows (k,) that it moves
-    table               (K, rows) what they are at each of its values, parameters first; None where they are the number itself
+    parameters, states  rows (k,) that it changes
+    table               (K, rows) their values for each of its values, parameters first; None if they equal the number itself
     """
 
     parameters: Array
@@ -68,7 +68,7 @@ class Effect:
 
     @classmethod
     def of(cls, values: Array, numbers: Numbers) -> Effect | None:
-        """The effect in members that differ in this number alone, ``values`` (K,); None where delays or streams of noise move."""
+        """The effect in members that differ only in this number, ``values`` (K,); None if delays or streams of noise change."""
         apart = (numbers.lags, numbers.history, numbers.delays, numbers.seeds)
         if any(part is not None and (part != part[..., :1]).any() for part in apart):
             return None
@@ -86,21 +86,21 @@ class Effect:
 
     @property
     def copied(self) -> bool:
-        """Whether every row that it moves is the number itself."""
+        """Whether every row that it changes equals the number itself."""
         return self.table is None
 
     def put(self, numbers: Numbers, values: Array) -> None:
-        """Values (M,) of a copied number where they belong; the arrays are changed."""
+        """Insert values (M,) of a copied number; the arrays are modified."""
         numbers.parameters[self.parameters] = values
         numbers.states[self.states] = values
 
 
 @dataclass(frozen=True, eq=False)
 class DelayEffect:
-    """The effect of a number that is the plant's delay alone: what a kernel is handed follows from it without any object.
+    """The effect of a number that is only the plant's delay: the kernel's arguments follow from it without building an object.
 
-    copied         rows of the kernel's parameters that are the delay itself
-    rows, entries  those that are weights, and which of all weights they are; first: all of them (w,)
+    copied         rows of the kernel's parameters that equal the delay itself
+    rows, entries  rows that are weights, and which of all weights they are; first: all of them (w,)
     """
 
     simulation: Simulation
@@ -111,7 +111,7 @@ class DelayEffect:
 
     @classmethod
     def of(cls, values: Array, numbers: Numbers, family: Family) -> DelayEffect | None:
-        """The effect in members that differ in this number alone, ``values`` (K,); None where other things follow from it."""
+        """The effect in members that differ only in this number, ``values`` (K,); None if anything else follows from it."""
         if numbers.lags is None or (numbers.delays != values).any():
             return None
         rows, entries = family.weights
@@ -127,7 +127,7 @@ class DelayEffect:
         return cls(simulation, copied, rows, entries, first)
 
     def put(self, numbers: Numbers, values: Array) -> None:
-        """What delays ``values`` (M,) make, where it belongs; the arrays are changed. InputError for another structure."""
+        """Insert the effects of delays ``values`` (M,); the arrays are modified. InputError for another structure."""
         assert numbers.lags is not None
         lags, weights = _delayed(values.tobytes(), self.simulation.dt, self.simulation.solver, self.simulation.fused)
         others = np.delete(np.arange(self.first.size), self.entries)
@@ -138,7 +138,7 @@ class DelayEffect:
         numbers.lags[:] = lags
 
 
-@lru_cache(maxsize=1)  # of each controller in turn
+@lru_cache(maxsize=1)  # shared by successive controllers
 def _delayed(values: bytes, dt: float, solver: Tableau, fused: bool) -> tuple[Array, Array]:
     """Lags (M,) and weights (w, M) of delays [s]."""
     delays = np.frombuffer(values).tolist()
@@ -147,9 +147,9 @@ def _delayed(values: bytes, dt: float, solver: Tableau, fused: bool) -> tuple[Ar
 
 
 def direct(values: Array, numbers: Numbers, family: Family) -> Effect | DelayEffect | None:
-    """How what a kernel is handed follows from a number without any object; None where objects have to be made.
+    """How the kernel's arguments follow from a number without building an object; None if objects must be built.
 
-    ``numbers`` are of members that differ in it alone, which is ``values`` (K,) in them.
+    ``numbers`` are from members that differ only in it, with ``values`` (K,).
     """
     effect = Effect.of(values, numbers)
     return effect if effect is not None and effect.copied else DelayEffect.of(values, numbers, family)
@@ -158,7 +158,7 @@ def direct(values: Array, numbers: Numbers, family: Family) -> Effect | DelayEff
 def examined(members: Sequence[Member], values: Array, simulation: Simulation) -> tuple[Effect | None, Family]:
     """The effect of the number in which these members differ, and the kernel that serves all of them.
 
-    The effect is None where delays or noise move. StructureError where no kernel serves all, InputError where one can't be used.
+    The effect is None if delays or noise change. StructureError if no kernel serves all, InputError if one can't be used.
     """
     family = Family.of(members, simulation)
     return Effect.of(values, family.numbers), family
@@ -166,7 +166,7 @@ def examined(members: Sequence[Member], values: Array, simulation: Simulation) -
 
 @dataclass(frozen=True, eq=False)
 class Tried:
-    """Values of what varies: ``middle`` (d,) of all, and of each some others, ``around``."""
+    """Values of the varied numbers: ``middle`` (d,) of all, and some other values of each, ``around``."""
 
     middle: Array
     around: tuple[Array, ...]
@@ -179,7 +179,7 @@ class Tried:
 
 
 def kinds_of(varied: Varied, tried: Tried) -> tuple[Kind, ...]:
-    """The kind of the number at each path; InputError where a value that was tried makes no case."""
+    """The kind of the number at each path; InputError if a value that was tried gives no valid case."""
     base = varied.at(tried.middle)
     found = []
     for column in range(len(varied.paths)):
@@ -193,7 +193,7 @@ def kind_of(base: Case, cases: Sequence[Case], values: Array) -> Kind:
     if any(case.simulation != base.simulation for case in cases):
         return Kind.STRUCTURE
     if any(len(case.controllers) != len(base.controllers) for case in cases):
-        raise InputError("a sweep can't vary which controllers a case has")
+        raise InputError("a sweep cannot vary the controllers of a case")
     families = []
     for i, controller in enumerate(base.controllers):
         try:
@@ -216,7 +216,7 @@ def _read(base: Member, others: Sequence[Member], simulation: Simulation) -> Fam
 
 
 def _moves(family: Family) -> bool:
-    """Whether the first member's own kernel would be handed something else for one of the others, by more than rounding."""
+    """Whether the first member's own kernel would have other arguments for one of the others, beyond rounding."""
     reader = family.reader
     own = argument_numbers(Columns(reader.columns.first), opened=not reader.simulation.fused)
     try:
@@ -228,20 +228,20 @@ def _moves(family: Family) -> bool:
 
 
 FEWER_VALUES = 20
-"""Of a slider that excludes others: there may be many of them, and each has a table."""
+"""Number of values of a slider that excludes others: there may be many such sliders, and each has a table."""
 
 
 class Readable(Protocol):
-    """What takes numbers that follow from a case."""
+    """Anything that reads numbers from a case."""
 
     def read(self, cases: Sequence[Case]) -> Numbers:
-        """For each of these cases; InputError where one has another structure."""
+        """The numbers for each of these cases; InputError if one has another structure."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """One controller of the case with the kernel that its module is."""
+    """One controller of the case with the kernel of its module."""
 
     index: int
     family: Family
@@ -254,7 +254,7 @@ class Target:
         return cls(index, family, family.read([member]))
 
     def read(self, cases: Sequence[Case]) -> Numbers:
-        """What it is handed for each of these cases; InputError where one has another structure."""
+        """The arguments for each of these cases; InputError if one has another structure."""
         return self.family.read([case.member(self.index) for case in cases])
 
 
@@ -266,17 +266,17 @@ def effects_of(
     room: float = inf,
     like: Sequence[Effect] | None = None,
 ) -> tuple[Number, list[Effect]] | None:
-    """On every target, of the values at which all have their structure; None where a page can't follow it.
+    """The effects on every target, and the values for which all keep their structure; None if a page can't reproduce it.
 
-    Of a number that moves a row that is taken fewer values are tabulated, in no more than ``room`` bytes.
+    Fewer values are tabulated, in at most ``room`` bytes, for a number that changes a row that is already taken.
 
-    What is handed on as it is needs no case for each value: what constructors take of such numbers is convex, and its ends and
-    some values between were taken. Only SPECIAL ones may change a structure: a matrix's zero says what a state acts on at all,
-    and where an input's gain is 1 no kernel multiplies by it.
+    A number that is passed on unchanged needs no case for each value: the admissible set of such numbers is convex, and its ends
+    and some values in between were accepted. Only SPECIAL values may change a structure: a matrix's zero determines which states
+    are coupled, and a kernel does not multiply by an input gain of 1.
 
-    taken  rows of each target that other numbers move
-    like   the effects on kernels that differ from the targets in their projection: where theirs and the targets' are the same
-           numbers at the values that are tried, they are the same at all, as of what no projection reads
+    taken  rows of each target that other numbers change
+    like   the effects on kernels that differ from the targets in their projection: if both have the same numbers at the values
+           tried, they are equal in general, as for everything that a projection does not use
     """
     few = number.tried
     found = _made(number, few, targets, at)
@@ -298,7 +298,7 @@ def effects_of(
 
 
 def _as(known: Effect, effect: Effect, tried: Array, number: Number) -> Effect | None:
-    """The effect with the whole table of a known one, of which it has the same numbers at the values that were tried."""
+    """The effect with the whole table of a known one, if both have the same numbers at the values tried."""
     if known.table is None or effect.table is None:
         return effect if known.table is None and effect.table is None else None
     among = np.isin(tried, number.values)
@@ -309,14 +309,14 @@ def _as(known: Effect, effect: Effect, tried: Array, number: Number) -> Effect |
 
 
 def thinned(number: Number) -> Number:
-    """With some of its values, its own among them."""
+    """The number with some of its values, including its own."""
     own = int(np.searchsorted(number.values, number.value))
     every = max(1, len(number.values) // FEWER_VALUES)
     return replace(number, values=number.values[own % every :: every])
 
 
 def _made(number: Number, values: Array, targets: Sequence[Readable], at: At) -> tuple[Array, list[Effect]] | None:
-    """The values at which all targets have their structure, and the effects; None where the case's own is not among them."""
+    """The values at which all targets keep their structure, and the effects; None if the case's own is not among them."""
     kept, cases = _admitted(number, values, at)
     if number.value not in kept or len(kept) < 2:
         return None
@@ -333,7 +333,7 @@ def _made(number: Number, values: Array, targets: Sequence[Readable], at: At) ->
 
 
 def _admitted(number: Number, values: Array, at: At) -> tuple[list[float], list[Case]]:
-    """The values of which a case can be made, and the cases."""
+    """The values that give a valid case, and these cases."""
     kept, cases = [], []
     for value in values.tolist():
         try:
@@ -354,7 +354,7 @@ def _fits(targets: Sequence[Readable], case: Case) -> bool:
 
 
 def composed(target: Target, moved: Sequence[tuple[Effect, float, int]]) -> tuple[Array, Array]:
-    """Parameters and states as a page puts them together, of each moved number's value and its place among all of them."""
+    """Parameters and states as a page combines them, from each moved number's value and its index among all values."""
     parameters, states = target.base.parameters[:, 0].copy(), target.base.states[:, 0].copy()
     for effect, value, place in moved:
         rows = np.full(len(effect.rows), value) if effect.table is None else effect.table[place]

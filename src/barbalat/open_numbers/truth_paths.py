@@ -1,4 +1,4 @@
-"""What a study varies is the truth: a number of the plant is put where the simulated plant has it, and the design stays."""
+"""Studies vary the truth: a number of the plant is changed in the simulated plant, and the design stays the same."""
 
 from __future__ import annotations
 
@@ -19,37 +19,57 @@ PARAMETERS = "parameters"
 OF_THE_PLANT = ("A", "b")
 """Keys of [plant] from which designs follow."""
 AROUND = ("input", "disturbance", "unmatched", "x0")
-"""Further keys of [plant] that a truth may have of its own."""
+"""Further keys of [plant] for which a truth may have its own values."""
 
 
 def is_parameter(path: FieldPath) -> bool:
-    """Whether a path names a physical parameter: its value in the truth."""
+    """Whether a path names a physical parameter, whose value in the truth is meant."""
     return path.keys[0] == PARAMETERS and len(path.keys) == 2
 
 
 def put(tables: Tables, path: FieldPath, value: float, *, redesign: bool | None) -> None:
-    """A number in tables of their own, at its place in [truth] where it is the plant's.
+    """Put a number into the tables, at its place in [truth] if it belongs to the plant.
 
-    redesign  False: plant.A and plant.b are the truth's; True: these and parameters are the design's as well, and everything is
-              designed anew; None: plant.A and plant.b are the design's, parameters the truth's
+    redesign  False: plant.A and plant.b mean the truth's; True: these and parameters are the design's as well, and everything is
+              designed again; None: plant.A and plant.b are the design's, parameters the truth's
     """
-    if is_parameter(path):
-        _put_parameter(tables, path, value, redesign is True)
+    if is_parameter(path) and redesign:
+        _redesign_with(tables, path, value)
         return
+    place(tables, path, redesign=redesign).put(tables, value)
+
+
+def place(tables: Tables, path: FieldPath, *, redesign: bool | None) -> FieldPath:
+    """The place of the number that ``path`` varies, see ``put``; what [truth] lacks on the way is copied from [plant]."""
+    if is_parameter(path):
+        _require_declared(tables, path)
+        return FieldPath(("truth", PARAMETERS, str(path.keys[1])))
     where = None if redesign else _in_the_truth(tables, path.keys, redesign is False)
-    (path if where is None else FieldPath(where)).put(tables, value)
+    return path if where is None else FieldPath(where)
 
 
-def _put_parameter(tables: Tables, path: FieldPath, value: float, redesign: bool) -> None:
-    name, declared = str(path.keys[1]), tables.get(PARAMETERS)
-    require_parameter(path, declared if isinstance(declared, dict) else {})
-    truth = tables.get("truth", {})
+def with_own_input(tables: Tables) -> Tables:
+    """The tables with the plant's input in [truth] as well if there is an observer, whose design contains the input."""
+    plant, found = tables.get("plant"), copied(tables)
+    if "observer" in tables and isinstance(plant, dict) and "input" in plant:
+        _in_the_truth(found, ("plant", "input"), of_design=False)
+    return found
+
+
+def _redesign_with(tables: Tables, path: FieldPath, value: float) -> None:
+    """A parameter's nominal value, and its value in [truth] if there is one."""
+    _require_declared(tables, path)
+    name, truth = str(path.keys[1]), tables.get("truth", {})
     own = truth.get(PARAMETERS, {}) if isinstance(truth, dict) else {}
-    if redesign:
-        nominal = (PARAMETERS, name, "value") if isinstance(tables[PARAMETERS][name], dict) else (PARAMETERS, name)
-        FieldPath(nominal).put(tables, value)
-    if not redesign or name in own:
+    nominal = (PARAMETERS, name, "value") if isinstance(tables[PARAMETERS][name], dict) else (PARAMETERS, name)
+    FieldPath(nominal).put(tables, value)
+    if name in own:
         FieldPath(("truth", PARAMETERS, name)).put(tables, value)
+
+
+def _require_declared(tables: Tables, path: FieldPath) -> None:
+    declared = tables.get(PARAMETERS)
+    require_parameter(path, declared if isinstance(declared, dict) else {})
 
 
 def require_parameter(path: FieldPath, known: Mapping[str, Any]) -> None:
@@ -57,11 +77,11 @@ def require_parameter(path: FieldPath, known: Mapping[str, Any]) -> None:
     name = str(path.keys[1])
     if name not in known:
         there = f"there are {', '.join(known)}" if known else "the case has no [parameters]"
-        raise InputError(f"{path} names no parameter; {there}{validate.hint(name, known)}")
+        raise InputError(f"{path} does not name a parameter; {there}{validate.hint(name, known)}")
 
 
 def holds_formulas(tables: Tables) -> bool:
-    """Whether the truth has formulas of its own, which are evaluated as the file is read."""
+    """Whether the truth has its own formulas, which are evaluated when the file is read."""
     truth = tables.get("truth", {})
     return any(_texts(truth.get(key)) for key in OF_TRUTH) if isinstance(truth, dict) else True
 
@@ -73,7 +93,7 @@ def _texts(part: Any) -> bool:
 
 
 def _in_the_truth(tables: Tables, keys: tuple[Key, ...], of_design: bool) -> tuple[Key, ...] | None:
-    """The place in [truth] of what stands at ``keys``, with a copy of it there; None where it stays where it is."""
+    """The place in [truth] of the value at ``keys``, with a copy of it there; None if it stays where it is."""
     plant, apart = tables.get("plant"), "truth" in tables or PARAMETERS in tables
     if not isinstance(plant, dict) or "transfer_function" in plant:
         return None
@@ -87,7 +107,8 @@ def _in_the_truth(tables: Tables, keys: tuple[Key, ...], of_design: bool) -> tup
     key = str(keys[1])
     if key in OF_THE_PLANT and (of_design or apart):
         return _copied_to_truth(tables, key, plant.get(key), keys[1:])
-    if key in AROUND and (key in truth or (apart and key == "input")):
+    follows = apart or "observer" in tables  # an observer contains the delay and the limits of the design
+    if key in AROUND and (key in truth or (follows and key == "input")):
         return _copied_to_truth(tables, key, plant.get(key), keys[1:])
     return None
 
@@ -102,12 +123,12 @@ def _copied_to_truth(tables: Tables, key: str, own: Any, keys: tuple[Key, ...]) 
 
 
 def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | None) -> Problem | None:
-    """The same for Python's objects; None where the number is put as any other field is."""
+    """The same for Python's objects; None if the number is put like any other field."""
     if is_parameter(path):
         return _with_parameter(problem, path, value, redesign is True)
     key = path.keys[1] if len(path.keys) > 1 else None
     if path.keys[0] == "plant" and key == "theta" and problem.simulated is not None and _own_matrix(problem):
-        raise InputError(f"{path} is not what is simulated: the truth has a matrix A of its own; vary parameters or plant.A")
+        raise InputError(f"{path} is not simulated: the truth has its own matrix A; vary parameters or plant.A")
     if path.keys[0] != "plant" or key not in OF_THE_PLANT or redesign is not False or not problem.plant.is_linear:
         return None
     truth = problem.truth or Truth()
@@ -117,7 +138,7 @@ def placed(problem: Problem, path: FieldPath, value: float, *, redesign: bool | 
     index = path.keys[2:]
     shape = standing.shape
     if len(index) != len(shape) or not all(isinstance(i, int) and i < n for i, n in zip(index, shape, strict=True)):
-        raise InputError(f"{path} names no number: plant.{key} has shape {' x '.join(map(str, shape))}, counted from 0")
+        raise InputError(f"{path} does not name a number: plant.{key} has shape {' x '.join(map(str, shape))}, counted from 0")
     changed[index] = value
     return replace(problem, truth=replace(truth, **{str(key): changed}))
 
@@ -141,8 +162,14 @@ def _with_parameter(problem: Problem, path: FieldPath, value: float, redesign: b
     )  # fmt: skip
     derived = problem.derived is not None and problem.derived.used
     known = None if derived else problem.uncertainty, None if derived else problem.input_gain
+    observer = problem.fixed_observer
     return replace(
-        problem, plant=made, uncertainty=known[0], input_gain=known[1], truth=problem.truth and replace(truth, parameters=own)
+        problem,
+        plant=made,
+        uncertainty=known[0],
+        input_gain=known[1],
+        truth=problem.truth and replace(truth, parameters=own),
+        observer=observer and observer.design,
     )
 
 

@@ -1,4 +1,4 @@
-"""A case with other numbers at some of its paths: of a case file's tables, or of Python's objects."""
+"""A case with other numbers at some of its paths: in a case file's tables, or in Python's objects."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from barbalat.cases.build import Case
 from barbalat.cases.load import CaseText, Variants
 from barbalat.open_numbers import truth_paths
 from barbalat.open_numbers.path import WRAPPED, FieldPath, Key, Tables, copied, wrapped_in
+from barbalat.problem.observer import FixedObserver
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -23,21 +24,21 @@ from barbalat.validate import Array, InputError
 
 
 class Varied(ABC):
-    """What stands at ``paths`` is given for each member."""
+    """Base of both: the values at ``paths`` are given for each member."""
 
     paths: tuple[FieldPath, ...]
-    """Where the numbers stand that vary."""
+    """The paths of the varied numbers."""
     redesign: bool | None
-    """What else follows from the plant's numbers, see ``truth_paths.put``."""
+    """Whether the design follows the plant's numbers, see ``truth_paths.put``."""
 
     @property
     @abstractmethod
     def source(self) -> str:
-        """What a store is compared with, beside the equations and their numbers."""
+        """What a store is compared with, in addition to the equations and their numbers."""
 
     @abstractmethod
     def at(self, values: Sequence[float] | Array) -> Case:
-        """The case with these numbers, checked as any other; InputError where it can't be used."""
+        """The case with these numbers, checked like any other; InputError if it can't be used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ class VariedObjects(Varied):
     def around(
         cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, paths: tuple[FieldPath, ...] = ()
     ) -> VariedObjects:
-        """One controller on a problem, whether or not a case file says so."""
+        """One controller on a problem, whether or not there is a case file for it."""
         return cls(Case(problem, (controller,), simulation), paths)
 
     @property
@@ -60,7 +61,7 @@ class VariedObjects(Varied):
         return f"{self.case!r}"
 
     def standing(self, path: FieldPath) -> object:
-        """What a field is; None where there is none."""
+        """The value of a field; None if there is none."""
         if truth_paths.is_parameter(path):
             problem = self.case.problem
             physical = problem.plant.physical if isinstance(problem, Problem) else None
@@ -70,7 +71,7 @@ class VariedObjects(Varied):
         here: Any = apart.get(str(first), self.case.problem)
         try:
             for key in rest if first in apart else path.field:
-                here = wrapped_in(here, key) or here
+                here = wrapped_in(here, key) or (here.design if isinstance(here, FixedObserver) else here)
                 here = here[key] if isinstance(key, int) else vars(here)[key]
         except (LookupError, TypeError):
             return None
@@ -87,19 +88,24 @@ class VariedObjects(Varied):
             else:
                 moved = isinstance(problem, Problem) and truth_paths.placed(problem, path, float(value), redesign=self.redesign)
                 problem = moved or _put(path, problem, list(path.field), float(value))
+        if self.redesign and isinstance(problem, Problem) and problem.fixed_observer is not None:
+            problem = replace(problem, observer=problem.fixed_observer.design)
         return Case(problem, controllers, simulation, judge=self.case.judge)
 
 
 def _put(path: FieldPath, part: Any, keys: Sequence[Key], value: float) -> Any:
-    """A copy of a part with another number at one place, made by its constructors; InputError where no number stands there."""
+    """A copy of a part with another number at one place, made by its constructors; InputError if there is no number at that
+    place."""
     if not keys:
         return _number(path, part, value)
     key, rest = keys[0], keys[1:]
+    if isinstance(part, FixedObserver):
+        return _put(path, part.design, keys, value)  # which the problem designs again
     if isinstance(key, int):
         if not isinstance(part, (tuple, list, np.ndarray)):
-            raise InputError(f"{path} names no field: [{key}] stands behind {validate.show(part)}, which has no entries")
+            raise InputError(f"{path} does not name a field: [{key}] stands behind {validate.show(part)}, which has no entries")
         if key >= len(part):
-            raise InputError(f"{path} names no field: it has {validate.counted(len(part), 'entry')}, counted from 0")
+            raise InputError(f"{path} does not name a field: it has {validate.counted(len(part), 'entry')}, counted from 0")
         entries = list(part)
         entries[key] = _put(path, part[key], rest, value)
         return np.array(entries) if isinstance(part, np.ndarray) else type(part)(entries)
@@ -108,19 +114,19 @@ def _put(path: FieldPath, part: Any, keys: Sequence[Key], value: float) -> Any:
         return replace(part, **{WRAPPED: _put(path, inner, keys, value)})
     if isinstance(part, type) or key not in names:
         known = ", ".join(names) or "none"
-        raise InputError(f"{path} names no field: {type(part).__name__} has no {key!r}; its fields are {known}")
+        raise InputError(f"{path} does not name a field: {type(part).__name__} has no {key!r}; its fields are {known}")
     return replace(part, **{key: _put(path, vars(part)[key], rest, value)})
 
 
 def _number(path: FieldPath, old: Any, value: float) -> float:
     if isinstance(old, (bool, str)) or not isinstance(old, (int, float, np.integer, np.floating, type(None))):
-        raise InputError(f"{path} is {validate.show(old)}, not one number, and can't be varied")
+        raise InputError(f"{path} is {validate.show(old)}, not a single number, and cannot be varied")
     return int(value) if isinstance(old, (int, np.integer)) and value.is_integer() else value
 
 
 @dataclass(frozen=True, eq=False)
 class VariedCase(Varied):
-    """What stands at ``paths`` is given for each member; everything else is the file's, or that of other ``tables``."""
+    """The values at ``paths`` are given for each member; everything else is from the file, or from other ``tables``."""
 
     text: CaseText
     paths: tuple[FieldPath, ...]
@@ -136,23 +142,23 @@ class VariedCase(Varied):
         return tables_with(self.text, self.paths) if self.tables is None else self.tables
 
     def tables_at(self, values: Sequence[float] | Array) -> Tables:
-        """The file's tables with these numbers; InputError for a path that leads to none."""
+        """The file's tables with these numbers; InputError for a path that leads nowhere."""
         return self._with(dict(zip(self.paths, map(float, values), strict=True)))
 
     def at(self, values: Sequence[float] | Array) -> Case:
         return self.with_numbers(dict(zip(self.paths, map(float, values), strict=True)))
 
     def with_numbers(self, numbers: Mapping[FieldPath, float]) -> Case:
-        """The case with these numbers, checked as any other; InputError where it can't be used."""
+        """The case with these numbers, checked like any other; InputError if it can't be used."""
         if (moved := self._moved(numbers)) is not None:
             return moved
-        if not self._variants:  # its first numbers stand in tables where the file has none
+        if not self._variants:  # its first numbers are in tables that the file lacks
             self._variants.append(self.text.variants(self._with(numbers)))
         found = self._variants[0].at({path.keys: value for path, value in numbers.items()})
         return self.text.case(self._with(numbers)) if found is None else found
 
     def _moved(self, numbers: Mapping[FieldPath, float]) -> Case | None:
-        """The case where parameters of the truth alone differ from the first one: the design is taken as it was made."""
+        """The case if only parameters of the truth differ from the first one: the design is reused."""
         of_the_truth = bool(numbers) and all(map(truth_paths.is_parameter, numbers))
         if self.redesign or not of_the_truth or truth_paths.holds_formulas(self._tables):
             return None
@@ -172,15 +178,15 @@ class VariedCase(Varied):
 
     @cached_property
     def _variants(self) -> list[Variants]:
-        """Empty until a case could be made."""
+        """Empty until a case could be built."""
         return []
 
 
 def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
-    """A case file's tables, in which ``paths`` stand.
+    """A case file's tables that contain ``paths``.
 
-    Where one of them is of theta and the plant is given by A, which theta follows from, A_m and that theta stand there instead.
-    InputError where A, or what the model makes of it, is to vary as well.
+    If one of them is in theta and the plant is given by A, from which theta follows, A_m and that theta replace A. InputError if
+    A, or what the model makes of it, is to vary as well.
     """
     tables, paths = text.data(), tuple(paths)
     plant, model = tables.get("plant"), tables.get("reference_model")
@@ -189,11 +195,11 @@ def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
         return tables
     if truth_paths.PARAMETERS in tables:
         raise InputError(
-            f"{of_theta[0]} is not what is simulated, since theta follows from the parameters: vary these, such as "
+            f"{of_theta[0]} is not simulated, since theta follows from the parameters: vary these, such as "
             f"parameters.{next(iter(tables[truth_paths.PARAMETERS]), 'NAME')}=between"
         )
     if both := [path for path in paths if path.keys[:2] in MATCHED]:
-        raise InputError(f"{both[0]} and {of_theta[0]} can't both vary: with plant.A given, theta is what follows from it")
+        raise InputError(f"{both[0]} and {of_theta[0]} cannot both vary: with plant.A given, theta follows from it")
     problem = text.case().problem
     if isinstance(problem, Problem):
         plant |= {"A_m": problem.plant.A_m.tolist(), "theta": problem.plant.theta.tolist()}
@@ -204,4 +210,4 @@ def tables_with(text: CaseText, paths: Iterable[FieldPath]) -> Tables:
 
 THETA = ("plant", "theta")
 MATCHED = (("plant", "A"), ("reference_model", "A_m"), ("reference_model", "poles"))
-"""From which theta follows in a file that gives plant.A."""
+"""The keys from which theta follows in a file that gives plant.A."""

@@ -1,4 +1,4 @@
-"""What a measured sentence is: with its finding (Claim), over a plane of settings (Map), over one of them (Chart)."""
+"""A measured sentence with its finding (Claim), a quantity over two settings (Map), and a quantity over one (Chart)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class ChartAxis:
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """A line across a map, such as a predicted boundary, or marks at its points alone: x (k,), y (k,)."""
+    """A line across a map, such as a predicted boundary, or marks only at its points: x (k,), y (k,)."""
 
     label: str
     x: Array
@@ -45,17 +45,19 @@ class Curve:
         for name in ("x", "y"):
             object.__setattr__(self, name, validate.vector(f"{name} of curve {self.label!r}", getattr(self, name)))
         if len(self.x) != len(self.y):
-            raise InputError(f"curve {self.label!r} has {len(self.x)} values of x and {len(self.y)} of y; they must be as many")
+            raise InputError(
+                f"curve {self.label!r} has {len(self.x)} values of x and {len(self.y)} of y; the numbers must be equal"
+            )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Map:
-    """A quantity over the plane of two settings. Texts are plain Unicode: they stand in the picture and on the page.
+    """A quantity over the plane of two settings. Texts are plain Unicode, for the picture and the page.
 
-    key          the name of the map and of its files, of small letters, digits and hyphens
-    values       (len(y), len(x)); NaN where the run is lost
-    quantity     what the values are, with its unit; on a logarithmic scale of colours if ``logarithmic``
-    lost         what NaN means here, for the legend
+    key          the name of the map and of its files: small letters, digits and hyphens
+    values       (len(y), len(x)); NaN if the run is lost
+    quantity     the name of the values, with their unit; the colour scale is logarithmic if ``logarithmic``
+    lost the meaning of NaN, for the legend
     curves       lines drawn over it
     """
 
@@ -83,18 +85,18 @@ class Map:
 
     @property
     def description(self) -> str:
-        """In words, for those who cannot see it."""
+        """A description in words, for readers who cannot see the picture."""
         return f"{self.title}: {self.quantity} over {self.x.label} and {self.y.label}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Chart:
-    """A quantity over one setting, both on logarithmic scales, one curve for each thing compared.
+    """A quantity over one setting, both on logarithmic scales, with one curve for each item compared.
 
     key     as of a map
-    curves  values above zero; a curve that ends before the axis does was lost there, which is marked
+    curves  values above zero; a mark shows where a curve ends early because its run was lost
     levels  lines for orientation
-    lost    what being lost means, for the legend
+    lost the meaning of the mark, for the legend
     """
 
     key: str
@@ -114,7 +116,7 @@ class Chart:
 
     @property
     def description(self) -> str:
-        """In words, for those who cannot see it."""
+        """A description in words, for readers who cannot see the picture."""
         return f"{self.title}: {self.quantity} over {self.x.label}, for {', '.join(curve.label for curve in self.curves)}"
 
 
@@ -125,7 +127,7 @@ def _require_key(kind: str, key: str) -> None:
 
 @dataclass(frozen=True)
 class Listing:
-    """A table of things compared: one row for each, texts as they are to be shown."""
+    """A table that compares items: one row for each, with the texts to be shown."""
 
     caption: str
     columns: tuple[str, ...]
@@ -139,13 +141,14 @@ class Listing:
 
 @dataclass(frozen=True, kw_only=True)
 class Claim:
-    """A sentence with all that a referee asks of it; its finding follows from the readings, by the rules of ``finding``.
+    """A sentence with the evidence that a referee asks for; its finding follows from the readings by the rules of ``finding``.
 
-    sentence      what is said, by whom, and its literal readings
-    readings      what was measured: each literal reading, in the sentence's order, then weaker ones from the widest to the narrowest,
-                  and what stands beside the sentence
-    shows         what is seen, with the number that decides it: a full sentence, two lines of 80 columns at most, true whatever the finding is
-    measured      all that was measured, in a sentence
+    sentence      the sentence, its source, and its literal readings
+    readings      the measured readings: each literal reading in the sentence's order, then weaker ones from the widest to
+        the narrowest, then supplementary ones
+    shows         the observation, with the number that decides: a full sentence, at most two lines of 80 columns, true for
+        every finding
+    measured      all measurements, in a sentence
     how           the plant, the solver, the step, what was compared
     would_change  what would have to be measured, shown or assumed for another finding
     sharpened     what ``reproduce --full`` measures beyond the plain command; empty where that is nothing
@@ -167,7 +170,7 @@ class Claim:
         literal = tuple(reading.says for reading in self.readings if reading.literal)
         if literal != self.sentence.literal:
             raise ValueError(
-                f"row {self.id!r} has to read each literal reading of its sentence once, in order: {self.sentence.literal}"
+                f"row {self.id!r} must contain each literal reading of its sentence once, in order: {self.sentence.literal}"
             )
 
     @property
@@ -193,12 +196,12 @@ class Claim:
 
     @property
     def condition(self) -> str:
-        """Under which it holds, where the finding is *holds if*; empty for other findings."""
+        """The condition of the finding *holds if*; empty for other findings."""
         return condition_of(self.readings)
 
     @property
     def headline(self) -> str:
-        """What is seen, behind the condition where there is one."""
+        """The observation, after the condition if there is one."""
         return f"Holds if {self.condition}. {self.shows}" if self.condition else self.shows
 
     @property
@@ -206,11 +209,13 @@ class Claim:
         return self.sentence.source.side == "ours"
 
     def as_json(self) -> dict[str, Any]:
-        """The JSON contract's block for a claim; what goes beyond it stands beside the contract's keys."""
+        """The JSON contract's block for a claim, with additional keys."""
         own = ("id", "where", "statement", "verdict", "finding", "headline", "condition", "measured", "how", "would_change")
         return {name: getattr(self, name) for name in (*own, "sharpened", "code")} | {
             "source": self.sentence.source.key,
             "quote": self.sentence.quote,
+            "equation": self.sentence.equation,
+            "changed": [asdict(one) for one in self.sentence.changed],
             "readings": [
                 {"says": one.says, "literal": one.literal, "decides": one.decides, "finding": one.finding, "role": one.role, "measured": one.measured}
                 for one in self.readings
@@ -220,17 +225,18 @@ class Claim:
 
 
 LAST = float("inf")
-"""The place of rows that declare none: behind all others of their paper, in the order of their files."""
+"""The place of rows without a declared place: after all other rows of their paper, in the order of their files."""
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """Some of the ledger's rows. A claim's file lists its own as ``ROWS``, where its paper finds them.
+    """Some of the ledger's rows. A claim's file lists its rows as ``ROWS``, and its paper finds them there.
 
-    measure          measures the rows; it is given the paper's shared runs if it ``judges_runs``, and nothing otherwise
-    seconds          about how long that takes in a process of its own: the longest is begun first, and the time left is forecast
-    names            the rows' names, and what each is about in a few words: a row can be found before it is measured
-    place            where the rows stand in the ledger, among those of their paper
+    measure          measures the rows; its argument is the paper's shared runs if it ``judges_runs``; otherwise it has none
+    seconds          estimated duration in a separate process; the longest measurement starts first, and the remaining time
+        is forecast
+    names            the rows' names and the subject of each in a few words, so that a row can be found before it is measured
+    place            the position of the rows in the ledger, among those of their paper
     quick            whether ``reproduce --quick`` measures them
     shares           a name in common with others that use the same runs: one process measures them all
     sharper          measures the same rows further than the plain command has time for, which is ``reproduce --full``; no finding
@@ -249,45 +255,45 @@ class Measurement:
     shares: str = ""
 
     def rows(self, *runs: Any, full: bool = False) -> list[Claim]:
-        """The rows that this measurement fills, measured now."""
+        """Measure the rows now."""
         measure = self.sharper if full and self.sharper else self.measure
         found = measure(*runs)
         return [replace(one, code=self.code) for one in ([found] if isinstance(found, Claim) else found)]
 
     @property
     def code(self) -> str:
-        """The file and the function that measure the rows, as a place in the sources."""
+        """The file and the function in the sources that measure the rows."""
         measure = self.measure.func if isinstance(self.measure, partial) else self.measure
         return f"{measure.__module__.replace('.', '/')}.py: {measure.__qualname__}"
 
     def duration(self, *, full: bool = False) -> float:
-        """About how many seconds the rows take."""
+        """The estimated seconds for the rows."""
         return self.sharper_seconds if full and self.sharper else self.seconds
 
     def as_json(self) -> list[dict[str, Any]]:
-        """A block for each row, without a finding: that is measured."""
+        """A block for each row without its finding, which must be measured."""
         return [{"id": name, "about": about, "seconds": self.seconds, "quick": self.quick} for name, about in self.names.items()]
 
 
 def short(value: float) -> str:
-    """Three digits, without an exponent from a ten-thousandth to a million."""
+    """Three digits; no exponent from a ten-thousandth to a million."""
     return f"{float(f'{value:.3g}'):g}"
 
 
 def numbers(values: Sequence[float] | Array) -> str:
-    """Two numbers, or a few settings, for a sentence; what is measured at three settings and more is a ``table``."""
+    """Two numbers, or a few settings, for a sentence; measurements at three or more settings go into a ``table``."""
     *others, last = (short(value) for value in np.atleast_1d(values))
     return f"{', '.join(others)} and {last}" if others else last
 
 
 def span(values: Sequence[float] | Array) -> str:
-    """From the least to the largest, for a sentence; what a ``table`` lists."""
+    """The range from the least to the largest value, for a sentence that sums up a ``table``."""
     low, high = short(np.min(values)), short(np.max(values))
     return low if low == high else f"{low} to {high}"
 
 
 def table(caption: str, columns: Mapping[str, Sequence[str] | Sequence[float] | Array]) -> Listing:
-    """A listing from columns by their heads: numbers with three digits, texts as they are, a dash for NaN."""
+    """A listing from columns by their heads: numbers with three digits, unchanged texts, a dash for NaN."""
     entries = ([_entry(value) for value in column] for column in columns.values())
     return Listing(caption, tuple(columns), tuple(zip(*entries, strict=True)))
 

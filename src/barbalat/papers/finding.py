@@ -1,7 +1,7 @@
-"""How a finding follows from what was measured: the rules of docs/claims.md, and nothing else.
+"""How a finding follows from the measurements: only by the rules of docs/claims.md.
 
-A sentence is read literally, once for each thing that it claims; each literal reading holds or fails. Weaker readings are asked only
-where every literal one fails.
+A sentence has one literal reading for each of its claims; each literal reading holds or fails. Weaker readings count only if
+every literal reading fails.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 Finding = Literal["holds", "holds if", "mixed", "fails", "erratum"]
-"""What a row can come to; a sentence that is not testable here has no row."""
+"""The possible findings of a row; a sentence that is not testable here has no row."""
 Verdict = Literal["confirmed", "confirmed with conditions", "not confirmed", "erratum"]
 """The JSON contract's words."""
 VERDICTS: dict[Finding, Verdict] = {
@@ -22,18 +22,18 @@ VERDICTS: dict[Finding, Verdict] = {
     "erratum": "erratum",
 }
 PROPORTIONAL_SHARE = 0.1
-"""Twice the one gives twice the other to within this share, in every row and every caption that says *proportional*."""
+"""In every row and caption that says *proportional*, twice the cause gives twice the effect to within this share."""
 
 Role = Literal["literal", "weaker", "mended", "beside"]
 
 
 @dataclass(frozen=True)
 class Source:
-    """Who says a sentence.
+    """The source of a sentence.
 
     key   as in JSON
     name  authors and year
-    side  in the dispute, for the totals
+    the side in the dispute, for the totals
     """
 
     key: str
@@ -43,10 +43,10 @@ class Source:
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to read a sentence: what it then says, whether that was measured to hold, and the number that decides it.
+    """One reading of a sentence: its statement, whether the measurement confirms it, and the number that decides.
 
-    role  literal; weaker, which supplies the condition of *holds if*; mended, what is printed with an evident mistake put right;
-          beside the sentence, measured for the reader's sake and without a part in the finding
+    role  literal; weaker, which supplies the condition of *holds if*; mended, the printed sentence with an evident mistake
+          corrected; supplementary, measured for information and without influence on the finding
     """
 
     says: str
@@ -68,15 +68,38 @@ class Reading:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Change:
+    """A change of a row after it had been measured.
+
+    date    as YYYY-MM-DD
+    before  the finding before it; None if the row is new
+    after   the finding after it
+    what    what was changed, and why
+    """
+
+    date: str
+    before: Finding | None
+    after: Finding
+    what: str
+
+    @property
+    def findings(self) -> str:
+        """Before and after, in words."""
+        return f"still {self.after}" if self.before == self.after else f"{self.before or 'new'} to {self.after}"
+
+
+@dataclass(frozen=True, kw_only=True)
 class Sentence:
-    """A sentence before anything is measured.
+    """A sentence with its literal readings; none of it depends on a measurement but what ``changed`` says.
 
     row        the name of its row
-    source     who says it
-    where      its section
-    quote      as printed, short and exact; empty where the text is not at hand, and for statements of our own
-    statement  what is tested, in our words
-    literal    the literal reading of each thing that it claims
+    source its source
+    where its section
+    quote      as printed, short and exact; empty if the text is not available, and for our own statements
+    statement  the tested statement, in our words
+    literal    the literal reading of each of its claims
+    equation   the paper's equations that the row tests or runs; empty where there is none
+    changed    what was changed after the row had been measured, oldest first
     """
 
     row: str
@@ -85,24 +108,26 @@ class Sentence:
     quote: str = ""
     statement: str
     literal: tuple[str, ...]
+    equation: str = ""
+    changed: tuple[Change, ...] = ()
 
     @property
     def why(self) -> str:
-        """What it is: in the table of coverage beside those that have no row."""
+        """Its entry in the table of coverage, which also lists sentences without a row."""
         return "measured"
 
     def reads(self, holds: bool, measured: str, part: int = 0) -> Reading:
-        """The result of the literal reading of one of the things that it claims."""
+        """The result of one of its literal readings."""
         return Reading(self.literal[part], holds, measured, "literal")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Unmeasured:
-    """A sentence of a paper that has no row, or whose row is that of another sentence.
+    """A sentence of a paper that has no row, or that shares the row of another sentence.
 
-    row   the row that measures it too; None where there is none
-    part  which of that row's literal readings it is; None for all of them
-    why   what it is instead of a row: a definition, proved here in three lines, not testable because ...
+    row   the row that also measures it; None if there is no such row
+    part  the literal reading of that row that corresponds to it; None for all of them
+    why   the reason for having no row: a definition, proved here in three lines, not testable because ...
     """
 
     where: str
@@ -113,7 +138,7 @@ class Unmeasured:
 
 
 def finding_of(readings: Sequence[Reading]) -> Finding:
-    """The finding on a sentence; ValueError where no reading is literal."""
+    """The finding on a sentence; ValueError if no reading is literal."""
     literal = {reading.holds for reading in readings if reading.literal}
     if not literal:
         raise ValueError("no reading is literal")

@@ -1,4 +1,4 @@
-"""The claims of a paper, measured in as many processes as there are cores; and the rows of all papers by their names."""
+"""Measurement of a paper's claims in as many processes as there are cores, and the rows of all papers by name."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from barbalat.validate import InputError, hint
 
 
 class Measured(NamedTuple):
-    """Rows, and how many seconds they took where ``expected`` were forecast."""
+    """Rows, with their actual and their ``expected`` seconds."""
 
     claims: list[Claim]
     seconds: float
@@ -31,9 +31,8 @@ Told: TypeAlias = Callable[[Measured], None]
 
 @dataclass(frozen=True)
 class UnderWay:
-    """What other processes are at: rows by their places in the paper's ledger, its certificates, and others by their names.
-
-    pool  the processes: what is submitted to them comes after all that
+    """The work of other processes: rows by their positions in the paper's ledger, its certificates, and other tasks by name.
+    pool the processes; tasks submitted to them start after these
     """
 
     rows: dict[tuple[int, ...], Future[list[Measured]]]
@@ -43,7 +42,7 @@ class UnderWay:
 
 
 class Other(NamedTuple):
-    """What is to be made beside the rows, and how many seconds it takes, about."""
+    """Tasks to be done in addition to the rows, with their estimated seconds."""
 
     make: Callable[[], Any]
     seconds: float
@@ -59,12 +58,12 @@ def under_way(
     told: Told | None = None,
     others: Mapping[str, Other] | None = None,
 ) -> Iterator[UnderWay]:
-    """Measure what stands alone in a paper's ledger in so many processes of its own; to be given to ``measure``.
+    """Measure the independent rows of a paper's ledger in this number of processes; the result is for ``measure``.
 
-    The longest is begun first, of ``others`` too, so that in the end no process is long at work while the rest have nothing to do.
-    A quick row for each process comes before them all: somebody is looking. ``told`` is called of each as soon as it is measured,
-    from another thread. The program that calls this must be one that a new process may import: started by
-    ``if __name__ == "__main__"``.
+    The longest tasks, including ``others``, start first, so that all processes finish at about the same time. A quick row
+    for each process comes first, so that results appear soon. ``told`` is called with each row as soon as it is measured,
+    from another thread. The program that calls this must be one that a new process may import: started by ``if __name__ ==
+    "__main__"``.
     """
     others, rows = others or {}, paper.ledger
     alone = [i for i in _chosen(paper, quick) if not rows[i].judges_runs]
@@ -86,7 +85,7 @@ def under_way(
 
 
 def _together(paper: Paper, places: list[int]) -> list[tuple[int, ...]]:
-    """What one process measures, one after the other: rows that share runs, which it keeps; the others alone."""
+    """The measurements of one process in sequence: rows that share runs are measured together; the others separately."""
     found: dict[str, tuple[int, ...]] = {}
     for i in places:
         shared = paper.ledger[i].shares or f"alone {i}"
@@ -113,7 +112,7 @@ def _certified(paper: str) -> Certified:
 
 
 def _several(paper: str, places: tuple[int, ...], full: bool) -> list[Measured]:
-    """In another process, which finds the paper by its name."""
+    """Run in another process, which finds the paper by its name."""
     return [_rows(paper_of(paper).ledger[place], full) for place in places]
 
 
@@ -138,10 +137,11 @@ def measure(
     told: Told | None = None,
     taken: Callable[[list[Claim]], None] | None = None,
 ) -> list[Claim]:
-    """A paper's ledger; ``quick`` leaves out what takes longer than the figures, ``full`` sharpens rows, ``ahead`` is under way.
+    """A paper's ledger; ``quick`` omits rows that take longer than the figures, ``full`` sharpens rows, ``ahead`` is already
+    running.
 
-    runs   what ``paper.run`` returned
-    told   is called of the rows that are measured here
+    runs the results of ``paper.run``
+    told is called with the rows that are measured here
     taken  is called with all rows, in the order in which they are done
     """
     chosen, rows = _chosen(paper, quick), {} if ahead is None else ahead.rows
@@ -170,17 +170,17 @@ def measure(
 
 
 def part_with(name: str) -> tuple[Paper, Measurement]:
-    """The paper and the measurement that a row belongs to. InputError for a name that is none, or that of several papers' rows."""
+    """The paper and the measurement that a row belongs to. InputError if no row or several papers' rows have the name."""
     found = [(paper, part) for paper in papers().values() for part in paper.ledger if name in part.names]
     if not found:
         names = [own for paper in papers().values() for part in paper.ledger for own in part.names]
-        raise InputError(f"no row of the ledger is called {name!r}{hint(name, names)} (barbalat claims lists them)")
+        raise InputError(f"the ledger has no row named {name!r}{hint(name, names)} (barbalat claims lists the rows)")
     if len(found) > 1:
-        raise InputError(f"rows of several papers are called {name!r}: {', '.join(paper.name for paper, _ in found)}")
+        raise InputError(f"several papers have a row named {name!r}: {', '.join(paper.name for paper, _ in found)}")
     return found[0]
 
 
 def row(name: str) -> Claim:
-    """One row, measured with those of its subject, and with the paper's runs where it judges them."""
+    """One row, measured with the other rows of its measurement, and with the paper's runs if it judges them."""
     paper, part = part_with(name)
     return next(claim for claim in part.rows(*([paper.run(None)] if part.judges_runs else [])) if claim.id == name)

@@ -1,4 +1,4 @@
-"""A row of the ledger as a notebook: the code that measures it in a cell that can be edited, and what follows from it."""
+"""A row of the ledger as a notebook: the code that measures it in an editable cell, and its results."""
 
 from __future__ import annotations
 
@@ -20,22 +20,21 @@ runs = [paper_of({paper!r}).run(None)] if part.judges_runs else []
 claim = next(one for one in part.rows(*runs) if one.id == {name!r})
 print(claim.finding, "|", claim.headline)
 for reading in claim.readings:
-    print("-", reading.role if reading.decides else "beside the sentence", "|", reading.finding, "|", reading.measured)"""
+    print("-", reading.role if reading.decides else "supplementary", "|", reading.finding, "|", reading.measured)"""
 LISTINGS = """for listing in claim.listings:
     print(listing.caption, *(" | ".join(row) for row in (listing.columns, *listing.rows)), sep="\\n")"""
 
 
 def notebook(name: str) -> str:
-    """The notebook of a row, as an .ipynb file has it; InputError for a name that is none.
-
-    A cell of code is the whole file that measures the row: change a number there and run all.
+    """The notebook of a row, in the format of .ipynb files; InputError for an unknown name. One code cell contains the whole
+    file that measures the row: change a number there and run all.
     """
     paper, part = part_with(name)
     sentence = next((one for one in paper.coverage if isinstance(one, Sentence) and one.row == name), None)
     module = _module_of(paper, part)
     source = inspect.getsource(module).strip()
     beside = (
-        [_cell("code", f"__package__ = {module.__package__!r}  # beside which its stored files are")]
+        [_cell("code", f"__package__ = {module.__package__!r}  # its stored files are in the same folder")]
         if "__package__" in source
         else []
     )
@@ -53,9 +52,9 @@ def notebook(name: str) -> str:
 def _introduction(paper: Paper, part: Measurement, name: str, sentence: Sentence | None) -> str:
     quote = f"> {sentence.quote}\n\n" if sentence is not None and sentence.quote else ""
     return (
-        f"# {name}: {part.names[name]}\n\n{quote}A row of the ledger of *{paper.title}*; it takes some {part.seconds:g} s. "
+        f"# {name}: {part.names[name]}\n\n{quote}This is a row of the ledger of *{paper.title}*; it takes some {part.seconds:g} s. "
         f"The cell with ROWS at its end is {part.code.split(':')[0]}, the file that measures it: change its plants, gains or steps and run all cells. "
-        "The finding follows from the readings by the ledger's rules; with other numbers it is yours and no longer the row's."
+        "The finding follows from the readings by the ledger's rules; with other numbers the finding is yours and no longer that of the row."
     )
 
 

@@ -1,4 +1,4 @@
-"""A paper as a slice: its claims in folders of its subjects, its figures, its certificates; and how papers are found."""
+"""A paper: its claims in folders by subject, its figures and its certificates; and the discovery of papers."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import cache, cached_property
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from barbalat.budget import Progress
@@ -18,9 +19,9 @@ from barbalat.run.results.result import Result
 from barbalat.validate import InputError, hint
 
 GROUP = "barbalat.papers"
-"""The entry points by which papers from outside this package are found."""
+"""The entry points through which papers from other packages are found."""
 DEFAULT = "jafari_2013"
-"""The paper that ``reproduce`` takes when none is named."""
+"""The paper that ``reproduce`` uses by default."""
 
 
 def _no_runs(progress: Progress | None = None) -> None:
@@ -40,13 +41,14 @@ def _no_certificates() -> Certified:
 class Paper:
     """A paper whose claims are measured: the package ``package`` has a module ``paper`` with this as ``PAPER``.
 
-    Each folder in the package is a subject, and a file in it that has ``ROWS``, measurements, adds these to the ledger.
+    Each package in it is a subject, and a file in one that has ``ROWS``, measurements, adds these to the ledger. The folder
+    ``cases``, if there is one, has case files of the loops that the rows measure.
 
     title         the paper's title
-    introduction  what its first page says before anything else: HTML, a full sentence or more
-    on_stored     which of its rows' numbers are stored instead of measured, and where they are from: HTML
-    on_claims     what the page of its claims adds to its introduction: HTML
-    on_table_1    what the page of its certificates says: HTML
+    introduction  the first text of its first page: HTML, at least a full sentence
+    on_stored     the rows whose numbers are stored instead of measured, and their origin: HTML
+    on_claims     an addition to its introduction on the page of its claims: HTML
+    on_table_1    the text on the page of its certificates: HTML
     run           simulates what its figures show and what the measurements that ``judges_runs`` are given
     run_seconds   about how long that takes
     figures       its figures, checked on these runs
@@ -68,55 +70,63 @@ class Paper:
 
     @property
     def name(self) -> str:
-        """The name of its folder, by which the command line knows it."""
+        """The name of its folder, which the command line uses."""
         return self.package.rpartition(".")[2]
+
+    @property
+    def cases(self) -> tuple[Path, ...]:
+        """The case files in its folder ``cases``, in alphabetical order."""
+        (folder,) = import_module(self.package).__path__
+        return tuple(sorted(Path(folder, "cases").glob("*.toml")))
 
     @cached_property
     def ledger(self) -> tuple[Measurement, ...]:
-        """What measures its rows, in the order in which these stand; ValueError where two rows have one name."""
+        """The measurements of its rows, in the order of the rows; ValueError if two rows have the same name."""
         modules = [one for subject in packages_in(import_module(self.package)) for one in modules_in(subject)]
         found = sorted((row for one in modules for row in getattr(one, "ROWS", ())), key=lambda row: row.place)
         names = [name for measurement in found for name in measurement.names]
         if twice := {name for name in names if names.count(name) > 1}:
-            raise ValueError(f"{self.title!r} has several rows of the name {min(twice)!r}")
+            raise ValueError(f"{self.title!r} has several rows named {min(twice)!r}")
         return tuple(found)
 
 
 @cache
 def papers() -> dict[str, Paper]:
-    """All papers by their names, the default first; InputError where two have one name, or an entry point's can't be imported."""
+    """All papers by their names, the default first; InputError if two have the same name, or if an entry point's paper
+    cannot be imported."""
     found: dict[str, Paper] = {}
     for module in slices(__package__, GROUP, "paper"):
         paper: Paper = module.PAPER
         if paper.name in found:
-            raise InputError(f"two papers are called {paper.name!r}: {found[paper.name].package} and {paper.package}")
+            raise InputError(f"two papers have the name {paper.name!r}: {found[paper.name].package} and {paper.package}")
         found[paper.name] = paper
     return dict(sorted(found.items(), key=lambda one: one[0] != DEFAULT))  # the others keep their order
 
 
 def paper_of(name: str) -> Paper:
-    """The paper of a name; InputError for a name that is none."""
+    """The paper with this name; InputError if there is none."""
     if name not in papers():
         raise InputError(f"PAPER must be one of {', '.join(papers())}, got {name!r}{hint(name, papers())}")
     return papers()[name]
 
 
 ADDED_FIGURE = "added"
-"""The key of the comparison that is none of the paper's figures."""
+"""The key of the comparison that is not one of the paper's figures."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that a figure's description says, and the number that decides it."""
+    """One statement of a figure's description, the number that decides it, and the row that has it as its sentence, if one has."""
 
     statement: str
     holds: bool
     measured: str
+    row: str = ""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PaperFigure:
-    """A figure of the paper: the run it shows, the variants its description speaks of, and the checks.
+    """A figure of the paper: the run that it shows, the variants that its description mentions, and the checks.
 
     key      "2" ... "5", or ``ADDED_FIGURE``
     results  the shown run first; all by name
@@ -139,7 +149,7 @@ class PaperFigure:
         return all(check.holds for check in self.checks)
 
     def as_json(self) -> dict[str, Any]:
-        """The JSON contract's block for a figure; the checks and the solver's step stand beside the contract's keys."""
+        """The JSON contract's block for a figure; the checks and the solver's step are additional keys."""
         return {
             "reproduced": self.reproduced,
             "metrics": {name: result.figures for name, result in self.results.items()},

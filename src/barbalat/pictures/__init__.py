@@ -1,1 +1,1 @@
-"""Pictures as data, and how they are drawn: panels over time, responses over frequency. It knows no run and no certificate."""
+"""Plots as data, and their drawing: panels over time, responses over frequency. It knows neither runs nor certificates."""

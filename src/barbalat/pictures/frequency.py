@@ -1,10 +1,9 @@
-"""Responses over frequency: Bode, Nyquist and sensitivity pictures of loops, with the margins marked."""
+"""Responses over frequency: Bode, Nyquist and sensitivity plots of loops, with the margins marked."""
 
 from __future__ import annotations
 
 import textwrap
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,48 +15,18 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from barbalat.pictures.panels import SHARING, as_typed
 from barbalat.pictures.render import power_of_ten
+from barbalat.pictures.response import NYQUIST_WINDOW, Response
 from barbalat.pictures.symbols import in_symbols
 from barbalat.pictures.theme import DASHES, NARROW, WIDE, Dash, Theme, new_figure
-from barbalat.validate import Array
 
-NYQUIST_WINDOW = (-3.2, 1.6, -2.4, 2.4)
-"""Around -1: what decides on stability; loops with an integrator leave it for infinity."""
 DASHES_OF_LOOPS = (DASHES[0], DASHES[2], DASHES[3])
-"""Of loops of one colour; broken lines are |T|."""
+"""Dashes of loops of one colour; broken lines are |T|."""
 MOST_DECADES = 9
-"""Marks of a logarithmic axis, so that their texts stay apart on a phone."""
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class Response:
-    """L(j w) of a loop, a delay included.
-
-    w, L         (K,) rad/s, and complex
-    caption      the loop's name and its margins
-    at_phase     rad/s at which the phase margin is; ``None`` where nothing crosses 1
-    at_gain      rad/s at which the gain margin is, likewise
-    """
-
-    w: Array
-    L: Array
-    caption: str
-    at_phase: float | None
-    at_gain: float | None
-
-    def value(self, w: float) -> complex:
-        """L near a frequency of the grid."""
-        return complex(self.L[int(np.abs(self.w - w).argmin())])
-
-    @property
-    def phase(self) -> Array:
-        """[degrees], continuous, in (-360, 0] where the margin is measured."""
-        phase = np.degrees(np.unwrap(np.angle(self.L)))
-        at = int(np.abs(self.w - self.at_phase).argmin()) if self.at_phase is not None else 0
-        return np.asarray(phase - 360 * np.ceil(phase[at] / 360))
+"""Labels of a logarithmic axis, so that they don't overlap on a phone."""
 
 
 def draw(responses: Sequence[Response], title: str, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Four panels; ``shown`` as of ``new_figure``."""
+    """Four panels; ``shown`` as in ``new_figure``."""
     figure = new_figure(NARROW if narrow else WIDE, 11.5 if narrow else 7.6, shown=shown, layout="constrained")
     theme = Theme.current()
     places = [(0, 0), (1, 0), (0, 1), (1, 1)]
@@ -132,7 +101,7 @@ def _axes(axes: Axes, title: str, x: str, y: str, *, log: str) -> None:
 
 
 def _in_decades(axis: Axis) -> None:
-    """Whole powers of ten alone, as plain text: the ticks between them and mathtext take most of a picture's time."""
+    """Label only whole powers of ten, as plain text: the ticks between them and mathtext take most of a plot's time."""
     axis.set_major_locator(LogLocator(numticks=MOST_DECADES))
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_of_ten(value)))

@@ -1,4 +1,4 @@
-"""Labels beside points of a drawing, where they cover neither lines nor one another."""
+"""Labels for points of a drawing, placed so that they cover neither lines nor one another."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ RADII = (9.0, 16.0, 26.0, 40.0, 60.0)
 """Distances from the point that are tried [points], the nearest first."""
 ANGLES = np.deg2rad(np.arange(0, 360, 30))
 WIDTH, HEIGHT = 0.66, 1.4
-"""Of a character and of a line, in font sizes: a little more than DejaVu Sans needs for numbers."""
+"""Size of a character and of a line, in font sizes: a little more than DejaVu Sans needs for numbers."""
 
 
 class LabelPlaces:
@@ -32,7 +32,8 @@ class LabelPlaces:
         self.boxes: list[tuple[float, float, float, float]] = []
 
     def place(self, text: str, point: Array, colour: str) -> None:
-        """The nearest place around the point that is free, or the one that covers least; a thin line leads to it."""
+        """Place the label at the nearest free position around the point, or at the one that covers least; a thin line leads to
+        it."""
         at = self.axes.transData.transform(point)
         width, height = WIDTH * self.size * len(text) * self.scale, HEIGHT * self.size * self.scale
         best, least = (0.0, 0.0), np.inf
@@ -55,7 +56,7 @@ class LabelPlaces:
         )  # fmt: skip
 
     def _covered(self, box: tuple[float, float, float, float]) -> float:
-        """How much lies in the box: points of lines, other labels, what would be cut off by the panel's edge."""
+        """The amount inside the box: points of lines, other labels, and what the panel's edge would cut off."""
         left, low, right, high = box
         x, y = self.taken.T
         points = int(((x > left) & (x < right) & (y > low) & (y < high)).sum())

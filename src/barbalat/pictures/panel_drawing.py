@@ -17,32 +17,25 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from barbalat.pictures.panels import SHARING, Panel, Series, around, span_of
-from barbalat.pictures.series import (
-    COLUMNS_PER_INCH,
-    FASTEST_SWING_COLUMNS,
-    VISIBLE_SWING_SHARE,
-    Outline,
-    outline,
-    turning_points,
-)
+from barbalat.pictures.panels import PAGE_LEFT, PAGE_RIGHT, SHARING, Panel, Series
+from barbalat.pictures.series import Outline, outline
 from barbalat.pictures.symbols import HELD_BLANK
 from barbalat.pictures.theme import DASHES, MARKS, NARROW, WIDE, Theme, dash_of, mark_of, new_figure
 from barbalat.validate import Array
 
 OVERLAP_SHARE = 0.15
-"""Share of the time in which two envelopes may lie over one another before they are told apart, by axes or by their edges."""
+"""Share of the time in which two envelopes may overlap before they get separate axes or edges."""
 MOST_APART = 4
-"""Axes in the place of one panel."""
+"""Largest number of axes in place of one panel."""
 ENVELOPE = "shaded, between thin lines: from the least to the greatest value of what oscillates too fast to be drawn"
 MARKED_SHARE, MARK_SIZE = 0.12, 3.5
-"""Of the axes' diagonal, from one mark on a line to the next; of a mark [points]."""
+"""Share of the axes' diagonal between marks on a line; size of a mark [points]."""
 SHADE, SHADE_AMONG_OTHERS = 0.25, 0.06
-"""Opacity of an envelope alone, and where others lie over it: there their edges tell them apart."""
+"""Opacity of a single envelope, and of overlapping ones, which are distinguished by their edges."""
 
 
 def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """All panels, two in a row on a page, one on a phone; ``shown`` as of ``new_figure``."""
+    """All panels, two in a row on a page, one on a phone; ``shown`` as in ``new_figure``."""
     sizes = PHONE if narrow else PAGE
     rows, theme = _rows(panels, narrow=narrow), Theme.current()
     panels = [panel for row in rows for panel in row]
@@ -66,11 +59,11 @@ def draw(panels: Sequence[Panel], t_end: float, *, narrow: bool = False, shown: 
 
 
 def draw_into(axes: Sequence[Axes], panels: Sequence[Panel], t_end: float) -> None:
-    """Each panel into axes of somebody else's figure, whose sizes stay as they are."""
+    """Draw each panel into axes of another figure, whose sizes stay unchanged."""
     theme = Theme.current()
     for one, panel in zip(axes, panels, strict=True):
         figure = one.get_figure(root=True)
-        assert figure is not None  # axes of a person's own are in one
+        assert figure is not None  # the user's own axes are in a figure
         inches = one.get_window_extent().width / figure.dpi
         sizes = replace(PAGE, width=inches + PAGE.left + PAGE.right, columns=1)
         _draw(one, panel, [_outline(series, panel, t_end, inches) for series in panel.series], t_end, theme, sizes)
@@ -104,7 +97,7 @@ def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, t
         if panel.scale == "log":
             _plain_ticks(one)
         if panel.scale == "linear":
-            one.ticklabel_format(axis="y", useOffset=False)  # a number to be added would stand on the legend
+            one.ticklabel_format(axis="y", useOffset=False)  # an offset would overlap the legend
         one.set_xlim(start, end)
         one.tick_params(labelsize=sizes.font, labelbottom=one is apart[-1])
         one.grid(visible=True, linewidth=0.3)
@@ -115,7 +108,7 @@ def _draw(axes: Axes, panel: Panel, outlines: Sequence[Outline], t_end: float, t
 
 
 def _plain_ticks(axes: Axes) -> None:
-    """Numbers as they are written, 0.2 and 0.5, where the axes hold no more than three decades."""
+    """Numbers in plain notation, 0.2 and 0.5, if the axes span at most three decades."""
     low, high = axes.get_ylim()
     if high <= 1e3 * low:
         several = high > 5 * low
@@ -125,20 +118,20 @@ def _plain_ticks(axes: Axes) -> None:
 
 
 def _overlap(outlines: Sequence[Outline], start: float, end: float) -> float:
-    """Share of the time in which two envelopes lie over one another, the largest of all pairs."""
+    """Share of the time in which two envelopes overlap, the largest of all pairs."""
     bands = [_covered(found, start, end) for found in outlines]
     return max((float(((a[0] < b[1]) & (b[0] < a[1])).mean()) for a, b in combinations(bands, 2)), default=0.0)  # NaN: false
 
 
 def _apart(axes: Axes, count: int) -> list[Axes]:
-    """Axes for each series, in the place of the one pair of axes."""
+    """Separate axes for each series, in place of the one pair of axes."""
     axes.set_axis_off()
     height = 1 / count
     return [axes.inset_axes((0.0, 1 - (i + 1) * height, 1.0, 0.9 * height)) for i in range(count)]
 
 
 def _covered(found: Outline, start: float, end: float) -> tuple[Array, Array]:
-    """Both sides of the envelopes at a few hundred instants; NaN where there is none."""
+    """Both sides of the envelopes at a few hundred instants; NaN if there is none."""
     t = np.linspace(start, end, 400)
     sides = np.full((2, len(t)), np.nan)
     for band in found.envelopes:
@@ -149,7 +142,7 @@ def _covered(found: Outline, start: float, end: float) -> tuple[Array, Array]:
 
 
 def _outline(series: Series, panel: Panel, t_end: float, inches: float) -> Outline:
-    """In the axes' own scale: what is seen there decides."""
+    """The outline in the axes' own scale, which decides what is visible."""
     there, back = SCALES[panel.scale]
     height = None if panel.limits is None else float(np.ptp(there(np.array(panel.limits))))
     start, end = panel.times or (0.0, t_end)
@@ -166,11 +159,12 @@ SCALES: dict[str, tuple[Callable[[Array], Array], Callable[[Array], Array]]] = {
     "log": (np.log10, lambda v: 10.0**v),
     "symlog": (lambda v: np.sign(v) * np.log10(1 + np.abs(v)), lambda v: np.sign(v) * (10.0 ** np.abs(v) - 1)),
 }
-"""To what is even on the axes, and back."""
+"""The transformation to the axes' linear scale, and its inverse."""
 
 
 def _series(axes: Axes, series: Series, found: Outline, theme: Theme, *, among_others: bool) -> None:
-    """Envelopes of several have edges in their own dashes, and no line in the middle: that is close to the others' middles."""
+    """Draw a series; overlapping envelopes have edges with their own dashes, and no middle line, which would be close to the
+    others'."""
     style, mark = _style(theme, series.colour, series.dash), _mark(series.colour, series.dash)
     t, value = found.line
     for band in found.envelopes:
@@ -184,7 +178,7 @@ def _series(axes: Axes, series: Series, found: Outline, theme: Theme, *, among_o
 
 
 def _title_and_legend(axes: Axes, panel: Panel, theme: Theme, sizes: Sizes) -> None:
-    """Both above the axes, at their left edge, where they cover nothing."""
+    """Both above the axes, at the left edge, where they cover nothing."""
     marks = entries(panel)
     handles = [
         Line2D(
@@ -207,7 +201,7 @@ def _style(theme: Theme, colour: int | str, dash: int | None) -> dict[str, Any]:
 
 
 def _mark(colour: int | str, dash: int | None) -> str:
-    """Where the dash says something else of a compared thing, marks take its part."""
+    """The marker of a compared series if its dash has another meaning."""
     if not isinstance(colour, int):
         return ""
     return mark_of(colour) if dash is None else MARKS[colour // SHARING % len(MARKS)]
@@ -220,12 +214,12 @@ def _colour(theme: Theme, colour: int | str) -> str:
 
 
 LEVEL_WIDTH = 0.9
-"""Of a level's line [points]."""
+"""Width of a level's line [points]."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Sizes of everything on a page or a phone [in], [points]; fixed, since Matplotlib's own layouts take longer than the
+    """Sizes of everything on a page or a phone [in], [points]; fixed, because Matplotlib's own layouts take longer than the
     drawing."""
 
     width: float
@@ -241,7 +235,7 @@ class Sizes:
         return self.width / (1 if panel.whole_row else self.columns) - self.left - self.right
 
     def characters(self, panel: Panel) -> int:
-        """About as many fit above a panel."""
+        """The approximate number of characters that fit above a panel."""
         return int(self.across(panel) * 72 / (0.56 * self.font))  # DejaVu Sans is 0.56 of its size wide on average
 
     def above(self, panel: Panel) -> float:
@@ -250,7 +244,7 @@ class Sizes:
         return 1.42 * self.font * lines / 72 + 0.12
 
 
-PAGE = Sizes(WIDE, left=0.84, right=0.22, axes=1.75, below=0.5, font=9.0, columns=2)
+PAGE = Sizes(WIDE, left=PAGE_LEFT, right=PAGE_RIGHT, axes=1.75, below=0.5, font=9.0, columns=2)
 PHONE = Sizes(NARROW, left=0.74, right=0.18, axes=1.8, below=0.48, font=8.0, columns=1)
 
 
@@ -261,13 +255,13 @@ def heading(panel: Panel, sizes: Sizes) -> str:
 
 
 def _filled(text: str, width: int) -> str:
-    """In lines that end at no blank within a formula: half of one is shown with its dollar."""
+    """The text in lines that don't break within a formula, because half of one is shown with its dollar sign."""
     held = re.sub(r"\$[^$]*\$", lambda formula: formula[0].replace(" ", HELD_BLANK), text)
     return textwrap.fill(held, width).replace(HELD_BLANK, " ")
 
 
 class Mark(NamedTuple):
-    """An entry of a legend: as its line is, so that on a grey print its width tells it apart."""
+    """An entry of a legend, drawn like its line, so that its width distinguishes it in a grey print."""
 
     text: str
     colour: int | str
@@ -286,37 +280,9 @@ def legend_columns(panel: Panel, sizes: Sizes) -> int:
     """Return how many of the legend's columns fit above the panel."""
     labels = [one.text for one in entries(panel)]
     longest = max(map(_length, labels), default=1)
-    return max(min(sizes.characters(panel) // (longest + 7), len(labels)), 1)  # 7: the line before it, the gap behind
+    return max(min(sizes.characters(panel) // (longest + 7), len(labels)), 1)  # 7: the line before it and the gap after it
 
 
 def _length(label: str) -> int:
-    """Characters that are seen of a label with mathematics in it."""
+    """The visible length of a label with mathematics in it."""
     return len(re.sub(r"\\hat|[{}$_]", "", re.sub(r"\\[a-gi-z]\w*", "x", label)))
-
-
-PERIODS = 10
-"""In half a page's width: twenty columns for each, an eighth of what the eye needs to count them."""
-
-
-def close_ups(panel: Panel, followed: Sequence[Series], t_end: float) -> list[Panel]:
-    """Two panels, where what is ``followed``, the model and its command, oscillates too fast for the whole run's panel."""
-    columns = COLUMNS_PER_INCH * PAGE.across(panel)
-    swings = [swing for swing in map(_usual_swing, followed) if swing < FASTEST_SWING_COLUMNS * t_end / columns]
-    if not swings:
-        return []
-    shown = 2 * PERIODS * max(swings)
-    spans = {f"first {shown:.2g} s": (0.0, shown), f"last {shown:.2g} s": (t_end - shown, t_end)}
-    return [_part(panel, f"{panel.title}: {name}", times) for name, times in spans.items()]
-
-
-def _part(panel: Panel, title: str, times: tuple[float, float]) -> Panel:
-    """With the limits of the whole run's panel where it has some; a run that has ended before is not in it."""
-    series = [one for one in panel.series if one.t[-1] > times[0]]
-    limits = panel.limits or around(*span_of([one.within(*times).value for one in series]))
-    return replace(panel, title=title, series=series, times=times, limits=limits, note="", whole_row=False)
-
-
-def _usual_swing(series: Series) -> float:
-    """The median time from one least or greatest value to the next; infinite where it hardly turns."""
-    turns = turning_points(series.value, VISIBLE_SWING_SHARE * float(np.ptp(series.value)))
-    return float(np.median(np.diff(series.t[turns]))) if len(turns) > 2 * PERIODS else float("inf")

@@ -1,4 +1,4 @@
-"""What can be plotted is shown in notebooks by its one line and its plot."""
+"""Objects with a plot, which notebooks show with their one-line text."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ if TYPE_CHECKING:
 
 
 class Plotted(ABC):
-    """A result with a plot of its own."""
+    """A result with its own plot."""
 
     @abstractmethod
     def plot(self, *, shown: bool = True) -> Figure:
-        """Draw a Matplotlib figure; if ``shown``, show it at once, by pyplot where that is in use."""
+        """Draw a Matplotlib figure; if ``shown``, display it at once if pyplot is in use."""
 
     def _repr_html_(self) -> str:
-        """For notebooks: the line that stands at a prompt, and the plot."""
+        """For notebooks: the text shown at a prompt, and the plot."""
         return html_of(self, self.plot(shown=False))
 
 
 def image_of(figure: Figure, description: str) -> str:
     """Return the picture as an HTML element, with a text for those who cannot see it."""
-    from barbalat.pictures.render import render  # Matplotlib takes long, and this module is everyone's
+    from barbalat.pictures.render import render  # Matplotlib takes long to import, and this module is imported everywhere
 
     svg = base64.b64encode(render(figure, "svg")).decode("ascii")
     return f'<img style="max-width: 100%" alt="{escape(description)}" src="data:image/svg+xml;base64,{svg}">'
 
 
 def html_of(shown: object, figure: Figure) -> str:
-    """The one line that an object is at a prompt, and its picture."""
+    """The one-line text of an object, and its picture."""
     line = repr(shown).strip("<>")
     return f"<p>{escape(line)}</p>{image_of(figure, line.partition(':')[0])}"

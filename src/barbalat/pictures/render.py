@@ -1,4 +1,4 @@
-"""A figure as a file: PNG, or an SVG that follows its reader's light or dark ground."""
+"""A figure as a file: PNG, or an SVG that follows the reader's light or dark background."""
 
 from __future__ import annotations
 
@@ -16,18 +16,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation
 
+from barbalat.pictures.palette import COLOURS, ON_DARK
 from barbalat.pictures.symbols import times_power
-from barbalat.pictures.theme import COLOURS, DARK_GROUND, DARK_INK, DARK_QUIET_INK, GROUND, INK, ON_DARK, QUIET_INK, Theme
+from barbalat.pictures.theme import DARK_GROUND, DARK_INK, DARK_QUIET_INK, GROUND, INK, QUIET_INK, Theme
 
 if TYPE_CHECKING:
     from PIL import Image
 
 PIXELS_PER_INCH = 110
-"""Of a PNG: 1100 pixels for a page's width."""
+"""Resolution of a PNG: 1100 pixels for a page's width."""
 PALETTE_ROWS, EDGE_SHADES = 24, 4
-"""Pixels below a picture while its colours are chosen; shades of each colour there. With fewer than 20 purple became grey."""
+"""Pixels below a picture while its colours are chosen; shades of each colour there. With fewer than 20 rows purple became
+grey."""
 PNG_COLOURS = 128
-"""Of a PNG's palette: a third of the bytes, and the smoothed edges of lines look the same."""
+"""Size of a PNG's palette: a third of the bytes, and the smoothed edges of lines look the same."""
 
 
 def render(figure: Figure, kind: str) -> bytes:
@@ -37,7 +39,7 @@ def render(figure: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
     with_plain_powers(figure)
     with warnings.catch_warnings(), _laid_out(figure):
-        warnings.filterwarnings("ignore", message=r"Glyph \d+")  # where the font lacks a script, names are boxes
+        warnings.filterwarnings("ignore", message=r"Glyph \d+")  # if the font lacks a script, names become boxes
         if kind == "svg":
             with mpl.rc_context({"svg.hashsalt": "barbalat", "svg.fonttype": "path", "path.simplify_threshold": 0.25}):
                 figure.savefig(buffer, format="svg", metadata={"Date": None})
@@ -48,13 +50,13 @@ def render(figure: Figure, kind: str) -> bytes:
 
 @contextmanager
 def _laid_out(figure: Figure) -> Iterator[None]:
-    """With its layout found once: Matplotlib would draw the whole figure for it, and then again."""
+    """The figure with its layout computed once: otherwise Matplotlib would draw the whole figure for it, and then again."""
     engine = figure.get_layout_engine()
     if engine is None:
         yield
         return
     engine.execute(figure)
-    figure.set_layout_engine(None)  # "none" is an engine too
+    figure.set_layout_engine(None)  # "none" is a layout engine too
     try:
         yield
     finally:
@@ -62,7 +64,7 @@ def _laid_out(figure: Figure) -> Iterator[None]:
 
 
 def _packed(png: io.BytesIO) -> bytes:
-    """Return the picture with fewer colours, the palette's among them, since too few pixels of a covered line are seen
+    """Return the picture with fewer colours, including the palette's, since a partly covered line has too few pixels
     otherwise."""
     from PIL import Image
 
@@ -89,7 +91,7 @@ def _swatches(width: int) -> Image.Image:
 
 
 def adaptive(svg: str) -> str:
-    """The SVG with short numbers, and with a second set of colours for a dark ground."""
+    """The SVG with shortened numbers, and with a second set of colours for a dark background."""
     svg = re.sub(r"<!--.*?-->|<!DOCTYPE.*?>|<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
     svg = re.sub(r"\n\s*", "\n", svg)
     svg = re.sub(r'(?<= d=")[^"]*|(?<=transform=")[^"]*|(?<= [xy]=")[^"]*', lambda found: _shortened(found[0]), svg)
@@ -100,14 +102,14 @@ def adaptive(svg: str) -> str:
         if (dark := on_dark(colour)) is not None
         for part in ("fill", "stroke")
     ]
-    black_text = f'[id^="text_"] {{ fill: {DARK_INK} }}'  # black is an SVG's default and stands nowhere
+    black_text = f'[id^="text_"] {{ fill: {DARK_INK} }}'  # black is an SVG's default and is not written out
     style = "@media (prefers-color-scheme: dark) {\n" + "\n".join([black_text, *rules]) + "\n}"
     start = svg.index(">", svg.index("<svg ")) + 1
     return f"{svg[:start]}\n <style>{style}</style>{svg[start:]}"
 
 
 def _shortened(path: str) -> str:
-    """Four digits, or a hundredth of a point: glyphs are in large units of their own, and their scale is a small number."""
+    """Four digits, or a hundredth of a point: glyphs use large units of their own, and their scale is a small number."""
 
     def short(number: re.Match[str]) -> str:
         value = float(number[0])
@@ -117,14 +119,15 @@ def _shortened(path: str) -> str:
 
 
 def on_dark(colour: str) -> str | None:
-    """A colour's partner: of the palette its own, of greys those as far from the dark ground as they were from white."""
+    """The dark variant of a colour: for the palette its own, for greys those with the same distance from the dark background
+    as from white."""
     light = (c.lower() for c in (*COLOURS, INK, QUIET_INK, GROUND))
     named = dict(zip(light, (*ON_DARK, DARK_INK, DARK_QUIET_INK, DARK_GROUND), strict=True))
     if colour in named:
         return named[colour]
     red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
     hue, lightness, saturation = colorsys.rgb_to_hls(red, green, blue)
-    if saturation > 0.1:  # some other colour, of a map: its scale must stay what it is
+    if saturation > 0.1:  # another colour, of a map: its scale must not change
         return None
     ground, ink = (int(end[1:3], 16) / 255 for end in (DARK_GROUND, DARK_INK))
     grey = ink + (ground - ink) * lightness
@@ -132,18 +135,18 @@ def on_dark(colour: str) -> str | None:
 
 
 POWER = re.compile(r"\$\\mathdefault\{(?P<sign>-?)(?:(?P<mantissa>[\d.]+)\\times)?10\^\{(?P<exponent>-?\d+)\}\}\$")
-"""What Matplotlib writes."""
+"""Matplotlib's text for a power of ten."""
 
 
 class PlainPowers(LogFormatterSciNotation):
-    """Labels where Matplotlib does."""
+    """Plain labels at the positions where Matplotlib puts labels."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
         return plain(super().__call__(x, pos))
 
 
 def plain(text: str) -> str:
-    """0.2, 10, 3·10⁻² in place of the same as mathematics; another text as it is."""
+    """0.2, 10, 3·10⁻² in place of the same in mathtext; any other text is unchanged."""
     found = POWER.fullmatch(text)
     if found is None:
         return text
@@ -152,7 +155,7 @@ def plain(text: str) -> str:
 
 
 def power_of_ten(value: float) -> str:
-    """0.1, 1, 10, and 10 with its exponent beyond; for whole powers. Nothing for the zero below the smallest number."""
+    """0.1, 1, 10, and beyond these 10 with its exponent; for whole powers. Nothing for the zero below the smallest number."""
     if value <= 0:
         return ""
     exponent = round(math.log10(value))
@@ -160,7 +163,7 @@ def power_of_ten(value: float) -> str:
 
 
 def with_plain_powers(figure: Figure) -> None:
-    """On all logarithmic axes of a figure that have nothing else."""
+    """Use plain powers on all logarithmic axes of a figure that have no other formatter."""
     insets = [inset for axes in figure.axes for inset in axes.child_axes if isinstance(inset, Axes)]
     for axes in (*figure.axes, *insets):
         for axis in (axes.xaxis, axes.yaxis):

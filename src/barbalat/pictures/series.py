@@ -1,4 +1,4 @@
-"""What of a long series a picture can show: a line where the eye can follow it, an envelope where it oscillates too fast."""
+"""What a plot can show of a long series: a line where the eye can follow it, an envelope where it oscillates too fast."""
 
 from __future__ import annotations
 
@@ -9,24 +9,24 @@ import numpy as np
 from barbalat.validate import Array
 
 COLUMNS_PER_INCH = 55
-"""Of a panel's width: some two pixels each, on a page and on a phone."""
+"""Columns per inch of a panel's width: some two pixels each, on a page and on a phone."""
 FASTEST_SWING_COLUMNS = 1.7
-"""Columns that a swing from a least to a greatest value takes at most where it oscillates too fast: seven pixels for a period."""
+"""Largest number of columns of a swing between extrema that is too fast to see: seven pixels per period."""
 FEWEST_FAST_SWINGS = 6
 """In a row, three periods: fewer are a transient, which a line shows."""
 SHORTEST_ENVELOPE_PERIODS = 10
-"""Of the slowest oscillation that is too fast: some seventy pixels. A shorter one has no shape that could be seen, only a box."""
+"""Periods of the slowest oscillation that is too fast: some seventy pixels. A shorter envelope has no visible shape."""
 VISIBLE_SWING_SHARE = 0.02
-"""Part of the whole height below which a swing is hardly more than the line's own width."""
+"""Share of the whole height below which a swing is hardly larger than the line's width."""
 LEVEL_SHARE = 1e-3
-"""Part of the whole height below which two points of an envelope count as level."""
+"""Share of the whole height below which two points of an envelope count as level."""
 PIECES_PER_COLUMN = 8
-"""Pieces of a column that are looked at; a longer series is taken together."""
+"""Pieces of a column that are examined; a longer series is condensed."""
 
 
 @dataclass(frozen=True)
 class Outline:
-    """A line without a gap, (2, N): in an envelope it runs in the middle; and the envelopes, each (3, M): t, low, high."""
+    """A line without gaps, (2, N), which runs in the middle of an envelope; and the envelopes, each (3, M): t, low, high."""
 
     line: Array
     envelopes: tuple[Array, ...]
@@ -41,9 +41,9 @@ def outline(
     inches: float = 4.0,
     height: float | None = None,
 ) -> Outline:
-    """From instants t (K,), the values there, and the extrema (K - 1,) between one and the next, where they are known.
+    """From instants t (K,), the values there, and the extrema (K - 1,) in between, if they are known.
 
-    inches  how wide the panel is from t[0] to t[-1]
+    inches  width of the panel from t[0] to t[-1]
     height  of the panel, in the values' unit; by default what the series needs
     """
     if len(t) < 3:
@@ -61,7 +61,7 @@ def outline(
     for run in runs:
         band = _envelope(path, run, period, LEVEL_SHARE * height)
         until = run[-1]
-        if _stays_in(path[:, until:], band[1:, -1], period):  # the end of the series is in the envelope too
+        if _stays_in(path[:, until:], band[1:, -1], period):  # the end of the series is part of the envelope too
             band, until = np.column_stack([band, [path[0, -1], *band[1:, -1]]]), path.shape[1]
         inside[run[0] + 1 : until] = True
         bands.append(band)
@@ -71,18 +71,22 @@ def outline(
 
 
 def _stays_in(rest: Array, sides: Array, period: float) -> bool:
-    """Whether what is left of a series is shorter than two periods, and never leaves the envelope."""
+    """Whether the rest of a series is shorter than two periods and never leaves the envelope."""
     return bool(np.ptp(rest[0]) <= 2 * period and sides[0] <= rest[1].min() and rest[1].max() <= sides[1])
 
 
-def _path(t: Array, value: Array, low: Array | None, high: Array | None, most: int) -> Array:
-    """(2, N): the way that the series goes, through each interval's extrema in a likely order; ``most`` intervals."""
+def windows(t: Array, value: Array, low: Array | None, high: Array | None, most: int) -> tuple[Array, Array, Array, Array]:
+    """At most ``most`` windows of a series: their ends, the values there, and the extrema within each."""
     start, end = value[:-1], value[1:]
     low = np.minimum(start, end) if low is None else np.minimum(low, np.minimum(start, end))
     high = np.maximum(start, end) if high is None else np.maximum(high, np.maximum(start, end))
     edges = np.unique(np.linspace(0, len(low), min(len(low), most) + 1).astype(int))
-    low, high = np.minimum.reduceat(low, edges[:-1]), np.maximum.reduceat(high, edges[:-1])
-    t, value = t[edges], value[edges]
+    return t[edges], value[edges], np.minimum.reduceat(low, edges[:-1]), np.maximum.reduceat(high, edges[:-1])
+
+
+def _path(t: Array, value: Array, low: Array | None, high: Array | None, most: int) -> Array:
+    """(2, N): the path of the series, through each interval's extrema in a likely order; at most ``most`` intervals."""
+    t, value, low, high = windows(t, value, low, high, most)
     ends = np.array([np.minimum(value[:-1], value[1:]), np.maximum(value[:-1], value[1:])])
     rising = value[1:] >= value[:-1]
     between = np.array([value[:-1], np.where(rising, low, high), np.where(rising, high, low)])
@@ -94,7 +98,7 @@ def _path(t: Array, value: Array, low: Array | None, high: Array | None, most: i
 
 
 def turning_points(values: Array, least: float) -> Array:
-    """Indices at which the values turn by more than ``least``, greatest and least values by turns."""
+    """Indices at which the values turn by more than ``least``, maxima and minima alternating."""
     turns: list[int] = []
     extreme, rising = 0, True
     entries = values.tolist()
@@ -109,9 +113,10 @@ def turning_points(values: Array, least: float) -> Array:
 
 
 def _runs(swings: Array) -> list[tuple[int, int]]:
-    """Which turning points stretches of fast swings have between them; ``swings`` last so long, 1 is still fast.
+    """The pairs of turning points between which there are fast swings; ``swings`` are their durations, where 1 is just fast
+    enough.
 
-    A swing of up to 1.5 times that belongs to a stretch. The first and the last swing are left out: they lead to it and away.
+    A swing of up to 1.5 times that belongs to the interval. The first and the last swing are left out: they lead to and from it.
     """
     marked = np.concatenate([[False], swings <= 1.5, [False]])
     changes = np.flatnonzero(np.diff(marked.astype(int))).reshape(-1, 2)
@@ -119,7 +124,7 @@ def _runs(swings: Array) -> list[tuple[int, int]]:
 
 
 def _envelope(path: Array, turns: Array, width: float, level: float) -> Array:
-    """(3, M): lines through the greatest and through the least values, of those within a ``width`` the outermost."""
+    """(3, M): lines through the maxima and through the minima, using the outermost ones within each ``width``."""
     values = path[1, turns]
     first = 0 if values[0] < values[1] else 1
     lower, upper = (_outermost(path[:, turns[k::2]], width, level, sign) for k, sign in ((first, -1), (1 - first, 1)))
@@ -128,7 +133,7 @@ def _envelope(path: Array, turns: Array, width: float, level: float) -> Array:
 
 
 def _outermost(points: Array, width: float, level: float, sign: int) -> Array:
-    """(2, M): in each stretch of the width the farthest point up, or down with ``sign`` -1; of level ones the ends."""
+    """(2, M): in each interval of the width the highest point, or the lowest for ``sign`` -1; of level ones the ends."""
     stretch = ((points[0] - points[0, 0]) / width).astype(int) if width > 0 else np.arange(points.shape[1])
     starts = np.flatnonzero(np.diff(stretch, prepend=-1))
     best = [a + int((sign * points[1, a:b]).argmax()) for a, b in zip(starts, [*starts[1:], points.shape[1]], strict=True)]
@@ -138,7 +143,7 @@ def _outermost(points: Array, width: float, level: float, sign: int) -> Array:
 
 
 def _thinned(path: Array, columns: int, duration: float) -> Array:
-    """(2, N): of each column's points the first, the least, the greatest and the last, in their order."""
+    """(2, N): the first, the least, the greatest and the last point of each column, in their order."""
     if path.shape[1] <= 4 * columns or duration == 0:
         return path
     column = ((path[0] - path[0, 0]) / duration * columns).astype(int)

@@ -1,4 +1,4 @@
-"""Distributions: which share of many runs reaches at most a value, or at least one."""
+"""Distributions: the share of many runs with at most, or at least, a given value."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from barbalat.validate import Array
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shares:
-    """A panel: for each name the values of all runs; one that is not finite is beyond every value.
+    """A panel: for each name the values of all runs; a value that is not finite is beyond every other.
 
-    at_least  whether the share is of the runs with at least a value, else of those with at most one
+    at_least  whether the share is that of runs with at least a value, and not with at most one
     """
 
     title: str
@@ -27,7 +27,7 @@ class Shares:
 
 
 def draw(panels: Sequence[Shares], note: str, *, shown: bool = False) -> Figure:
-    """A panel beside the other; ``shown`` as of ``new_figure``."""
+    """Adjacent panels; ``shown`` as in ``new_figure``."""
     figure = new_figure(WIDE if len(panels) > 1 else 1.4 * NARROW, 3.6, shown=shown, layout="constrained")
     theme = Theme.current()
     for axes, panel in zip(np.ravel(figure.subplots(1, len(panels), squeeze=False)), panels, strict=True):
@@ -62,7 +62,7 @@ def draw(panels: Sequence[Shares], note: str, *, shown: bool = False) -> Figure:
 
 
 def _curve(values: Array, *, at_least: bool) -> tuple[Array, Array]:
-    """Sorted finite values, and the share that reaches at most, or at least, each."""
+    """Sorted finite values, and the share with at most, or at least, each of them."""
     finite = np.sort(values[np.isfinite(values)])
     count = np.arange(1, len(finite) + 1) / max(len(values), 1)
     return finite, 1 - count + 1 / max(len(values), 1) if at_least else count

@@ -1,11 +1,11 @@
-"""Symbols and powers of ten of names in pictures, as plain text: γ and 10⁶ for gamma 1e6; text that stays on one line."""
+"""Symbols and powers of ten of names in plots, as plain text: γ and 10⁶ for gamma 1e6; text that stays on one line."""
 
 from __future__ import annotations
 
 import re
 
 HELD_BLANK = "\N{NO-BREAK SPACE}"
-"""A blank at which no line ends."""
+"""A non-breaking space."""
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 GREEK = {
     "alpha": "α",
@@ -41,7 +41,7 @@ def held(text: str) -> str:
 
 
 def in_symbols(text: str) -> str:
-    """A name with the symbol in the place of a letter's name that has a value, and with numbers as they are written."""
+    """A name with the symbol in place of a Greek letter's name that has a value, and with numbers in plain notation."""
 
     def symbol(found: re.Match[str]) -> str:
         letter, mantissa, exponent = found.groups()
@@ -56,6 +56,28 @@ def estimated(name: str) -> str:
     return f"{GREEK.get(symbol, symbol)}{HAT}{index.translate(SUBSCRIPTS)}"
 
 
+_BELOW = str.maketrans("0123456789aehijklmnoprstuvx", "₀₁₂₃₄₅₆₇₈₉ₐₑₕᵢⱼₖₗₘₙₒₚᵣₛₜᵤᵥₓ", ",")
+_MATHTEXT = re.compile(r"\\hat\{\\?(?P<hat>\w+)\}|\\(?P<name>[a-zA-Z]+)|_\{(?P<index>[^}]*)\}|_(?P<letter>\w)")
+
+
+def without_mathtext(text: str) -> str:
+    """A picture's text with its formulas as plain text: x₁ and θ̂₁ where Matplotlib has mathematics."""
+
+    def plain(found: re.Match[str]) -> str:
+        if found["hat"]:
+            return f"{GREEK.get(found['hat'], found['hat'])}{HAT}"
+        if found["name"]:
+            return GREEK.get(found["name"], found["name"])
+        index = found["index"] or found["letter"]
+        below = index.translate(_BELOW)
+        return f"_{index}" if re.search(r"[A-Za-z]", below) else below
+
+    parts = re.split(r"(?<!\\)\$", text.removeprefix("\u200b"))
+    return "".join(
+        _MATHTEXT.sub(plain, part).replace("-", "−") if i % 2 else part.replace(r"\$", "$") for i, part in enumerate(parts)
+    )
+
+
 def times_power(mantissa: str, exponent: int) -> str:
     """4.3·10⁶, or 10⁶ alone."""
     power = "10" + str(exponent).translate(SUPERSCRIPTS)
@@ -63,7 +85,7 @@ def times_power(mantissa: str, exponent: int) -> str:
 
 
 def number_text(value: float | list[float] | None, separator: str = ", ") -> str:
-    """A figure for people: four digits, components with a separator between."""
+    """A figure for people: four digits, with a separator between components."""
     if isinstance(value, list):
         return separator.join(number_text(v) for v in value) or "-"
     return "-" if value is None else f"{value + 0.0:.4g}"  # no minus before a zero

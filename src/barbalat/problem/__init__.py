@@ -1,1 +1,1 @@
-"""What is to be solved: plant, known set, actuation, measurement, and the tracking problems made of them."""
+"""Tracking problems: plant, known set, actuation and measurement."""

@@ -1,4 +1,4 @@
-"""What lies between the controller's output and the plant: converter, limits, actuator, delay. No controller knows it."""
+"""The path from the controller's output to the plant: converter, limits, actuator, delay. It is unknown to every controller."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ class PlantInput(Settings):
     """The path of u to the plant: quantised, saturated, rate-limited, through omega (1 + Delta_m(s)), delayed; in this order.
 
     quantization    step of a converter's output [unit of u]: u becomes the nearest multiple
-    saturation      (lower, upper) with lower < 0 < upper
+    saturation      (lower, upper) limits of u, with lower < 0 < upper
     rate_limit      largest |rate| [unit of u per s]; below it the output follows within a solver step
     actuator        G_a(s) = 1 + Delta_m(s), proper and stable: eq. (11)
-    multiplicative  Delta_m(s) itself, likewise; with an actuator the two are in series
+    multiplicative  Delta_m(s) itself, proper and stable; with an actuator the two are in series
     gain            the effectiveness omega > 0; 1 unless given
-    delay           [s], exact; 0, or at least one solver step
-    history         what reaches the plant until t = delay, a constant; 0 by default, and without effect where there is no delay
+    delay           [s], exact; 0, or at fixed steps at least one of them
+    history         what reaches the plant until t = delay, a constant; 0 by default, and without effect if there is no delay
 
-    The dynamics start at rest. A delay commutes with everything else here, which does not change with time. Raises InputError.
+    The dynamics start at rest. A delay commutes with all other time-invariant parts of the path. Raises InputError.
     """
 
     quantization: float | None = None
@@ -68,7 +68,7 @@ class PlantInput(Settings):
 
     @cached_property
     def dynamics(self) -> TransferFunction | None:
-        """The linear part without the delay, omega (1 + Delta_m(s)); ``None`` where that is 1."""
+        """The linear part without the delay, omega (1 + Delta_m(s)); ``None`` if that is 1."""
         total: TransferFunction | None = self.actuator
         if self.multiplicative is not None:
             one_plus = TransferFunction(np.polyadd(self.multiplicative.den, self.multiplicative.num), self.multiplicative.den)
@@ -84,14 +84,14 @@ class PlantInput(Settings):
 
     @cached_property
     def path(self) -> InputPath | None:
-        """The equations of everything but the delay; ``None`` where u reaches the plant as it is."""
+        """The equations of everything but the delay; ``None`` if u reaches the plant unchanged."""
         if self.dynamics is None and self.is_linear:
             return None
         return self._path_through(self.dynamics)
 
     @cached_property
     def path_of_unknown_gain(self) -> InputPath:
-        """The input's equations with the gain in them even where it is 1, so that plants with any gain have one structure."""
+        """The path's equations including the gain even if it is 1, so that plants with any gain have the same structure."""
         return self._path_through(self.dynamics or TransferFunction([1.0], [1.0]))
 
     def _path_through(self, dynamics: TransferFunction | None) -> InputPath:
@@ -99,7 +99,7 @@ class PlantInput(Settings):
 
 
 class InputState(NamedTuple):
-    """What the input path integrates."""
+    """The state of the input path."""
 
     limited: Value  # (1,) output of the rate limiter, (0,) without one
     dynamics: Value  # (order of 1 + Delta_m,)
@@ -109,8 +109,8 @@ class InputState(NamedTuple):
 class InputPath:
     """The equations of a PlantInput without its delay.
 
-    following  [s] within which a rate limiter follows its demand where the limit lets it: a solver's step, which may be a
-               symbol; None before the step is known, when only a path without a rate limit has equations
+    following  time [s] within which a rate limiter follows its demand as far as the limit allows: a solver's step, which may be a
+               symbol; None before the step is known, when only paths without a rate limit have equations
     """
 
     quantum: float | None
@@ -121,7 +121,7 @@ class InputPath:
 
     @property
     def linear(self) -> InputPath | None:
-        """The linear part of the path: its dynamics; None where there are none."""
+        """The linear part of the path: its dynamics; None if there are none."""
         return None if self.dynamics is None else InputPath(None, None, None, self.dynamics)
 
     def initial(self) -> InputState:
@@ -130,13 +130,13 @@ class InputPath:
         )
 
     def asked(self, u: Value) -> Value:
-        """u as the converter and the limits let it through."""
+        """u after the converter and the limits."""
         if self.quantum is not None:
             u = self.quantum * np.floor(u / self.quantum + 0.5)
         return u if self.saturation is None else np.clip(u, self.saturation[0], self.saturation[1])
 
     def derivative(self, state: InputState, u: Value) -> InputState:
-        """d/dt of the state."""
+        """The derivative of the state."""
         asked = self.asked(u)
         limited, dynamics = state
         if self.rate_limit is not None:

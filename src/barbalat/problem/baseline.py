@@ -1,24 +1,30 @@
-"""The fixed controller that is already there, u_baseline = k_r r - K z: an adaptive law adds to it, and its loop is the model.
+"""The existing fixed controller, u_baseline = k_r r - K z: an adaptive law adds to it, and its closed loop is the reference
+model.
 
-z = [x; xi] holds the plant's state and the controller's own, xi' = F xi + G (r - H x): the integral of the error, the states of a
-PID or of any linear system. On the nominal plant x' = A x + b u the loop is
+z = [x; xi] contains the plant's state and the controller's own, xi' = F xi + G (r - H x), which may be the integral of the error
+or the states of a PID or of any linear system. On the nominal plant x' = A x + b u the loop is
 
     z' = A_m z + B_m r,    A_m = A_z - b_z K,    A_z = [A 0; -G H F],    b_z = [b; 0],    B_m = [0; G] + b_z k_r,
 
-and on another plant z' = A_m z + b_z (theta'z + u) + [0; G] r, where theta = K' is the nominal one: all that is said of the plant
-(1) holds for z. Source: Lavretsky and Wise, Robust and Adaptive Control, chapters 9 and 10.
+and on another plant z' = A_m z + b_z (theta'z + u) + [0; G] r, where theta = K' for the nominal plant: every statement about the
+plant (1) holds for z. Source: Lavretsky and Wise, Robust and Adaptive Control, chapters 9 and 10.
+
+If the input is limited, v = sat(u), anti-windup by back-calculation is available (Astrom and Murray, Feedback Systems, section
+11.4): xi' then also has the term W (v - u). With K = [.., K_i] on the integrals and W = -inv(K_i)/T_t, the control's part -K_i xi
+changes at the rate (v - u)/T_t: the excess beyond the limits decays with the time constant T_t.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
-from dataclasses import KW_ONLY, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from barbalat import validate
+from barbalat.linear import riccati
 from barbalat.linear.systems import StateSpace
 from barbalat.problem.known_set import KnownSet, ParameterBall, ParameterBox
 from barbalat.problem.physical import PhysicalPlant
@@ -26,12 +32,19 @@ from barbalat.protocols import Value
 from barbalat.settings import Settings
 from barbalat.validate import Array, InputError, freeze
 
+RESTS_AT_ZERO = 1e-12
+"""An output's gain at rest below this share of the largest state's is rounding: the output comes to rest at 0."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FixedController:
-    """u = k_r r - K z, xi' = F xi + G (r - H x), xi(0) = 0: a baseline's numbers on a plant of n states with m inputs.
+    """u = k_r r - K z, xi' = F xi + G (r - H x) + W (v - u), xi(0) = 0: a baseline's matrices for n states and m inputs.
 
     Shapes: K (m, n + l), k_r (m, q), F (l, l), G (l, q), H (q, n).
+
+    W         (l, m) back-calculation gain of the integrals at the limits; None without anti-windup
+    limits    (2, m) limits of v, infinite for an input without limits; None if no input has limits
+    external  whether other code computes its u, which a sampled controller receives in addition to the measurements
     """
 
     K: Array
@@ -39,6 +52,15 @@ class FixedController:
     F: Array
     G: Array
     H: Array
+    W: Array | None = None
+    limits: Array | None = None
+    external: bool = False
+
+    def within(self, limits: Sequence[Array | None]) -> FixedController:
+        """The same controller for an input with these limits, (2,) each, which matter only for anti-windup."""
+        if self.W is None or all(one is None for one in limits):
+            return self
+        return replace(self, limits=np.array([(-np.inf, np.inf) if one is None else one for one in limits]).T)
 
     @property
     def order(self) -> int:
@@ -52,17 +74,17 @@ class FixedController:
 
     @property
     def enters(self) -> Array:
-        """[0; G], by which the command enters beside the input: (n + l,), with m inputs (n + l, q)."""
+        """[0; G], the matrix by which the command enters the state directly: (n + l,), with m inputs (n + l, q)."""
         whole = np.vstack([np.zeros((self.H.shape[1], self.G.shape[1])), self.G])
         return whole[:, 0] if len(self.K) == 1 else whole
 
     @property
     def theta(self) -> Array:
-        """((n + l) m,) the nominal plant's theta, row by row: u = k_r r - theta'z is the baseline."""
+        """((n + l) m,) theta of the nominal plant, row by row: u = k_r r - theta'z is the baseline."""
         return self.K.T.reshape(-1)
 
     def around(self, A: Array, b: Array) -> tuple[Array, Array]:
-        """A_z and b_z of z on a plant with A and b."""
+        """A_z and b_z of the state z on a plant with A and b."""
         own = self.order
         A_z = np.block([[A, np.zeros((len(A), own))], [-self.G @ self.H, self.F]])
         return A_z, np.concatenate([b, np.zeros((own, *b.shape[1:]))])
@@ -76,41 +98,72 @@ class FixedController:
         zero = [0.0] * len(physical.b[0]) if isinstance(physical.b[0], (list, tuple)) else 0.0
         return PhysicalPlant(A=A, b=[*physical.b, *[zero] * count], parameters=physical.parameters, input=physical.input)
 
-    def derivative(self, xi: Value, x: Value, r: Value) -> Value:
-        """xi'."""
-        return self.F @ xi + self.G @ (r.reshape(-1) - self.H @ x)
+    def control(self, z: Value, r: Value) -> Value:
+        """u = k_r r - K z, (m,)."""
+        return self.k_r @ r.reshape(-1) - self.K @ z
 
-    def advance(self, xi: Value, x_before: Value, x: Value, r: Value, T: float) -> Value:
-        """xi one sample of length T [s] later, by the trapezoidal rule, under the command r that was held since."""
+    def derivative(self, xi: Value, x: Value, r: Value, u: Value) -> Value:
+        """xi' under the total control u."""
+        rate = self.F @ xi + self.G @ (r.reshape(-1) - self.H @ x)
+        return rate if self.limits is None else rate + self.W @ self._cut(u)
+
+    def advance(self, xi: Value, x_before: Value, x: Value, r: Value, u: Value, T: float) -> Value:
+        """xi one sample of length T [s] later, by the trapezoidal rule, with the command r and the control u held in between."""
         half = np.eye(self.order) - T / 2 * self.F
         ahead, driven = np.linalg.solve(half, np.eye(self.order) + T / 2 * self.F), np.linalg.solve(half, T * self.G)
-        return ahead @ xi + driven @ (r.reshape(-1) - self.H @ ((x_before + x) / 2))
+        advanced = ahead @ xi + driven @ (r.reshape(-1) - self.H @ ((x_before + x) / 2))
+        if self.limits is None:
+            return advanced
+        return advanced + np.linalg.solve(half, T * np.asarray(self.W)) @ self._cut(u)
+
+    def require_sampled(self, T: float) -> None:
+        """InputError if, at samples of T [s], anti-windup would remove more than the excess beyond the limits."""
+        if self.W is None:
+            return
+        fastest = float(np.abs(self.K @ np.vstack([np.zeros((self.H.shape[1], len(self.K))), self.W])).max())
+        if fastest * T > 1 + 1e-9:
+            raise InputError.of("baseline.anti_windup", f"must be at least the sample time of {T:g} s, got {1 / fastest:.6g}")
+
+    def _cut(self, u: Value) -> Value:
+        """v - u, the part of u that the limits cut off."""
+        assert self.limits is not None
+        return np.clip(u.reshape(-1), self.limits[0], self.limits[1]) - u.reshape(-1)
 
     def around_nominal(self, departure: KnownSet) -> KnownSet:
-        """The known set of theta from that of the plant's departure from the nominal one, x' = A x + b (departure'x + u)."""
+        """The known set of theta, from that of the plant's deviation from the nominal one, x' = A x + b (deviation'x + u)."""
         zeros = np.zeros(self.order * len(self.K))
         if isinstance(departure, ParameterBall):
             if self.order:
-                raise InputError.of("uncertainty", "must be a box beside a baseline with states of its own: give lower and upper")
+                raise InputError.of("uncertainty", "must be a box with a dynamic baseline: give lower and upper")
             return ParameterBall(center=departure.center + self.theta, radius=departure.radius)
         lower, upper = (np.concatenate([np.asarray(end), zeros]) for end in (departure.lower, departure.upper))
         return ParameterBox(lower=lower + self.theta, upper=upper + self.theta)
 
 
 class Baseline(ABC, Settings):
-    """What every kind has: its numbers follow from the nominal plant and from what is to follow the command."""
+    """Base of all baselines: the gains follow from the nominal plant and from the outputs that are to follow the command."""
 
     output: Any
+    external: bool
+    anti_windup: float | None = None
 
     @abstractmethod
     def controller(self, A: Array, b: Array) -> FixedController:
-        """On the nominal plant x' = A x + b u; InputError where the two don't fit."""
+        """The controller for the nominal plant x' = A x + b u; InputError if the two don't fit."""
+
+    def on(self, A: Array, b: Array) -> FixedController:
+        """The controller with its external flag and anti-windup set."""
+        validate.instance("baseline.external", self.external, bool)
+        found = replace(self.controller(A, b), external=self.external)
+        if self.anti_windup is None:
+            return found
+        return replace(found, W=_tracking(found, validate.positive("baseline.anti_windup", self.anti_windup)))
 
     def followed(self, A: Array, b: Array) -> tuple[Array, Array]:
         """b as (n, m) and H (m, n)."""
         n, B = len(A), np.asarray(b, dtype=float).reshape(len(A), -1)
         if self.output is None:
-            raise InputError.of("baseline.output", "is missing: give the row of C of what is to follow the command")
+            raise InputError.of("baseline.output", "is missing: give the row of C of the output that follows the command")
         H = np.atleast_2d(np.asarray(validate.array("baseline.output", self.output, (None,) * validate.dimensions(self.output))))
         if H.shape != (B.shape[1], n):
             raise InputError.of(
@@ -120,12 +173,26 @@ class Baseline(ABC, Settings):
         return B, H
 
 
+def _tracking(fixed: FixedController, T_t: float) -> Array:
+    """W = -inv(K_i)/T_t on the states that integrate, one for each input; 0 on the others."""
+    integrals = np.flatnonzero(~fixed.F.any(axis=1))
+    K_i = fixed.K[:, fixed.H.shape[1] + integrals]
+    if np.linalg.svd(K_i, compute_uv=False).min() <= 1e-9 * np.abs(fixed.K).max():
+        raise InputError.of("baseline.anti_windup", "needs an integral that acts on each input, and one has next to no gain")
+    W = np.zeros((fixed.order, len(fixed.K)))
+    W[integrals] = -np.linalg.inv(K_i) / T_t
+    return W
+
+
 def _at_rest(A: Array, B: Array, H: Array, K: Array) -> Array:
-    """k_r with which H x comes to rest at a constant command."""
-    gains = H @ np.linalg.solve(B @ K - A, B)
-    if np.linalg.svd(gains, compute_uv=False).min() <= 1e-9 * np.abs(gains).max(initial=0.0) or not gains.any():
+    """k_r for which H x settles at a constant command."""
+    states = np.linalg.solve(B @ K - A, B)  # x at rest, for a constant addition of 1 to each input
+    gains = H @ states
+    if np.linalg.svd(gains, compute_uv=False).min() <= RESTS_AT_ZERO * np.abs(H).max() * np.abs(states).max():
         raise InputError.of(
-            "baseline", "can't bring what it follows to rest at every constant command; give feedforward, or an integral"
+            "baseline",
+            "cannot hold the followed output at every constant command: it comes to rest at 0, or outputs depend on each other; "
+            "let another state follow, or give feedforward",
         )
     return np.asarray(np.linalg.inv(gains))
 
@@ -136,7 +203,7 @@ def _without_states(A: Array, B: Array, H: Array, K: Array, k_r: Array | None) -
 
 
 def _matrix(field: str, given: Any, rows: int, columns: int) -> Array:
-    """A matrix, or a list where there is one row, or a number where there is one entry."""
+    """A matrix from a matrix, from a list if it has one row, or from a number if it has one entry."""
     if validate.dimensions(given) == 0:
         return (
             np.array([[validate.number(field, given)]]) if rows == columns == 1 else validate.array(field, given, (rows, columns))
@@ -148,17 +215,19 @@ def _matrix(field: str, given: Any, rows: int, columns: int) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class StateBaseline(Baseline):
-    """u = feedforward r - K x: gains that are flown already.
+    """u = feedforward r - K x with existing gains.
 
     K            (n,), with m inputs (m, n)
-    feedforward  a number, with m inputs (m, m); by default so that what follows the command comes to rest there
-    output       (n,), with m inputs (m, n): what is to follow the command
+    feedforward  a number, with m inputs (m, m); by default such that the output settles at a constant command
+    output       (n,), with m inputs (m, n): the output that is to follow the command
+    external     whether other code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     K: Array
     _: KW_ONLY
     feedforward: float | Array | None = None
     output: Array | None = None
+    external: bool = False
 
     def controller(self, A: Array, b: Array) -> FixedController:
         B, H = self.followed(A, b)
@@ -169,17 +238,19 @@ class StateBaseline(Baseline):
 
 @dataclass(frozen=True, eq=False)
 class LqrBaseline(Baseline):
-    """u = k_r r - K x, K minimises the integral of x'Q x + u'R u; what follows the command comes to rest there.
+    """u = k_r r - K x, where K minimises the integral of x'Q x + u'R u; the output settles at a constant command.
 
     Q       weights of the states, (n,), or a matrix
-    R       of the inputs: a number, (m,), or a matrix
-    output  (n,), with m inputs (m, n): what is to follow the command
+    R       weights of the inputs: a number, (m,), or a matrix
+    output  (n,), with m inputs (m, n): the output that is to follow the command
+    external  whether other code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     Q: Array
     R: float | Array
     _: KW_ONLY
     output: Array | None = None
+    external: bool = False
 
     def controller(self, A: Array, b: Array) -> FixedController:
         B, H = self.followed(A, b)
@@ -188,17 +259,21 @@ class LqrBaseline(Baseline):
 
 @dataclass(frozen=True, eq=False)
 class LqiBaseline(Baseline):
-    """u = -K [x; xi], xi the integral of r - H x: K minimises the integral of z'Q z + u'R u.
+    """u = -K [x; xi] with the integral xi of r - H x; K minimises the integral of z'Q z + u'R u.
 
-    Q       weights of the states and, last, of the errors' integrals, (n + m,), or a matrix
-    R       of the inputs: a number, (m,), or a matrix
-    output  (n,), with m inputs (m, n): H, what is to follow the command
+    Q       weights of the states, followed by those of the integrated errors, (n + m,), or a matrix
+    R       weights of the inputs: a number, (m,), or a matrix
+    output  (n,), with m inputs (m, n): H, the output that is to follow the command
+    anti_windup  > 0, T_t: time constant with which the integral unwinds the excess beyond the input's limits [s]
+    external  whether other code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     Q: Array
     R: float | Array
     _: KW_ONLY
     output: Array | None = None
+    anti_windup: float | None = None
+    external: bool = False
 
     def controller(self, A: Array, b: Array) -> FixedController:
         B, H = self.followed(A, b)
@@ -209,9 +284,7 @@ class LqiBaseline(Baseline):
 
 
 def _optimal(A: Array, B: Array, Q: Any, R: Any) -> Array:
-    """K of the linear quadratic regulator; InputError for weights of another size, and where nothing stabilises."""
-    from scipy.linalg import solve_continuous_are
-
+    """K of the linear quadratic regulator; InputError for weights of another size, or if the plant can't be stabilised."""
     n, m = B.shape
     weights, costs = _weights("baseline.Q", Q, n), _weights("baseline.R", R, m)
     if np.linalg.eigvalsh(weights).min() < -1e-12 * np.abs(weights).max(initial=1.0):
@@ -219,18 +292,17 @@ def _optimal(A: Array, B: Array, Q: Any, R: Any) -> Array:
     if not np.linalg.eigvalsh(costs).min() > 0:
         raise InputError.of("baseline.R", f"must be positive definite, got {validate.show(R)}")
     try:
-        P = solve_continuous_are(A, B, weights, costs)
-    except (np.linalg.LinAlgError, ValueError):
+        P = riccati.continuous(A, B, weights, costs)
+    except np.linalg.LinAlgError:
         raise InputError.of(
             "baseline",
-            "has no optimal gain on the nominal plant: what is unstable, or integrated, must be within the input's reach and "
-            "weighted by Q",
+            "has no optimal gain on the nominal plant: unstable and integrated modes must be controllable and weighted by Q",
         ) from None
     return np.asarray(np.linalg.solve(costs, B.T @ P))
 
 
 def _weights(field: str, given: Any, size: int) -> Array:
-    """A number for one entry, a diagonal, or a symmetric matrix."""
+    """A symmetric matrix of weights, from a matrix, from its diagonal, or from a number if it has one entry."""
     if validate.dimensions(given) == 2:
         matrix = validate.square_matrix(field, given, size)
         if not np.allclose(matrix, matrix.T, rtol=1e-12, atol=0.0):
@@ -241,11 +313,11 @@ def _weights(field: str, given: Any, size: int) -> Array:
 
 
 class OnTheError(Baseline):
-    """A linear system K(s) of one output's error: u = K(s)[r - H x]."""
+    """A linear system K(s) that acts on the error of one output: u = K(s)[r - H x]."""
 
     @abstractmethod
     def realised(self) -> StateSpace:
-        """K(s)."""
+        """A realisation of K(s)."""
 
     def controller(self, A: Array, b: Array) -> FixedController:
         B, H = self.followed(A, b)
@@ -263,13 +335,17 @@ class PiBaseline(OnTheError):
 
     k_p     proportional gain [u per unit of y]
     k_i     integral gain [u per unit of y and s]
-    output  (n,): H, what is to follow the command
+    output  (n,): H, the output that is to follow the command
+    anti_windup  > 0, T_t: time constant with which the integral unwinds the excess beyond the input's limits [s]
+    external  whether other code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     k_p: float
     k_i: float
     _: KW_ONLY
     output: Array | None = None
+    anti_windup: float | None = None
+    external: bool = False
 
     def __post_init__(self) -> None:
         freeze(self, k_p=validate.number("baseline.k_p", self.k_p), k_i=_not_zero("baseline.k_i", self.k_i))
@@ -286,7 +362,9 @@ class PidBaseline(OnTheError):
     k_i     integral gain [u per unit of y and s]
     k_d     derivative gain [u s per unit of y]
     T_f     > 0, time constant of the derivative's filter [s]
-    output  (n,): H, what is to follow the command
+    output  (n,): H, the output that is to follow the command
+    anti_windup  > 0, T_t: time constant with which the integral unwinds the excess beyond the input's limits [s]
+    external  whether other code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     k_p: float
@@ -295,6 +373,8 @@ class PidBaseline(OnTheError):
     T_f: float
     _: KW_ONLY
     output: Array | None = None
+    anti_windup: float | None = None
+    external: bool = False
 
     def __post_init__(self) -> None:
         freeze(self, k_p=validate.number("baseline.k_p", self.k_p), k_i=_not_zero("baseline.k_i", self.k_i))
@@ -309,15 +389,17 @@ class PidBaseline(OnTheError):
 
 @dataclass(frozen=True, eq=False)
 class SystemBaseline(OnTheError):
-    """u = K(s)[r - y], y = H x: any proper linear system of one input and one output.
+    """u = K(s)[r - y], y = H x: any proper linear system with one input and one output.
 
     system  a TransferFunction or StateSpace, or one of python-control or SciPy
-    output  (n,): H, what is to follow the command
+    output  (n,): H, the output that is to follow the command
+    external  whether other code computes it: an exported controller then receives its u at each sample; false by default
     """
 
     system: Any
     _: KW_ONLY
     output: Array | None = None
+    external: bool = False
 
     def __post_init__(self) -> None:
         freeze(self, system=StateSpace.accept("baseline", self.system))
@@ -330,7 +412,7 @@ class SystemBaseline(OnTheError):
 def _not_zero(field: str, given: Any) -> float:
     found = validate.number(field, given)
     if found == 0:
-        raise InputError.of(field, "must not be zero: what it multiplies would be a state that nothing feels")
+        raise InputError.of(field, "must not be zero: it multiplies a state that would have no effect")
     return found
 
 
@@ -342,4 +424,4 @@ BASELINES: Mapping[str, type[Baseline]] = {
     "pid": PidBaseline,
     "system": SystemBaseline,
 }
-"""By the names of case files."""
+"""The baselines by their names in case files."""

@@ -1,4 +1,4 @@
-"""The truth held against the plant and the declared sets: where what is simulated departs from the design."""
+"""Compares the simulated plant with the design plant and its declared sets: lists the differences."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from barbalat.problem.truth import TruePlant
 from barbalat.validate import Array
 
 SAME_TO = 1e-9
-"""Relative to the largest number: what differs by less was computed in other steps."""
+"""Relative to the largest number: smaller differences come from another order of computation."""
 
 
 @dataclass(frozen=True)
 class Departure:
-    """One difference, as a sentence about the truth.
+    """One difference, as a sentence about the simulated plant.
 
-    within  whether the declared sets contain it, so that what holds for all of these holds for it
+    within  whether the declared sets contain it, so that guarantees over the sets hold for it
     """
 
     sentence: str
@@ -32,7 +32,7 @@ class Departure:
 
 
 def departures(problem: Problem) -> list[Departure]:
-    """All differences between the truth and the design; none where they are the same, or where there is no truth apart."""
+    """All differences between the simulated plant and the design; empty if they are the same."""
     simulated = problem.simulated
     if simulated is None:
         return []
@@ -40,9 +40,9 @@ def departures(problem: Problem) -> list[Departure]:
 
 
 def true_parameters(problem: Problem) -> Array | None:
-    """(p,) theta of the plant that is simulated, by the weighted projection, and the input gains where they are unknown.
+    """(p,) theta of the simulated plant, by the weighted projection, followed by the input gains if they are unknown.
 
-    None where it has other states than the plant.
+    None if the simulated plant has other states.
     """
     simulated = problem.simulated
     if simulated is None:
@@ -54,7 +54,7 @@ def true_parameters(problem: Problem) -> Array | None:
 
 
 def _projected(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
-    """theta and omega of the simulated A and b, with the gains before the inputs; a regressor keeps its theta."""
+    """theta and omega for the simulated A and b, including the gains of the inputs; a regressor keeps its theta."""
     plant, n = problem.plant, problem.plant.n
     scale = np.ones(n) if plant.scale is None else plant.scale
     A, b = _matrices(problem, simulated)
@@ -63,7 +63,7 @@ def _projected(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
 
 
 def _matrices(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
-    """A and b of what is simulated, with a baseline's states behind its own."""
+    """A and b of the simulated plant, with a baseline's states appended."""
     baseline = problem.plant.baseline
     return (simulated.A, simulated.b) if baseline is None else baseline.around(simulated.A, simulated.b)
 
@@ -94,11 +94,11 @@ def _of_theta(problem: Problem, theta: Array) -> Iterator[Departure]:
     elif _contains(known, theta):
         yield Departure(f"{said}; it lies in the known set", within=True)
     else:
-        yield Departure(f"{said}; it lies outside the known set, {known}: projected estimates can't reach it")
+        yield Departure(f"{said}; it lies outside the known set, {known}: projected estimates cannot reach it")
 
 
 def _contains(known: KnownSet, values: Array) -> bool:
-    """Whether a set contains values, up to the roundings with which they were computed."""
+    """Whether a set contains the values, up to the rounding errors of their computation."""
     beyond = np.abs(known.brought_in(values[None])[0] - values)
     return bool((beyond <= SAME_TO * np.maximum(1.0, np.abs(values))).all())
 
@@ -128,7 +128,7 @@ def _of_the_rests(problem: Problem, simulated: TruePlant, theta: Array) -> Itera
         largest = max(1.0, *(float(np.abs(one).max()) for one in beside))
         if np.abs(rest).max() > SAME_TO * largest:
             yield Departure(
-                f"{name} has an unmatched rest of norm {np.linalg.norm(rest, 2):.3g}, which no theta and no gain give"
+                f"{name} has an unmatched rest of norm {np.linalg.norm(rest, 2):.3g}, which no theta and gain can produce"
             )
 
 

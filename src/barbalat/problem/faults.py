@@ -1,8 +1,8 @@
-"""What goes wrong between the plant and a sampled controller: lost, late, wrong and repeated measurements, drawn or at times.
+"""Faults between the plant and a sampled controller: lost, late, wrong and repeated measurements, at random or at given times.
 
-A fault is a function of time, so that every controller of a case meets the same ones, and a finer step too. What is drawn is a
-hash of the seed, of the fault's place in its list and of the time on a grid of nanoseconds: SplitMix64's output function
-(Steele, Lea and Flood, 2014). It has the same bits everywhere and needs no order of evaluation.
+A fault is a function of time, so that every controller of a case, and every finer step, has the same faults. Random faults are a
+hash of the seed, of the fault's position in its list and of the time on a grid of nanoseconds: SplitMix64's output function
+(Steele, Lea and Flood, 2014). The result is the same bit for bit on every machine and in every order of evaluation.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from barbalat.settings import Settings, one_line
 from barbalat.validate import Array, InputError, freeze
 
 GRID = 1e-9
-"""[s] on which times are told apart: far below any sample time, far above the rounding of a time of hours."""
+"""Resolution of times [s]: far below any sample time, far above the rounding of a time of hours."""
 LARGEST_SEED = 2**64 - 1
 COMMAND = "command"
-"""The channel of the command, for dropouts."""
+"""The name of the command's channel, for dropouts."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fault(Settings):
-    """When a fault is there: by a share of the time, or at given times.
+    """When a fault is present: for a share of the time, or at given times.
 
-    share   of the samples, drawn independently; with ``burst`` of the time, drawn in bursts
-    burst   how long a burst lasts [s]
+    share   share of the samples, drawn independently; with ``burst``, share of the time, drawn in bursts
+    burst   the length of a burst [s]
     times   intervals [start, end) [s], instead of a share
-    seed    fixes what is drawn, together with the fault's place among the case's
+    seed    determines the random numbers, together with the fault's position in the case
     """
 
     share: float | None = None
@@ -41,7 +41,7 @@ class Fault(Settings):
 
     kind: ClassVar[str] = ""
     always: ClassVar[bool] = False
-    """Whether it is there all the time unless something else is said."""
+    """Whether the fault is always present by default."""
 
     __repr__ = one_line
 
@@ -62,10 +62,10 @@ class Fault(Settings):
         if self.share is not None and self.times:
             raise InputError("give either share or times, got both")
         if self.share is None and not self.times and not self.always:
-            raise InputError(f"a {self.kind} needs share or times, which say when it is there")
+            raise InputError(f"a {self.kind} needs share or times, which determine when it is present")
 
     def there(self, t: Array, place: int) -> Array:
-        """Whether the fault, the ``place``-th of its case, is there at times t [s]."""
+        """Whether the fault at position ``place`` of its case is present at times t [s]."""
         ticks = np.round(np.asarray(t) / GRID).astype(np.int64)
         if self.share is not None:
             slots = ticks if self.burst is None else ticks // max(1, round(self.burst / GRID))
@@ -76,43 +76,42 @@ class Fault(Settings):
         return np.any([(ticks >= start) & (ticks < end) for start, end in edges], axis=0)
 
     def value(self, t: Array, place: int) -> Array:
-        """What the loop is handed of the fault at times t [s]: 1 where it is there, else 0."""
+        """The fault signal that the loop receives at times t [s]: 1 while the fault is present, else 0."""
         return np.where(self.there(t, place), 1.0, 0.0)
 
     @property
     def channels(self) -> str:
-        """The channel that it is on; empty for all that are measured."""
+        """The channel that it affects; empty for all measured channels."""
         return str(getattr(self, "channel", ""))
 
     @abstractmethod
     def require(self, names: tuple[str, ...]) -> None:
-        """InputError for a channel that there is not; ``names`` are those that are measured."""
+        """InputError for an unknown channel; ``names`` are the measured channels."""
 
 
 class OnChannel:
-    """A fault on one measured channel, or on all of them."""
+    """A fault of one measured channel, or of all of them."""
 
     channel: str
 
     def require(self, names: tuple[str, ...]) -> None:
-        """InputError for a channel that there is not; ``names`` are those that are measured."""
+        """InputError for an unknown channel; ``names`` are the measured channels."""
         if self.channel not in ("", *names):
             raise InputError.of("channel", f"must be one of {', '.join(names)}, got {validate.show(self.channel)}")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dropout(OnChannel, Fault):
-    """A measurement, or a command, that does not come.
+    """A measurement, or a command, that is lost.
 
-    channel  a measured one, "command", or by default all that are measured. Where one entry does not come the whole
-             measurement is lost
+    channel  a measured one, "command", or by default all measured ones. If one entry is lost, the whole measurement is lost
     """
 
     channel: str = ""
     kind: ClassVar[str] = "dropout"
 
     def require(self, names: tuple[str, ...]) -> None:
-        """InputError for a channel that there is not; ``names`` are those that are measured."""
+        """InputError for an unknown channel; ``names`` are the measured channels."""
         if self.channel not in ("", COMMAND, *names):
             known = ", ".join((*names, COMMAND))
             raise InputError.of("channel", f"must be one of {known}, got {validate.show(self.channel)}")
@@ -120,7 +119,7 @@ class Dropout(OnChannel, Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Spike(OnChannel, Fault):
-    """A measurement with an error of a given size, whose sign is drawn for each sample.
+    """A measurement with an error of a given size and a random sign at each sample.
 
     channel  the measured one; all by default
     size     [the channel's unit]
@@ -135,7 +134,7 @@ class Spike(OnChannel, Fault):
         super().__post_init__()
 
     def value(self, t: Array, place: int) -> Array:
-        """What is added to the measurement at times t [s]."""
+        """The error that is added to the measurement at times t [s]."""
         ticks = np.round(np.asarray(t) / GRID).astype(np.int64)
         up = uniform(self.seed, place + SIGNS, ticks) < 0.5
         return np.where(self.there(t, place), np.where(up, self.size, -self.size), 0.0)
@@ -154,7 +153,7 @@ class Stuck(OnChannel, Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Bias(OnChannel, Fault):
-    """A measurement with a constant error while the fault is there.
+    """A measurement with a constant error while the fault is present.
 
     channel  the measured one; all by default
     size     [the channel's unit], of either sign
@@ -169,16 +168,16 @@ class Bias(OnChannel, Fault):
         super().__post_init__()
 
     def value(self, t: Array, place: int) -> Array:
-        """What is added to the measurement at times t [s]."""
+        """The error that is added to the measurement at times t [s]."""
         return np.where(self.there(t, place), self.size, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Latency(OnChannel, Fault):
-    """A measurement that comes late: at each sample the controller gets what was measured some samples before.
+    """A late measurement: at each sample the controller receives the measurement of some samples earlier.
 
     channel  the measured one; all by default
-    time     [s], a whole number of sample times. All the time unless share or times say otherwise
+    time     [s], a whole number of sample times. Always present unless share or times are given
     """
 
     time: float
@@ -193,10 +192,10 @@ class Latency(OnChannel, Fault):
 
 @dataclass(frozen=True, kw_only=True)
 class Jitter(Fault):
-    """A timer that calls early or late, uniformly distributed: measurement and control move with the call.
+    """A timer that calls early or late, uniformly distributed: measurement and control are taken at the time of the call.
 
-    time  by how much at most [s]: at least one solver step, and at most a quarter of the sample time, of all jitters of a case
-          together. All the time unless share or times say otherwise
+    time  the largest deviation [s]: at least one solver step, and at most a quarter of the sample time for all jitters of a case
+          together. Always present unless share or times are given
     """
 
     time: float
@@ -208,23 +207,23 @@ class Jitter(Fault):
         super().__post_init__()
 
     def require(self, names: tuple[str, ...]) -> None:
-        """It is on no channel."""
+        """Nothing to check, because jitter affects no channel."""
 
     def value(self, t: Array, place: int) -> Array:
-        """How late the next call is, as a part of ``time``, from -1 to 1."""
+        """The deviation of the next call as a fraction of ``time``, from -1 (early) to 1 (late)."""
         ticks = np.round(np.asarray(t) / GRID).astype(np.int64)
         return np.where(self.there(t, place), 2 * uniform(self.seed, place + SIGNS, ticks) - 1, 0.0)
 
 
 FAULTS = {kind.kind: kind for kind in (Dropout, Spike, Stuck, Bias, Jitter, Latency)}
-"""The faults of the package by the names that case files use."""
+"""The package's faults by their names in case files."""
 SIGNS = 1 << 32
-"""Added to a fault's place for a second number that is drawn of it: no case has so many faults."""
+"""Added to a fault's position for its second random number; no case has so many faults."""
 
 
 @dataclass(frozen=True)
 class FaultSignal:
-    """A fault as one of the functions of time that drive a loop, which looks at it at samples alone."""
+    """A fault as one of the functions of time that drive a loop, which evaluates it only at samples."""
 
     fault: Fault
     place: int
@@ -234,25 +233,29 @@ class FaultSignal:
         return self.fault.value(t, self.place)
 
     def before(self, t: Array) -> Array:
-        """The same: nobody looks at it between samples."""
+        """The fault's value at times t [s]; it is evaluated only at samples, so that the limit from the left is not needed."""
         return self(t)
 
 
 def uniform(seed: int, place: int, slots: Array) -> Array:
-    """Numbers from 0 to 1 of 53 bits for each slot, by SplitMix64's output function, applied twice."""
+    """Uniform numbers from 0 to 1 with 53 bits for each slot, by SplitMix64's output function, applied twice."""
     with np.errstate(over="ignore"):
         key = _mixed(np.array([seed], dtype=np.uint64) + np.uint64(place + 1) * GOLDEN_GAMMA)
         found = _mixed(_mixed(slots.astype(np.uint64) * GOLDEN_GAMMA + key))
-    return (found >> np.uint64(11)) * 2.0**-53
+    return (found >> np.uint64(UNUSED_BITS)) * 2.0**-53
 
 
 GOLDEN_GAMMA = np.uint64(0x9E3779B97F4A7C15)
+SHIFTS = 30, 27, 31
+FACTORS = 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
+UNUSED_BITS = 11
+"""Unused bits of the 64; the other 53 are a double's integer precision."""
 
 
 def _mixed(z: Array) -> Array:
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return np.asarray(z ^ (z >> np.uint64(31)))
+    for shift, factor in zip(SHIFTS, FACTORS, strict=False):
+        z = (z ^ (z >> np.uint64(shift))) * np.uint64(factor)
+    return np.asarray(z ^ (z >> np.uint64(SHIFTS[-1])))
 
 
 def _intervals(given: object) -> tuple[tuple[float, float], ...]:

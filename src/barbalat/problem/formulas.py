@@ -22,7 +22,7 @@ FUNCTION_NAMES = tuple(_FUNCTIONS)
 
 
 BEND_OF_ABS = "the zero of an abs(...) or sqrt(...) in a formula"
-"""Where a rate has a corner, as runs speak of it."""
+"""The words by which runs report this corner of a rate."""
 
 _OPERATORS: dict[type, Callable[[Value, Value], Value]] = {
     ast.Add: lambda a, b: a + b,
@@ -33,33 +33,33 @@ _OPERATORS: dict[type, Callable[[Value, Value], Value]] = {
 }
 
 Evaluation = Callable[[Mapping[str, Value]], Value]
-"""From the variables' values by name, by whatever arithmetic they have."""
+"""A function of the variables' values by name, evaluated in the arithmetic of their type."""
 
 
 @dataclass(frozen=True)
 class FormulaNames:
-    """Which names a formula may use: a regular expression, and how a message speaks of them."""
+    """The names that a formula may use: a regular expression, and their description for messages."""
 
     pattern: str
     shown: str
 
 
 DEEPEST_NESTING = 400
-"""Levels of a formula: of Python's 1000 calls within calls, with as many again left to whoever asks for a value."""
+"""Deepest nesting of a formula; Python's limit is 1000 nested calls, of which the rest is left for the caller."""
 
 
 @dataclass(frozen=True, eq=False)
 class Formula:
-    """A parsed formula, and the variables in it."""
+    """A parsed formula and its variables."""
 
     names: frozenset[str]
     evaluate: Evaluation
     bends: bool
-    """Whether it uses abs or sqrt, whose slope jumps or has no limit at zero."""
+    """Whether it uses abs or sqrt, whose slope jumps or is unbounded at zero."""
 
 
 def formula(field: str, text: Any, variables: FormulaNames) -> Formula:
-    """The text as a formula; InputError, which names the field, where it is none or uses anything else."""
+    """The text as a parsed formula; InputError, with the field, if it is no formula or uses anything that is not admitted."""
     if not isinstance(text, str):
         raise _refusal(field, text, variables)
     return _parsed(field, text, variables)
@@ -87,14 +87,14 @@ def _parsed(field: str, text: str, variables: FormulaNames) -> Formula:
 
 
 class _Reader:
-    """Reads the parts of one formula; ``names`` are the variables that were met."""
+    """Reads the parts of one formula; ``names`` collects its variables."""
 
     def __init__(self, field: str, text: str, variables: FormulaNames) -> None:
         self.field, self.text, self.variables = field, text, variables
         self.names: set[str] = set()
 
     def read(self, node: ast.expr, depth: int) -> tuple[Evaluation, bool]:
-        """A part as a function of the variables, and whether it is a constant, which must then be a finite real number."""
+        """A part as a function of the variables, and whether it is a constant; a constant must be a finite real number."""
         if depth > DEEPEST_NESTING:
             raise InputError.of(
                 self.field, f"must not be nested more than {DEEPEST_NESTING} deep, got {validate.show(self.text)}"
@@ -105,11 +105,11 @@ class _Reader:
             return evaluate, False
         value = _number(evaluate)
         if value is None:
-            raise self._unusable(node, "is no finite real number: it divides by zero, is too large, or has no real value")
+            raise self._unusable(node, "is not a finite real number: it divides by zero, is too large, or has no real value")
         return (lambda _: value), True
 
     def _combined(self, node: ast.expr, depth: int) -> tuple[Evaluation, list[tuple[Evaluation, bool]]]:
-        """How a part follows from its own parts, and these."""
+        """The function that combines a part's own parts, and these parts."""
         match node:
             case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
                 return (lambda _: float(value)), []
@@ -141,7 +141,7 @@ class _Reader:
 
 
 def _number(evaluate: Evaluation) -> float | None:
-    """The value of a constant, where it is a finite real number."""
+    """The value of a constant if it is a finite real number; otherwise None."""
     try:
         with np.errstate(all="ignore"):
             value = evaluate({})

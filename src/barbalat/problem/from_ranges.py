@@ -1,13 +1,14 @@
-"""What the ranges of physical parameters say of theta, of the input's gain and of what no theta matches, in ball arithmetic.
+"""Bounds on theta, the input gain and the unmatched remainder from ranges of physical parameters, in ball arithmetic.
 
 With b = b(nominal), the model's A_m and weights W = diag(1/scale^2) of the states,
 
     A(p) = A_m + b theta'(p) + rest_A(p),      theta' = g (A(p) - A_m),
     b(p) gain(p) = b omega(p) + rest_b(p),     omega = g b(p) gain(p),
 
-with g = (b'W b)^-1 b'W: of all theta and omega those that leave the smallest rests in the weighted norm. Both equations hold
-exactly for the g that was computed, whatever its roundings; the ranges are cut until every enclosure is within 1.05 of what
-was seen at points. With several inputs omega is the diagonal, and what is beside it belongs to the rest.
+with g = (b'W b)^-1 b'W: of all theta and omega these leave the smallest remainders in the weighted norm. Both equations hold
+exactly for the computed g, despite its rounding errors; the ranges are subdivided until the width of every enclosure is within
+1.05 times the width observed at points, or into 3000 cells at most. With several inputs omega is the diagonal, and the
+off-diagonal entries belong to the remainder.
 """
 
 from __future__ import annotations
@@ -31,33 +32,33 @@ from barbalat.problem.physical import PhysicalPlant, projected, projection
 from barbalat.validate import Array, InputError, show
 
 TIGHTNESS = 1.05
-"""The width of an enclosure is at most this times the width that was seen, unless MOST_CELLS do not suffice."""
+"""The width of an enclosure is at most this multiple of the observed width, unless MOST_CELLS are insufficient."""
 MOST_CELLS = 3000
-"""Into which the ranges are cut at most; the enclosure holds after any number of them."""
+"""Largest number of cells of the ranges; the enclosure holds for any number of cells."""
 MOST_CORNERS = 256
-"""Of the ranges, or of a part of them, at which the quantities are evaluated; beyond, the centre alone."""
+"""Largest number of corners of the ranges, or of a cell, at which the quantities are evaluated; beyond it only the centre."""
 DRAWN = 2000
-"""Points of the ranges at which the quantities are evaluated before anything is cut."""
+"""Points of the ranges at which the quantities are evaluated before the first cut."""
 SMALLEST_PART = 2.0**-20
-"""Of a parameter's range, below which it is not cut further."""
+"""Share of a parameter's range below which it is not cut further."""
 MATCHED_TO = 1e-9
-"""Of the largest entry of A, A_m or b: a rest below it is rounding, as for a plant that is given by its numbers."""
-BOX_NOTE = "a box holds {} independently of each other: it contains plants that no parameters of these ranges give"
+"""Share of the largest entry of A, A_m or b: a remainder below it is rounding, as for a plant given by numbers."""
+BOX_NOTE = "a box bounds {} independently: it contains plants that do not correspond to parameters in these ranges"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FromRanges:
-    """What ranges of physical parameters were turned into.
+    """The known set and the remainders that follow from ranges of physical parameters.
 
-    theta           box that contains theta(p) for all parameters of the ranges
-    input_gain      pairs (lower, upper) that contain omega_i(p); None where b and the gains do not depend on uncertain parameters
-    rest_A, rest_b  (n, n) and (n, m): bounds of the entries' magnitudes that no theta and no omega match
-    scale           (n,) of the states, by whose squares they are weighted; ``scale_from`` says where it comes from
-    shares          by uncertain parameter, how much of the change of A and of b over its range is unmatched, as a part of the
-                    weighted norm; None where they do not change
-    width_ratio     the largest ratio of an enclosure's width to the width that was seen
-    cells           into which the ranges were cut
-    used            whether the known set of the problem is this one; otherwise the user's own stands in its place
+    theta           box that contains theta(p) for all parameters in the ranges
+    input_gain      pairs (lower, upper) that contain omega_i(p); None if b and the gains do not depend on uncertain parameters
+    rest_A, rest_b  (n, n) and (n, m): bounds on the magnitudes of the entries that no theta and no omega match
+    scale           (n,) scales of the states, whose inverse squares are their weights; ``scale_from`` says where they come from
+    shares          by uncertain parameter, the unmatched share, in the weighted norm, of the change of A and of b over its range;
+                    None if they do not change
+    width_ratio     the largest ratio of an enclosure's width to the observed width
+    cells           the number of cells into which the ranges were cut
+    used            whether this is the known set of the problem; otherwise the user gave another one
     """
 
     theta: ParameterBox
@@ -74,37 +75,47 @@ class FromRanges:
 
     @property
     def is_matched(self) -> bool:
-        """Whether theta and omega leave nothing."""
+        """Whether theta and omega match everything."""
         return not self.rest_A.any() and not self.rest_b.any()
 
     @property
     def sizes(self) -> tuple[float, float]:
-        """Bounds of the spectral norms of both rests: a matrix of bounds of magnitudes has the larger norm."""
+        """Bounds of the spectral norms of both remainders: a matrix of bounds on magnitudes has the larger norm."""
         return tuple(float(np.linalg.norm(one, 2)) * (1 + 1e-12) for one in (self.rest_A, self.rest_b))  # type: ignore[return-value]
 
     @property
     def unmatched(self) -> str:
-        """What is unmatched, in a few words; empty where nothing is."""
+        """A few words on the unmatched part; empty if everything is matched."""
         if self.is_matched:
             return ""
         size_A, size_b = self.sizes
         parts = [f"{size:.3g} in {name}" for size, name in ((size_A, "A"), (size_b, "b")) if size > 0]
-        return f"the parameters' ranges leave unmatched rests of up to {' and '.join(parts)}"
+        return f"the parameters' ranges leave unmatched remainders of up to {' and '.join(parts)}"
+
+    @property
+    def too_wide(self) -> str | None:
+        """A sentence if an enclosure is wider than TIGHTNESS asks for."""
+        if self.width_ratio <= TIGHTNESS:
+            return None
+        return (
+            f"a bound from the parameters' ranges is {self.width_ratio:.3g} times as wide as the values found at points in them, "
+            f"although the ranges were cut into {self.cells} cells: cancel common factors in the formulas to narrow it"
+        )
 
     @property
     def sentences(self) -> list[str]:
-        """For people: the set, the rests, the weights and what a box loses."""
+        """Sentences about the set, its excess width, the remainders, the weights and the conservatism of a box."""
         ends = zip(self.theta.lower, self.theta.upper, strict=True)
         said = [f"theta_{i + 1} in [{low:.6g}, {high:.6g}]" for i, (low, high) in enumerate(ends)]
         gains = self.input_gain or ()
         said += [
             f"omega{f'_{i + 1}' if len(gains) > 1 else ''} in [{low:.6g}, {high:.6g}]" for i, (low, high) in enumerate(gains)
         ]
-        taken = "" if self.used else "; the case's own [uncertainty] stands in its place"
+        taken = "" if self.used else "; the case's own [uncertainty] replaces it"
         found = [f"from the parameters' ranges: {', '.join(said)}{taken}"]
         if self.unmatched:
             each = [
-                f"{100 * share:.0f} % of what {name} changes in {matrix}"
+                f"{100 * share:.0f} % of the change that {name} causes in {matrix}"
                 for name, by in self.shares.items()
                 for matrix, share in by.items()
                 if share is not None and share > MATCHED_TO
@@ -114,10 +125,10 @@ class FromRanges:
         found.append(f"the states are weighted by their scales {scale}, {self.scale_from}")
         if self.input_gain is not None or (self.theta.lower < self.theta.upper).sum() > 1:
             found.append(BOX_NOTE.format("the entries of theta" if self.input_gain is None else "theta and omega"))
-        return found
+        return found if self.too_wide is None else [*found, self.too_wide]
 
     def as_json(self) -> dict[str, Any]:
-        """Everything that was derived, with how tight it is."""
+        """All derived quantities, with the tightness of the bounds."""
         size_A, size_b = self.sizes
         return {
             "nominal": dict(self.nominal),
@@ -139,10 +150,11 @@ class FromRanges:
 
 @dataclass(frozen=True, eq=False)
 class _Quantities:
-    """theta, omega and the rests as linear combinations of products of parameters: of balls, and of many points at once.
+    """theta, omega and the remainders as linear combinations of products of parameters, evaluated on balls or on many points at
+    once.
 
-    sums      of each quantity, in the order theta row by row, omega, rest of A, rest of b
-    products  that occur in them
+    sums      one for each quantity, in the order theta row by row, omega, remainder of A, remainder of b
+    products  the products that occur in them
     """
 
     sums: list[Sum]
@@ -169,12 +181,12 @@ class _Quantities:
 
     @cached_property
     def names(self) -> list[frozenset[str]]:
-        """The parameters that each quantity depends on."""
+        """The names of the parameters on which each quantity depends."""
         return [frozenset().union(*map(names_of, one)) for one in self.sums]
 
     @cached_property
     def factors(self) -> Array:
-        """(quantities, products), rounded."""
+        """The coefficients (quantities, products), rounded."""
         return np.array([[float(one.get(product, 0)) for product in self.products] for one in self.sums])
 
     def at(self, values: Mapping[str, Array]) -> Array:
@@ -186,7 +198,7 @@ class _Quantities:
 
     @cached_property
     def _exact(self) -> list[list[tuple[int, arb]]]:
-        """Of each quantity the products with their factors, as balls of a rounding."""
+        """The products of each quantity with their coefficients, as balls that contain the exact numbers."""
         places = {product: i for i, product in enumerate(self.products)}
         return [[(places[p], arb(fmpq(f.numerator, f.denominator))) for p, f in one.items()] for one in self.sums]
 
@@ -208,7 +220,7 @@ def _products(entry: Any) -> Sum:
 
 
 def _combined(factors: Array, sums: Sequence[Sum]) -> dict[Product, Fraction]:
-    """A linear combination in exact arithmetic: what cancels is gone."""
+    """A linear combination in exact arithmetic, in which terms may cancel."""
     return added(*(scaled(one, float(factor)) for factor, one in zip(factors, sums, strict=True)))
 
 
@@ -222,14 +234,14 @@ class _Enclosure:
 
     @property
     def ratio(self) -> float:
-        """The largest of the widths against the widths that were seen, of what moves by more than rounding."""
+        """The largest ratio of an enclosure's width to the observed width, over quantities that vary by more than rounding."""
         widths, seen = self.high - self.low, self.seen_high - self.seen_low
         moves = seen > MATCHED_TO * np.maximum(np.abs(self.seen_low), np.abs(self.seen_high))
         return float((widths[moves] / seen[moves]).max(initial=1.0))
 
 
 _found: dict[Hashable, _Enclosure] = {}
-"""Enclosures by all that they follow from: the members of a study mostly share it, and some take half a second."""
+"""Enclosures by their inputs, because most members of a study share them and some take half a second."""
 MOST_KEPT = 64
 
 
@@ -243,15 +255,15 @@ def _enclosed_once(found: _Quantities, ranges: Mapping[str, tuple[float, float]]
 
 
 def _enclosed(found: _Quantities, ranges: Mapping[str, tuple[float, float]], floor: Array) -> _Enclosure:
-    """The quantities over the ranges, cut where an enclosure is too wide; ``floor`` (quantities,) is what counts as nothing."""
+    """Enclosures over the ranges, which are cut where one is too wide; values up to ``floor`` (quantities,) count as zero."""
     names = [name for name, (low, high) in ranges.items() if low < high]
     low, high = ({name: ends[side] for name, ends in ranges.items()} for side in (0, 1))
     depends = found.names
     points = _points(names, low, high, DRAWN)
     seen = found.at(_columns(points, names, ranges))
-    seen_low, seen_high = np.nanmin(seen, axis=0), np.nanmax(seen, axis=0)
+    seen_low, seen_high = np.fmin.reduce(seen), np.fmax.reduce(seen)
     if not np.isfinite([seen_low, seen_high]).all():
-        unbounded = np.full(len(seen_low), np.inf)  # a pole lies at a corner of the ranges
+        unbounded = np.full(len(seen_low), np.inf)  # there is a pole at a corner of the ranges
         return _Enclosure(-unbounded, unbounded, seen_low, seen_high, 1)
     boxes, bounds = [(low, high)], [found.enclosed(low, high)]
     lows, highs = np.array([bounds[0][0]]), np.array([bounds[0][1]])
@@ -265,13 +277,13 @@ def _enclosed(found: _Quantities, ranges: Mapping[str, tuple[float, float]], flo
         low, high = boxes[cell]
         side = _widest(found, names, low, high, ranges, depends[worst], worst)
         if high[side] - low[side] < SMALLEST_PART * (ranges[side][1] - ranges[side][0]):
-            break  # no bound is in sight: a pole lies in the ranges
+            break  # no bound can be found: there is a pole within the ranges
         middle = (low[side] + high[side]) / 2
         halves = [(low, high | {side: middle}), (low | {side: middle}, high)]
         made = [found.enclosed(*half) for half in halves]
         for half in halves:
             more = found.at(_columns(_points(names, *half, 0), names, ranges))
-            seen_low, seen_high = np.fmin(seen_low, np.nanmin(more, axis=0)), np.fmax(seen_high, np.nanmax(more, axis=0))
+            seen_low, seen_high = np.fmin(seen_low, np.fmin.reduce(more)), np.fmax(seen_high, np.fmax.reduce(more))
         boxes[cell] = halves[0]
         boxes.append(halves[1])
         lows[cell], highs[cell] = made[0]
@@ -280,7 +292,7 @@ def _enclosed(found: _Quantities, ranges: Mapping[str, tuple[float, float]], flo
 
 
 def _points(names: list[str], low: Mapping[str, float], high: Mapping[str, float], drawn: int) -> Array:
-    """(K, names): the centre, the corners where there are few, and points drawn evenly."""
+    """(K, names): the centre, the corners if there are few, and uniformly distributed points."""
     a, b = (np.array([side[name] for name in names]) for side in (low, high))
     corners = np.array(list(product(*zip(a, b, strict=True)))) if 2 ** len(names) <= MOST_CORNERS else np.array([a, b])
     inside = np.random.default_rng(0).uniform(a, b, (drawn, len(names)))
@@ -310,16 +322,16 @@ def _widest(
     values = found.at(_columns(points, names, ranges))[:, quantity].reshape(-1, 2)
     change = np.abs(values[:, 1] - values[:, 0])
     share = np.array([(high[name] - low[name]) / (ranges[name][1] - ranges[name][0]) for name in own])
-    # where a quantity changes little its enclosure may still be wide: then the widest part of a range
+    # a quantity that changes little may still have a wide enclosure: then the widest part of a range is cut
     return own[
         int(np.argmax(np.where(np.isfinite(change), change, 0.0) / (change.max(initial=0.0) or 1.0) * share + 0.25 * share))
     ]
 
 
 def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_from: str) -> FromRanges:
-    """The known set and the rests; ``b`` is that of the nominal plant.
+    """The known set and the remainders; ``b`` is that of the nominal plant.
 
-    Raises InputError where a formula has no bound over the ranges.
+    Raises InputError if a formula has no bound over the ranges.
     """
     n, quantities = len(A_m), _Quantities.of(plant, A_m, b, scale)
     m = quantities.b_bar.shape[1]
@@ -330,7 +342,7 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
     _require_finite(plant, found)
     nominal = quantities.at({name: np.array([value]) for name, value in plant.nominal.items()} or {"": np.zeros(1)})[0]
     gains = evaluated("plant.input.gain", plant.gains(m), plant.nominal)
-    nominal[: n * m + m] = np.concatenate([projected(A, A_m, b, scale), gains])  # in the plant's own roundings
+    nominal[: n * m + m] = np.concatenate([projected(A, A_m, b, scale), gains])  # in the plant's own rounding
     moves = np.array([any(low < high for low, high in (plant.ranges[name] for name in names)) for names in quantities.names])
     low, high = (np.where(moves, end(one, nominal), nominal) for end, one in ((np.minimum, found.low), (np.maximum, found.high)))
     ends = np.cumsum(quantities.sizes)
@@ -368,7 +380,7 @@ def _require_finite(plant: PhysicalPlant, found: _Enclosure) -> None:
 
 
 def _shares(plant: PhysicalPlant, quantities: _Quantities, scale: Array) -> dict[str, dict[str, float | None]]:
-    """By uncertain parameter the unmatched part of the change of A and of b from one end of its range to the other."""
+    """By uncertain parameter, the unmatched share of the change of A and of b from one end of its range to the other."""
     n, m = quantities.b_bar.shape
     found: dict[str, dict[str, float | None]] = {}
     for name, ends in plant.ranges.items():

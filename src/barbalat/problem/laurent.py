@@ -1,7 +1,7 @@
-"""Formulas as sums of products: what cancels between two of them cancels before any range is put in.
+"""Formulas as sums of products, so that common terms cancel before any range is substituted.
 
--k/J - k/L and k/J have the products k J^-1 and k L^-1 in common. A factor is a variable or, where a formula is no sum of
-products, the text of a part: of a function, a denominator that is a sum, a power that is not whole.
+-k/J - k/L and k/J have the products k J^-1 and k L^-1. A factor is a variable or, if a formula is no sum of products, the text of
+a part: a function, a denominator that is a sum, or a power that is not whole.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from barbalat.problem.parameters import NAMES
 from barbalat.protocols import Value
 
 Product = frozenset[tuple[str, int]]
-"""Factors, each a formula's text, with their powers."""
+"""The factors, each as the text of a formula, with their powers."""
 Sum = Mapping[Product, Fraction]
 """Products with their coefficients."""
 ALONE: Product = frozenset()
 """The product without factors: 1."""
 MOST_PRODUCTS = 100
-"""Of a sum that is multiplied out; a larger one stays a factor."""
+"""Largest sum that is multiplied out; a larger sum remains a factor."""
 LARGEST_POWER = 32
 
 _ANY = FormulaNames(NAMES, "parameters")
@@ -31,12 +31,12 @@ _ANY = FormulaNames(NAMES, "parameters")
 
 @cache
 def products_of(text: str) -> Sum:
-    """A formula, which was parsed before, as a sum of products."""
+    """A formula, already parsed, as a sum of products."""
     return MappingProxyType(_sum(ast.parse(text.strip(), mode="eval").body))
 
 
 def added(*sums: Sum) -> dict[Product, Fraction]:
-    """The sum of sums, without what cancels."""
+    """The sum of sums, without terms that cancel."""
     found: dict[Product, Fraction] = {}
     for one in sums:
         for product, factor in one.items():
@@ -51,13 +51,13 @@ def scaled(one: Sum, factor: Fraction | float) -> dict[Product, Fraction]:
 
 
 def multiplied(one: Sum, other: Sum) -> dict[Product, Fraction]:
-    """The product of two sums, multiplied out."""
+    """The product of two sums, expanded."""
     parts = [{_joined(a, b): x * y} for a, x in one.items() for b, y in other.items()]
     return added(*parts)
 
 
 def value_of(product: Product, values: Mapping[str, Value]) -> Value:
-    """A product at the parameters' values, by whatever arithmetic they have."""
+    """A product evaluated at the parameters' values, in their arithmetic."""
     above = below = None
     for factor, power in sorted(product):
         base = formula("a factor", factor, _ANY).evaluate(values)
@@ -111,7 +111,7 @@ def _sum(node: ast.expr) -> dict[Product, Fraction]:
 
 
 def _inverse(node: ast.expr) -> dict[Product, Fraction]:
-    """One over a part: of a single product that of its factors, else the whole is a factor."""
+    """The reciprocal of a part: for a single product, that of its factors; otherwise the whole is one factor."""
     found = _sum(node)
     if len(found) == 1:
         ((product, factor),) = found.items()

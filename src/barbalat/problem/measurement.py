@@ -1,4 +1,4 @@
-"""What lies between the plant and the controller: sensor lag and measurement noise. No controller knows it."""
+"""The path from the plant to the controller: sensor lag and measurement noise. It is unknown to every controller."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from barbalat.settings import Settings
 from barbalat.validate import InputError, Vector
 
 LARGEST_SEED = 2**64 - 1
-"""A Philox counter's key has 64 bits for it."""
+"""The largest seed, since the key of a Philox counter has 64 bits for it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +20,12 @@ class Noise(Settings):
     """Gaussian measurement noise: a new value for each measured quantity every ``sample_time``, held in between.
 
     std          standard deviation, one for all measured quantities or one for each [their units]
-    sample_time  [s], a whole number of solver steps. A fixed value keeps the noise the same when the step is refined
-    seed         with the member's number (``simulate_ensemble``) it fixes every value, whatever the threads and lanes
+    sample_time  [s]; at fixed steps a whole number of them. It is fixed, so that the noise stays the same when the step is
+                 refined
+    seed         determines every value, together with the member's number (``simulate_ensemble``), independently of threads and
+                 lanes
 
-    Source of the numbers: Philox counters (Salmon et al., 2011), turned Gaussian by the inverse distribution function.
+    Source of the numbers: Philox counters (Salmon et al., 2011), made Gaussian by the inverse distribution function.
     """
 
     std: float | Vector
@@ -47,10 +49,10 @@ class Noise(Settings):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Sensor(Settings):
-    """How the plant is measured: each quantity through 1/(lag s + 1), then noise is added.
+    """The sensor: each measured quantity passes through 1/(lag s + 1), then noise is added.
 
     lag    [s], 0 for none; the sensor starts settled on the initial value
-    noise  see Noise; None for none
+    noise  see Noise; no noise by default
     """
 
     lag: float = 0.0

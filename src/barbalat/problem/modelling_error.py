@@ -1,4 +1,5 @@
-"""Modelling errors Delta_m at the plant's input, eq. (11), as families of one size: what of them a linear loop bears."""
+"""Modelling errors Delta_m at the plant's input, eq. (11), as families with one size, and the size that a linear loop
+tolerates."""
 
 from __future__ import annotations
 
@@ -16,18 +17,18 @@ from barbalat.validate import Array, InputError
 
 
 class ModellingError(Protocol):
-    """Delta_m of a given size > 0; size 0 is none."""
+    """Delta_m of a given size > 0; size 0 means no error."""
 
     def added(self, path: PlantInput, size: float) -> PlantInput:
-        """The plant's input with the error beside what it has; InputError where both cannot be."""
+        """The plant's input with the error added; InputError if both can't be combined."""
         ...
 
     def allowed(self, w: Array, gain: Array) -> Array:
-        """(K,): at each frequency the size below which |Delta_m(j w)| gain < 1, for all smaller sizes too."""
+        """(K,): at each frequency the size up to which |Delta_m(j w)| gain < 1, which also holds for all smaller sizes."""
         ...
 
     def limit(self, loop: StateSpace) -> float:
-        """The size at which a loop, broken at the plant's input, exactly loses stability; infinite where it doesn't."""
+        """The size at which a loop, broken at the plant's input, exactly loses stability; infinite if it never does."""
         ...
 
 
@@ -49,17 +50,18 @@ class DelayError:
 
 @dataclass(frozen=True)
 class GainError:
-    """Delta_m that multiplies the input's effectiveness by 1 + size, or ``downwards`` divides it by that."""
+    """Delta_m that multiplies the input's effectiveness by 1 + size, or, if ``downwards``, divides it by 1 + size."""
 
     downwards: bool = False
 
     def factor(self, size: float) -> float:
-        """By which the input's effectiveness is multiplied."""
+        """The factor by which the input's effectiveness is multiplied."""
         return 1 / (1 + size) if self.downwards else 1 + size
 
     def added(self, path: PlantInput, size: float) -> PlantInput:
         gain = path.gain / (1 + size) if self.downwards else path.gain * (1 + size)
-        # an effectiveness of exactly one is no part of the path's equations: it would part runs that go side by side
+        # an effectiveness of exactly one is left out of the path's equations, which would separate runs that are computed
+        # together
         return replace(path, gain=gain if gain != 1 else float(np.nextafter(1.0, 2.0)))
 
     def allowed(self, w: Array, gain: Array) -> Array:
@@ -89,7 +91,7 @@ class ScaledError:
     def added(self, path: PlantInput, size: float) -> PlantInput:
         if path.multiplicative is not None:
             raise InputError.of(
-                "plant.input.multiplicative", "must be left out where a modelling error is to be added in its place"
+                "plant.input.multiplicative", "must be omitted if a modelling error is to be added at the same place"
             )
         return replace(path, multiplicative=TransferFunction(size * self.shape.num, self.shape.den))
 
@@ -98,9 +100,9 @@ class ScaledError:
             return np.asarray(1 / (np.abs(self.shape.at(1j * w)) * gain))
 
     def limit(self, loop: StateSpace) -> float:
-        """The loop that Delta_m closes is size times shape T: its gain margin, counted from a size that is well below it."""
+        """Delta_m closes a loop with size times shape T: its gain margin, relative to a size well below it."""
         T = complementary_sensitivity(loop)
         w = frequency_grid(T)
-        small = 0.5 * float(self.allowed(w, np.abs(T.response(w))).min())  # margins refuses it, should it be unstable there
+        small = 0.5 * float(self.allowed(w, np.abs(T.response(w))).min())  # margins refuses it if it is unstable there
         around = series(T, self.shape.realise())
         return small * margins(replace(around, C=small * around.C, D=small * around.D)).gain_up

@@ -31,7 +31,7 @@ class Nonlinearity:
     formula: str
 
     def __post_init__(self) -> None:
-        self._parsed  # noqa: B018  # refuses what is no formula
+        self._parsed  # noqa: B018  # refuses anything but a formula
 
     @property
     def _parsed(self) -> Formula:
@@ -47,27 +47,27 @@ class Nonlinearity:
         return BEND_OF_ABS if self._parsed.bends else None
 
     def at(self, y: Any, t: Any) -> Any:
-        """f by whatever arithmetic y and t have."""
+        """f, evaluated in the arithmetic of y and t."""
         return self._parsed.evaluate({"y": y, "t": t})
 
     def __call__(self, y: Value, *t: Value) -> Value:
-        """f, a scalar; t is given where the formula contains it."""
+        """f, a scalar; t is given if the formula contains it."""
         return self.at(y, *(t or (None,))) + 0 * y
 
 
 @dataclass(frozen=True, eq=False)
 class OutputDynamics:
-    """x' = A x + B (v + f(t, y)), y = C x, from rest: what a loop integrates of the plant or of the model."""
+    """x' = A x + B (v + f(t, y)), y = C x, from rest: the part of a plant or of a model that a loop integrates."""
 
     system: StateSpace
     x0: Array
     nonlinear: Nonlinearity | None = None
 
     outputs: ClassVar[int] = 1
-    """Measured quantities."""
+    """The number of measured quantities."""
 
     def derivative(self, x: Value, v: Value, *t: Value) -> Value:
-        """x' for the input v: u as it reaches the plant, and d; or the command. t [s] where f contains it."""
+        """x' for the input v, which is the plant's actual input plus d, or the model's command; t [s] if f contains it."""
         if self.nonlinear is not None:
             v = v + self.nonlinear(self.output(x), *t)
         return self.system.derivative(x, v)
@@ -77,7 +77,7 @@ class OutputDynamics:
         return self.system.C @ x
 
     def remedy(self, _: float) -> str:
-        """What a model needs to settle at its command."""
+        """What to change so that a model settles at its command."""
         return "W_m(0) = 1"
 
     @property
@@ -90,8 +90,8 @@ class OutputDynamics:
 class OutputPlant(Settings):
     """y = G(s)[u + d + f(t, y)], from rest: (18).
 
-    transfer_function  G(s), strictly proper: what is simulated, its unmodelled part included; also a system of
-                       python-control or SciPy
+    transfer_function  G(s), strictly proper: what is simulated, including unmodelled dynamics; also a system of python-control or
+                       SciPy
     nonlinear          f, a formula in y and t such as "(0.5 + 0.1*cos(t))*sin(y)"; none by default
     input              limits, further unmodelled dynamics and delay before G; none by default
 
@@ -117,12 +117,12 @@ class OutputPlant(Settings):
 
     @property
     def f(self) -> Nonlinearity | None:
-        """The nonlinearity that ``nonlinear`` spells; None without one."""
+        """The nonlinearity that ``nonlinear`` describes; None without one."""
         return None if self.nonlinear is None else Nonlinearity(self.nonlinear)
 
     @property
     def paths(self) -> tuple[PlantInput, ...]:
-        """What lies before the input."""
+        """The input path, as a tuple."""
         return (PlantInput() if self.input is None else self.input,)
 
 
@@ -158,27 +158,27 @@ def _at_rest(system: TransferFunction, nonlinear: Nonlinearity | None = None) ->
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class OutputKnown:
-    """What a designer has: the reference model. The plant stands here only to refuse assumptions that it contradicts."""
+    """What a designer knows: the reference model. The plant is included only to refuse assumptions that it contradicts."""
 
     W_m: TransferFunction
     plant: TransferFunction
-    saturation: Array | None = None  # (2,) lower and upper limit of the actuator; None where it has none
+    saturation: Array | None = None  # (2,) lower and upper limit of the actuator; None without limits
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class OutputProblem(TrackingProblem, Settings):
     """Plant, model, command r(t), input disturbance d(t), output disturbance, and how y is measured.
 
-    plant, reference_model  by their transfer functions
+    plant, reference_model  as transfer functions
     reference               the command r(t)
     disturbance             enters with u; none by default
     output_disturbance      added to the output; none by default
-    sensor                  how y is measured; exactly by default
+    sensor                  the path from y to the measurement; exact by default
     labels                  name and unit of the output, unit of the input, for pictures; none by default
-    shell                   what surrounds sampled controllers: the samples that they take, and what acts without any
-    faults                  what goes wrong between the plant and sampled controllers; nothing by default
+    shell                   code around sampled controllers: which samples are used, and what acts without any
+    faults                  faults between the plant and sampled controllers; none by default
 
-    What ``output_disturbance`` adds to G's output belongs to y: it is in e = y - y_m and in what is measured, not in f(t, y).
+    ``output_disturbance`` is part of y, and so of e = y - y_m and of the measurement, but not of f(t, y).
     """
 
     plant: OutputPlant
@@ -195,7 +195,7 @@ class OutputProblem(TrackingProblem, Settings):
 
     feedback: ClassVar[str] = "output"
     uncertainty: ClassVar[None] = None
-    """The known set is the controller's: it depends on the parametrisation."""
+    """The known set belongs to the controller, because it depends on the parametrisation."""
 
     def __post_init__(self) -> None:
         validate.line("name", self.name)

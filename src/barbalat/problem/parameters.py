@@ -1,4 +1,4 @@
-"""Physical parameters: a value with its range, and expressions of them, which are formulas of a case file."""
+"""Physical parameters: a value with its range, and expressions of parameters, which case files write as formulas."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from barbalat.settings import Settings
 from barbalat.validate import InputError, Vector, freeze
 
 NAMES = r"[A-Za-z_][A-Za-z0-9_]*"
-"""How a parameter may be called."""
+"""The admissible names of a parameter."""
 DISTRIBUTIONS = ("uniform", "loguniform", "normal")
-"""Of a parameter in a study."""
+"""The distributions of a parameter in a study."""
 
 
 class Symbolic:
-    """What arithmetic turns into an ``Expression``."""
+    """An operand whose arithmetic gives an ``Expression``."""
 
     text: str
     parameters: Mapping[str, Parameter]
@@ -70,29 +70,29 @@ class Symbolic:
         return self._of("abs")
 
     def exp(self) -> Expression:
-        """``np.exp`` of it; NumPy asks for a method of the function's name."""
+        """The result of ``np.exp``; NumPy calls the method with the function's name."""
         return self._of("exp")
 
     def sin(self) -> Expression:
-        """``np.sin`` of it."""
+        """The result of ``np.sin``."""
         return self._of("sin")
 
     def cos(self) -> Expression:
-        """``np.cos`` of it."""
+        """The result of ``np.cos``."""
         return self._of("cos")
 
     def sqrt(self) -> Expression:
-        """``np.sqrt`` of it."""
+        """The result of ``np.sqrt``."""
         return self._of("sqrt")
 
     def tanh(self) -> Expression:
-        """``np.tanh`` of it."""
+        """The result of ``np.tanh``."""
         return self._of("tanh")
 
 
 @dataclass(frozen=True, eq=False)
 class Expression(Symbolic):
-    """A formula in physical parameters, with these."""
+    """A formula in physical parameters, together with these parameters."""
 
     text: str
     parameters: Mapping[str, Parameter]
@@ -103,15 +103,15 @@ class Expression(Symbolic):
 
 @dataclass(frozen=True, eq=False)
 class Parameter(Symbolic, Settings):
-    """A physical parameter; arithmetic with it, as k/J, makes formulas for the entries of a ``PhysicalPlant``.
+    """A physical parameter; arithmetic with it, such as k/J, makes formulas for the entries of a ``PhysicalPlant``.
 
     name          letters, digits and underscores, as in the formulas
-    value         nominal: what controllers are designed for
-    between       [lower, upper], which contains the value; without it and ``tolerance`` the parameter is known exactly
+    value         the nominal value, for which controllers are designed
+    between       [lower, upper], which contains the value; without ``between`` and ``tolerance`` the parameter is known exactly
     tolerance     instead of ``between``: the range is value (1 - tolerance) to value (1 + tolerance), 0 < tolerance < 1
     unit          such as "N m/rad"
-    distribution  in studies, over the range: "uniform", "loguniform", or "normal", whose three standard deviations are half of
-                  the range, around its middle, and which is cut off at its ends
+    distribution  in studies, over the range: "uniform", "loguniform", or "normal", which is centred in the range, has half of the
+                  range as three standard deviations, and is cut off at its ends
     """
 
     name: str
@@ -127,13 +127,13 @@ class Parameter(Symbolic, Settings):
         place = f"parameters.{self.name}"
         freeze(self, value=validate.number(f"{place}.value", self.value), unit=validate.line(f"{place}.unit", self.unit))
         if self.between is not None and self.tolerance is not None:
-            raise InputError.of(f"{place}.tolerance", "and between are both given; one of them says the range")
+            raise InputError.of(f"{place}.tolerance", "and between are both given; give one of them")
         if self.tolerance is not None:
             freeze(self, tolerance=validate.positive(f"{place}.tolerance", self.tolerance))
             if self.tolerance >= 1:
-                raise InputError.of(f"{place}.tolerance", f"must be below 1, a part of the value, got {self.tolerance:g}")
+                raise InputError.of(f"{place}.tolerance", f"must be below 1, as a share of the value, got {self.tolerance:g}")
             if self.value == 0:
-                raise InputError.of(f"{place}.tolerance", "is a part of the value, which is 0: give between = [lower, upper]")
+                raise InputError.of(f"{place}.tolerance", "is a share of the value, which is 0: give between = [lower, upper]")
         if self.between is not None:
             low, high = validate.vector(f"{place}.between", self.between, 2)
             if not low <= self.value <= high:
@@ -142,7 +142,7 @@ class Parameter(Symbolic, Settings):
                 )
             if not math.isfinite(float(high) - float(low)):
                 raise InputError.of(
-                    f"{place}.between", f"must have a width that a double holds, got {validate.show(self.between)}"
+                    f"{place}.between", f"must have a width in the range of double precision, got {validate.show(self.between)}"
                 )
             freeze(self, between=(float(low), float(high)))
         if self.distribution not in DISTRIBUTIONS:
@@ -173,30 +173,31 @@ class Parameter(Symbolic, Settings):
 
 
 def require_parameter_name(name: object) -> None:
-    """InputError for what no formula could speak of."""
+    """InputError for a name that can't be used in a formula."""
     import re
 
     if not isinstance(name, str) or not re.fullmatch(NAMES, name) or name in FUNCTION_NAMES:
         raise InputError.of(
-            "parameters", f"must have names of letters, digits and underscores that are no function's, got {validate.show(name)}"
+            "parameters",
+            f"must have names of letters, digits and underscores that are not names of functions, got {validate.show(name)}",
         )
 
 
 def parsed(field: str, text: str | Symbolic, known: Sequence[str]) -> Formula:
-    """A formula of parameters; InputError, with the field, for what is none and for names that are not ``known``."""
+    """A formula of parameters; InputError, with the field, if it is no formula or contains names that are not ``known``."""
     shown = f"the parameters ({', '.join(known)})" if known else "parameters, of which there are none"
     found = formula(field, text.text if isinstance(text, Symbolic) else text, FormulaNames(NAMES, shown))
     for name in sorted(found.names - set(known)):
         raise InputError.of(
-            field, f"speaks of {name}, which is no parameter; there are {', '.join(known) or 'none'}{validate.hint(name, known)}"
+            field, f"uses {name}, which is not a parameter; there are {', '.join(known) or 'none'}{validate.hint(name, known)}"
         )
     return found
 
 
 def evaluated(field: str, part: Any, values: Mapping[str, float]) -> Any:
-    """Numbers, texts, lists and tables with every text, a formula, replaced by its number for these values.
+    """Numbers, texts, lists and tables in which every text, a formula, is replaced by its number for these values.
 
-    InputError, with the field, for what is no formula and for one without a finite real value there.
+    InputError, with the field, for a text that is no formula or has no finite real value there.
     """
     if isinstance(part, dict):
         return {key: evaluated(f"{field}.{key}", value, values) for key, value in part.items()}

@@ -1,4 +1,4 @@
-"""A plant as people know it: matrices whose entries are numbers or formulas of physical parameters with ranges."""
+"""Plants in physical parameters: matrices whose entries are numbers or formulas of parameters with ranges."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from barbalat.validate import Array, InputError, freeze
 
 @dataclass(frozen=True, eq=False)
 class PhysicalPlant(Settings):
-    """x' = A x + b (u + d), whose entries are numbers or formulas of physical parameters.
+    """x' = A x + b (u + d), with entries that are numbers or formulas of physical parameters.
 
-    A           n rows of n entries, each a number, a formula as text, or an expression of ``Parameter`` objects, as -k/J
+    A           n rows of n entries, each a number, a formula as text, or an expression of ``Parameter`` objects, such as -k/J
     b           n entries, or n rows of m for m inputs
-    parameters  those that stand in formulas as text; those of expressions are found there
+    parameters  the parameters that occur in formulas as text; those in expressions are found there
     x0          initial state, n entries; zero by default
-    input       keywords of PlantInput, any number in them a formula: dict(gain=..., delay=..., actuator=dict(num=, den=)); with
-                several inputs one for all, or a list
-    sensor      keywords of Sensor likewise: dict(lag=..., noise=dict(std=..., sample_time=...))
+    input       keywords of PlantInput, in which any number may be a formula: dict(gain=..., delay=..., actuator=dict(num=,
+                den=)); with several inputs one for all, or a list
+    sensor      keywords of Sensor in the same form: dict(lag=..., noise=dict(std=..., sample_time=...))
 
-    Raises InputError for names that no parameter has and formulas without a finite value at the nominal parameters.
+    Raises InputError for unknown names and for formulas without a finite value at the nominal parameters.
     """
 
     A: Sequence[Sequence[Any]]
@@ -45,7 +45,7 @@ class PhysicalPlant(Settings):
         for one in (*self.parameters, *_parameters_in((self.A, self.b, self.x0, self.input, self.sensor))):
             validate.instance("parameters", one, Parameter)
             if found.setdefault(one.name, one) is not one:
-                raise InputError.of("parameters", f"must have names of their own, but {one.name} stands there twice")
+                raise InputError.of("parameters", f"must have distinct names, but {one.name} is given twice")
         freeze(self, parameters=tuple(found.values()))
         self.matrices(self.nominal)
 
@@ -56,16 +56,16 @@ class PhysicalPlant(Settings):
 
     @cached_property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """The least and the largest value of each, by name."""
+        """The least and the largest value of each parameter, by name."""
         return {one.name: one.range for one in self.parameters}
 
     def with_values(self, changed: Mapping[str, float]) -> dict[str, float]:
-        """Values of all parameters, of which some differ from the nominal ones; InputError for a name that none has."""
+        """The values of all parameters, with some changed from nominal; InputError for an unknown name."""
         for name in changed:
             if name not in self.nominal:
                 known = ", ".join(self.nominal) or "none"
                 hint = validate.hint(name, self.nominal)
-                raise InputError.of("truth.parameters", f"names {name}, which is no parameter; there are {known}{hint}")
+                raise InputError.of("truth.parameters", f"names {name}, which is not a parameter; there are {known}{hint}")
         numbers = {name: validate.number(f"truth.parameters.{name}", value) for name, value in changed.items()}
         return self.nominal | numbers
 
@@ -75,11 +75,11 @@ class PhysicalPlant(Settings):
         return A, input_matrix("plant.b", evaluated("plant.b", self.b, values), len(A))
 
     def initial(self, values: Mapping[str, float]) -> Any:
-        """x0 at these values; None where none is given."""
+        """x0 at these values; None if none is given."""
         return None if self.x0 is None else evaluated("plant.x0", list(self.x0), values)
 
     def inputs(self, values: Mapping[str, float]) -> Any:
-        """What lies before each input at these values: None, a PlantInput, or a list of them."""
+        """The path before each input at these values: None, a PlantInput, or a list of them."""
         if self.input is None:
             return None
         several = isinstance(self.input, (list, tuple))
@@ -95,7 +95,7 @@ class PhysicalPlant(Settings):
         return Sensor(**{**given, "noise": Noise(**noise) if isinstance(noise, dict) else noise})
 
     def gains(self, inputs: int) -> list[Any]:
-        """The effectiveness of each input, numbers or formulas."""
+        """The effectiveness of each input, as numbers or formulas."""
         several: Sequence[Any] = self.input if isinstance(self.input, (list, tuple)) else [self.input or {}] * inputs
         return [one.get("gain", 1.0) for one in several]
 
@@ -115,7 +115,7 @@ def _parameters_in(part: Any) -> Iterator[Parameter]:
 
 
 def holds_formulas(part: Any) -> bool:
-    """Whether an expression of parameters stands anywhere in nested lists and dictionaries."""
+    """Whether nested lists and dictionaries contain an expression of parameters."""
     return next(_parameters_in(part), None) is not None
 
 
@@ -128,7 +128,8 @@ def input_matrix(field: str, b: Any, n: int) -> Array:
 
 
 def projection(b: Array, scale: Array) -> Array:
-    """(b'W b)^-1 b'W with W = diag(1/scale^2), (m, n): of all theta = projection (A - A_m) the smallest rest in that norm."""
+    """(b'W b)^-1 b'W with W = diag(1/scale^2), (m, n): theta = projection (A - A_m) leaves the smallest remainder in that
+    norm."""
     weighted = (b / np.square(scale).reshape(-1, *[1] * (b.ndim - 1))).reshape(len(scale), -1).T
     return np.asarray(np.linalg.solve(weighted @ b.reshape(len(scale), -1), weighted))
 

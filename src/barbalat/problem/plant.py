@@ -31,20 +31,20 @@ class Plant(Settings):
 
     A_m        (n, n)  known, Hurwitz, [1/s]
     b          (n,)    known, or (n, m) for m inputs; (A_m, b) controllable
-    theta      (p,)    the true parameters, or (p, m), stored row by row as (p m,); no controller sees them
+    theta      (p,)    the true parameters, or (p, m), stored row by row as (p m,); unknown to every controller
     x0         (n,)    initial state, measured; zero by default
-    input              what lies before the input: limits, unmodelled dynamics, delay, eq. (11); none by default.
-                       With several inputs one PlantInput for all of them, or a list of one for each, with one delay
+    input              the path before the input: limits, unmodelled dynamics, delay, eq. (11); none by default. With several
+                       inputs one PlantInput for all of them, or a list of one for each, with one delay
     regressor          phi(x), (p,), known: x by default
 
-    Or as x' = A x + b (u + d): with A and b, and the model's A_m, or the ``poles`` that state feedback gives it, theta
-    solves the matching condition A = A_m + b theta'; phi(x) = x. A complex pole is given once, as [real, imaginary].
+    Alternatively x' = A x + b (u + d): from A and b, and A_m or the ``poles`` that state feedback assigns to it, theta solves the
+    matching condition A = A_m + b theta'; phi(x) = x. A complex pole is given once, as [real, imaginary].
 
-    Or as x' = A x + b (u + d) around a ``baseline``, a fixed controller such as an ``LqiBaseline``: A_m is what it gives on this
-    plant, and x stands with the baseline's own states behind it, [x; xi], in A_m, b, theta and x0.
+    Alternatively x' = A x + b (u + d) with a ``baseline``, a fixed controller such as an ``LqiBaseline``: A_m is the closed loop
+    of the baseline and this plant, and the state in A_m, b, theta and x0 is x followed by the baseline's own states, [x; xi].
 
-    Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair, and, with the unmatched rest, where no
-    theta matches.
+    Raises InputError for wrong shapes, a non-Hurwitz A_m, an uncontrollable pair, and, with the unmatched remainder, if no theta
+    satisfies the matching condition.
     """
 
     A_m: Matrix
@@ -57,6 +57,7 @@ class Plant(Settings):
     scale: Vector | None = field(default=None, repr=False)
     scale_from: str = field(default="as given", repr=False)
     baseline: FixedController | None = field(default=None, repr=False)
+    nominal_A: Matrix | None = field(default=None, repr=False)  # (n, n) of the plant's own states: plant.A as given
     __repr__ = one_line
 
     def __init__(
@@ -74,9 +75,13 @@ class Plant(Settings):
         scale: Vector | None = None,
         scale_from: str = "as given",
         baseline: Baseline | FixedController | None = None,
+        nominal_A: Matrix | None = None,
     ) -> None:
         if physical is None and holds_formulas((A, b, x0, input)):
-            physical = PhysicalPlant(A=A, b=b, x0=x0, input=input)  # type: ignore[arg-type]  # refuses what is no formula of these
+            physical = PhysicalPlant(A=A, b=b, x0=x0, input=input)  # type: ignore[arg-type]  # refuses other texts
+        posed = isinstance(baseline, Baseline) and baseline.anti_windup is not None
+        if theta is None:
+            nominal_A = A if physical is None else physical.matrices(physical.nominal)[0]
         if physical is not None and theta is None:
             A_m, b, theta, x0, input, baseline = _nominal(physical, A_m, poles, scale, baseline)
         elif b is None:
@@ -96,8 +101,12 @@ class Plant(Settings):
         freeze(self, A_m=A_m, b=b, theta=theta, x0=x0, input=input, regressor=Linear() if regressor is None else regressor)
         if baseline is not None and not isinstance(baseline, FixedController):
             raise InputError("baseline goes with plant.A, which is missing")
-        freeze(self, physical=physical, scale=scale, scale_from=scale_from, baseline=baseline)
+        freeze(self, physical=physical, scale=scale, scale_from=scale_from, baseline=baseline, nominal_A=nominal_A)
         self.__post_init__()
+        if posed and all(path.saturation is None for path in self.paths):
+            raise InputError.of(
+                "baseline.anti_windup", "acts at the input's limits: give plant.input.saturation, which is missing"
+            )
 
     def __post_init__(self) -> None:
         A_m = validate.square_matrix("plant.A_m", self.A_m)
@@ -120,12 +129,14 @@ class Plant(Settings):
         freeze(self, theta=parameters("plant.theta", self.theta, self.regressor.size(n), self.inputs))
         if self.input is not None:
             freeze(self, input=inputs_of("plant.input", self.input, self.inputs))
+        if self.nominal_A is not None:
+            freeze(self, nominal_A=validate.square_matrix("plant.A", self.nominal_A, self.states))
         if self.scale is not None:
             freeze(self, scale=sizes_of_states(self._whole("plant.scale", self.scale, 1.0), n))
         _require_sound(A_m.tobytes(), self.b.tobytes(), self.b.shape)
 
     def _whole(self, field: str, given: Any, own: float) -> Array:
-        """(n,) of that or of the plant's states alone, whose baseline's states then have the value ``own``."""
+        """(n,) from n numbers, or from the plant's states alone, with ``own`` for the baseline's states."""
         n, xi = len(self.A_m), 0 if self.baseline is None else self.baseline.order
         if xi and np.size(given) == n:
             return validate.vector(field, given, n)
@@ -136,36 +147,32 @@ class Plant(Settings):
         cls, system: Any, *, A_m: Matrix | None = None, poles: Sequence[Any] | None = None, x0: Vector | None = None,
         input: PlantInput | Sequence[PlantInput] | None = None,
     ) -> Plant:  # fmt: skip
-        """The plant x' = A x + B u of a state space of python-control or SciPy, or of a pair (A, B).
+        """The plant x' = A x + B u, from a state space of python-control or SciPy, or from a pair (A, B).
 
-        Its state is measured: C and D have no part in it. A plant of which an output is measured is an ``OutputPlant``.
+        Its state is measured, so C and D are ignored. A plant with a measured output is an ``OutputPlant``.
         """
         A, B = open_loop("plant", system)
         return cls(A=A, b=B, A_m=A_m, poles=poles, x0=x0, input=input)
 
     @property
     def A(self) -> Array:
-        """A_m + b theta', (n, n): what the state's own part of x' is where phi(x) = x."""
+        """A_m + b theta', (n, n): the linear part of x' if phi(x) = x."""
         if not self.is_linear:
             raise InputError("a plant with a nonlinear regressor has no matrix A")
         return self.A_m + self.b.reshape(self.n, -1) @ self.theta.reshape(self.n, -1).T
 
     @cached_property
     def from_ranges(self) -> FromRanges | None:
-        """What the ranges of physical parameters say of theta and the input's gain; None of a plant without them."""
+        """The bounds on theta and the input gain from ranges of physical parameters; None for a plant without ranges."""
         if self.physical is None:
             return None
         scale, said = (np.ones(self.n), "which are 1 each") if self.scale is None else (self.scale, self.scale_from)
-        if self.baseline is None:
-            return from_ranges(self.physical, self.A_m, self.b, scale, said)
-        found = from_ranges(self.baseline.around_formulas(self.physical), self.A_m, self.b, scale, said)
-        nominal = self.baseline.theta  # its gains on states of its own are known, up to the roundings of A_m
-        hull = ParameterBox(lower=np.minimum(found.theta.lower, nominal), upper=np.maximum(found.theta.upper, nominal))
-        return replace(found, theta=hull)
+        numbers = self.A_m.tobytes(), self.b.tobytes(), self.b.shape, scale.tobytes()
+        return _of_ranges(self.physical, self.baseline, *numbers, said)
 
     @property
     def n(self) -> int:
-        """The dimension of the state, a baseline's own states included."""
+        """The dimension of the state, including a baseline's own states."""
         return len(self.b)
 
     @property
@@ -180,17 +187,17 @@ class Plant(Settings):
 
     @property
     def enters(self) -> Array | None:
-        """By what the command enters beside the input, into a baseline's own states: (n,), with m inputs (n, q); None without."""
+        """The matrix by which the command enters a baseline's own states: (n,), with m inputs (n, q); None without one."""
         return None if self.baseline is None or not self.baseline.order else self.baseline.enters
 
     @property
     def inputs(self) -> int:
-        """The number of the control's entries."""
+        """The number of control inputs."""
         return 1 if self.b.ndim == 1 else int(self.b.shape[1])
 
     @property
     def paths(self) -> tuple[PlantInput, ...]:
-        """What lies before each input."""
+        """The path before each input."""
         if self.input is None:
             return (_DIRECT,) * self.inputs
         return self.input if isinstance(self.input, tuple) else (self.input,)
@@ -206,17 +213,17 @@ class Plant(Settings):
         return isinstance(self.regressor, Linear)
 
     def derivative(self, x: Value, v: Value) -> Value:
-        """x' for the matched input v: what reaches the plant of u, and d."""
+        """x' for the matched input v: the part of u that reaches the plant, plus d."""
         phi = MatchedTerm(self.regressor, self.inputs).phi(x)
         return self.A_m @ x + np.dot(self.b, phi.T @ self.theta + v)  # (1)
 
     def output(self, x: Value) -> Value:
-        """What is measured: the state."""
+        """The measurement, which is the state."""
         return x
 
 
 def of_plant(states: float) -> Estimate:
-    """What the checks of a plant with so many states cost: 1 s for 200, 13 s for 400."""
+    """The cost of checking a plant with this number of states: 1 s for 200, 13 s for 400."""
     return Estimate(memory=100.0 * states**2, seconds=5e-10 * states**4)
 
 
@@ -227,8 +234,27 @@ def _require_sound(A_m: bytes, b: bytes, shape: tuple[int, ...]) -> None:
     require_controllable("(plant.A_m, plant.b)", matrix, np.frombuffer(b).reshape(shape))
 
 
+@lru_cache(maxsize=64)  # studies vary the path before the input far more often than the ranges
+def _of_ranges(
+    physical: PhysicalPlant,
+    baseline: FixedController | None,
+    A_m: bytes,
+    b: bytes,
+    shape: tuple[int, ...],
+    scale: bytes,
+    said: str,
+) -> FromRanges:
+    matrix, entries, sizes = np.frombuffer(A_m).reshape(shape[0], shape[0]), np.frombuffer(b).reshape(shape), np.frombuffer(scale)
+    if baseline is None:
+        return from_ranges(physical, matrix, entries, sizes, said)
+    found = from_ranges(baseline.around_formulas(physical), matrix, entries, sizes, said)
+    nominal = baseline.theta  # its gains on its own states are known, up to the rounding errors of A_m
+    hull = ParameterBox(lower=np.minimum(found.theta.lower, nominal), upper=np.maximum(found.theta.upper, nominal))
+    return replace(found, theta=hull)
+
+
 _DIRECT = PlantInput()
-"""u reaches the plant as it is."""
+"""The input without actuator: u reaches the plant unchanged."""
 
 
 def _from_open_loop(A: Any, b: Any, A_m: Any, theta: Any, regressor: Any, poles: Any) -> tuple[Array, Array, Array]:
@@ -248,7 +274,7 @@ def _from_open_loop(A: Any, b: Any, A_m: Any, theta: Any, regressor: Any, poles:
 
 
 def matching_parameters(A: Any, A_m: Array, b: Any) -> Array:
-    """The theta, (n m,), for which A = A_m + b theta'; InputError, with the unmatched rest, when none does."""
+    """The theta, (n m,), for which A = A_m + b theta'; InputError, with the unmatched remainder, if there is none."""
     n = A_m.shape[0]
     A = validate.square_matrix("plant.A", A, n)
     b = input_matrix("plant.b", b, n)
@@ -261,15 +287,16 @@ def matching_parameters(A: Any, A_m: Array, b: Any) -> Array:
     rest = difference - directions @ along
     if np.abs(rest).max() > 1e-9 * max(1.0, float(np.abs(A).max()), float(np.abs(A_m).max())):
         raise InputError(
-            "plant.A - reference_model.A_m must be matched (equal to b theta' for some theta), "
-            f"but the part {validate.show(rest)} is out of the reach of b = {validate.show(b)}"
+            "plant.A - reference_model.A_m "
+            f"must be matched (equal to b theta' for some theta), but the part {validate.show(rest)} is outside the range "
+            f"of b = {validate.show(b)}"
         )
-    with np.errstate(over="ignore"):  # an infinite theta is refused by the constructor
+    with np.errstate(over="ignore"):  # the constructor refuses an infinite theta
         return np.asarray((along / scale).T.reshape(-1))
 
 
 def parameters(field: str, theta: Any, p: int, m: int) -> Array:
-    """theta as (p m,), from that or from (p, m)."""
+    """theta as (p m,), given in that shape or as (p, m)."""
     if validate.dimensions(theta) == 2:
         return validate.vector(field, validate.array(field, theta, (p, m)).reshape(-1))
     return validate.vector(field, theta, p * m)
@@ -279,15 +306,15 @@ def _require_alone(A_m: Any, theta: Any, regressor: Any, poles: Any) -> None:
     given = {"reference_model.A_m": A_m, "plant.theta": theta, "plant.regressor": regressor, "reference_model.poles": poles}
     for name, value in given.items():
         if value is not None:
-            raise InputError.of(name, "and baseline are both given; the model is what the baseline gives on the nominal plant")
+            raise InputError.of(name, "and baseline are both given; the model is the nominal plant with the baseline")
 
 
 def _around(baseline: Baseline | FixedController, A: Any, b: Any) -> tuple[Array, Array, Array, FixedController]:
-    """A_m, b and theta of the state with the baseline's own behind it, and the baseline on this plant."""
+    """A_m, b and theta for the state with the baseline's own states appended, and the baseline for this plant."""
     A = validate.square_matrix("plant.A", A)
     b = input_matrix("plant.b", b, len(A))
     validate.instance("baseline", baseline, (Baseline, FixedController))
-    fixed = baseline if isinstance(baseline, FixedController) else baseline.controller(A, b)
+    fixed = baseline if isinstance(baseline, FixedController) else baseline.on(A, b)
     A_z, b_z = fixed.around(A, b)
     A_m = A_z - b_z.reshape(len(A_z), -1) @ fixed.K
     largest = np.linalg.eigvals(A_m).real.max()
@@ -301,7 +328,7 @@ def _around(baseline: Baseline | FixedController, A: Any, b: Any) -> tuple[Array
 def _nominal(
     physical: PhysicalPlant, A_m: Any, poles: Any, scale: Any, baseline: Any
 ) -> tuple[Array, Array, Array, Any, Any, FixedController | None]:
-    """A_m, b, theta, x0 and input of the plant at its nominal parameters; theta is that of the weighted projection."""
+    """A_m, b, theta, x0 and input of the plant at its nominal parameters; theta is from the weighted projection."""
     if baseline is not None:
         _require_alone(A_m, None, None, poles)
         at = physical.nominal
@@ -327,7 +354,7 @@ def sizes_of_states(scale: Any, n: int) -> Array:
 
 
 def inputs_of(field: str, given: Any, m: int) -> Any:
-    """One PlantInput for one input, or a tuple of m."""
+    """One PlantInput for one input, or a tuple of m of them."""
     several = tuple(given) if isinstance(given, (list, tuple)) else (given,) * m
     for path in several:
         validate.instance(field, path, PlantInput)
@@ -338,25 +365,25 @@ def inputs_of(field: str, given: Any, m: int) -> Any:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """The reference model as a system of its own, which the loop integrates beside the plant."""
+    """The reference model as a separate system, which the loop integrates with the plant."""
 
     A_m: Array
     b: Array
     k_0: Array | float
     x0: Array
-    enters: Array | None = None  # by what the command enters beside the input
-    states: int | None = None  # of the plant, where a baseline's own stand behind them
+    enters: Array | None = None  # the matrix by which the command enters the state directly
+    states: int | None = None  # the number of the plant's own states, if a baseline's states follow them
 
     def derivative(self, x_m: Value, r: Value) -> Value:
         rate = self.A_m @ x_m + np.dot(self.b, np.dot(self.k_0, r))  # (2)
         return rate if self.enters is None else rate + np.dot(self.enters, r)
 
     def output(self, x_m: Value) -> Value:
-        """What the plant's output is to follow."""
+        """The part of the model's state that the plant's output is to follow."""
         return x_m if self.states is None else x_m[: self.states]
 
     def remedy(self, gain: float) -> str | None:
-        """The k_0 with which it would settle at a command of which it settles at ``gain`` times."""
+        """The k_0 with which the model would settle at the command, if it now settles at ``gain`` times the command."""
         return None if gain == 0 or np.ndim(self.k_0) > 0 or self.states is not None else f"k_0 = {self.k_0 / gain:.6g}"
 
     @property
@@ -368,16 +395,16 @@ class Model:
 
 
 AT_REST = 1e-9
-"""Of the model's largest gain at rest: below it, what a constant command moves a state by is rounding."""
+"""Share of the model's largest steady-state gain below which a state's response to a constant command is rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class ReferenceModel(Settings):
     """x_m' = A_m x_m + b k_0 r, x_m(0) = x(0): eq. (2); A_m and b are the plant's.
 
-    k_0     a number; with m inputs a matrix (m, q) for q commands. A case file gives it or ``follow``; 1 by default in Python
-    follow  instead of k_0: the state, by its label or as "x_1", that comes to rest at a constant command; with m inputs a list of
-            m states, one for each of m commands. k_0 follows from A_m and b
+    k_0     a number; with m inputs a matrix (m, q) for q commands. A case file gives k_0 or ``follow``; 1 by default in Python
+    follow  instead of k_0: the state, by its label or as "x_1", that settles at a constant command; with m inputs a list of m
+            states, one for each of m commands. k_0 follows from A_m and b
     """
 
     k_0: float | Matrix | None = None
@@ -401,10 +428,10 @@ class ReferenceModel(Settings):
             freeze(self, follow=validate.line(name, self.follow))
 
     def gain(self, plant: Plant, states: Sequence[str]) -> Array | float:
-        """k_0: as given, or so that the followed ones of the plant's ``states`` come to rest at a constant command.
+        """k_0, as given or such that the chosen ones of the plant's ``states`` settle at a constant command.
 
-        Raises InputError for a state that there is not, another number of states than of inputs, and states that no constant
-        command can bring to rest at any value.
+        Raises InputError for an unknown state, for a number of states other than the number of inputs, and for states that don't
+        have an arbitrary steady state for constant commands.
         """
         if self.follow is None:
             assert self.k_0 is not None

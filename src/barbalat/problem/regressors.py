@@ -18,10 +18,10 @@ from barbalat.validate import InputError, Matrix
 
 @runtime_checkable
 class Regressor(Protocol):
-    """phi(x), known to the designer; computes with NumPy functions, so that symbols may stand for numbers."""
+    """phi(x), known to the designer; it is written with NumPy functions, so that it can also be evaluated on symbols."""
 
     def size(self, n: int) -> int:
-        """Components of phi for n states; InputError where it does not fit them."""
+        """Components of phi for n states; InputError if it does not fit them."""
         ...
 
     def __call__(self, x: Value) -> Value:
@@ -31,7 +31,7 @@ class Regressor(Protocol):
 
 @dataclass(frozen=True)
 class Linear:
-    """phi(x) = x: the paper's."""
+    """phi(x) = x, as in the paper."""
 
     def size(self, n: int) -> int:
         return n
@@ -42,10 +42,10 @@ class Linear:
 
 @dataclass(frozen=True)
 class Polynomial(Settings):
-    """All monomials of the states of degree 1 ... ``degree``, a leading 1 where ``constant``; by degree, then lexically.
+    """All monomials of the states of degree 1 ... ``degree``, after a 1 if ``constant``; ordered by degree, then lexically.
 
-    degree    the highest, >= 1
-    constant  whether a 1 stands in front
+    degree    the highest degree, >= 1
+    constant  whether the first component is 1
     """
 
     degree: int
@@ -56,12 +56,13 @@ class Polynomial(Settings):
         validate.freeze(self, degree=validate.whole("plant.regressor.degree", self.degree, least=1))
 
     def powers(self, n: int) -> list[tuple[int, ...]]:
-        """The states that are multiplied, for each component."""
+        """The states that are multiplied in each component."""
         degrees = range(0 if self.constant else 1, self.degree + 1)
         return [factors for degree in degrees for factors in combinations_with_replacement(range(n), degree)]
 
     def size(self, n: int) -> int:
-        """Counted, not listed: a slip of the pen in ``degree`` would otherwise fill the memory before it is refused."""
+        """The components are counted and not listed: a typing error in ``degree`` would otherwise fill the memory before it is
+        refused."""
         return math.comb(n + self.degree, n) - (0 if self.constant else 1)
 
     def __call__(self, x: Value) -> Value:
@@ -109,7 +110,7 @@ STATES = FormulaNames(r"x[1-9][0-9]*", "x1, x2, ...")
 
 @dataclass(frozen=True, eq=False)
 class Terms(Settings):
-    """Written terms: each a formula in x1 ... xn with + - * / **, and abs, exp, sin, cos, sqrt, tanh.
+    """Terms given as formulas in x1 ... xn with + - * / **, and abs, exp, sin, cos, sqrt, tanh.
 
     terms  the formulas, such as ["x1", "x2", "abs(x1)*x2"]
 
@@ -124,7 +125,7 @@ class Terms(Settings):
                 "plant.regressor.terms", f"must be a list of formulas such as 'abs(x1)*x2', got {validate.show(self.terms)}"
             )
         validate.freeze(self, terms=tuple(self.terms))
-        self._formulas()  # refuses what is none
+        self._formulas()  # refuses what is no formula
 
     def _formulas(self) -> list[Formula]:
         return [formula("plant.regressor.terms", term, STATES) for term in self.terms]
@@ -137,7 +138,7 @@ class Terms(Settings):
     def size(self, n: int) -> int:
         largest = max((int(name[1:]) for found in self._formulas() for name in found.names), default=0)
         if largest > n:
-            raise InputError.of("plant.regressor.terms", f"speak of x{largest}, but the plant has {n} states")
+            raise InputError.of("plant.regressor.terms", f"use x{largest}, but the plant has {n} states")
         return len(self.terms)
 
     def __call__(self, x: Value) -> Value:
@@ -150,7 +151,7 @@ REGRESSORS = {
     "gaussian": GaussianRBF,
     "terms": Terms,
 }
-"""The registry, by the names of case files, where the state itself is what stands without one."""
+"""The registry, by the names in case files; the default is the state itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -158,7 +159,7 @@ class MatchedTerm:
     """How theta enters the input channels: u_j + theta_j'phi(x), theta = (theta_1, ..., theta_m) stored row by row of (p, m).
 
     With one input Phi(x) is the vector phi(x), (p,), and everything reads as in the paper; with m it is (p m, m), so that
-    Phi'theta is (m,). Where the input gain omega is not known either, it is estimated with theta: u enters as Phi does.
+    Phi'theta is (m,). If the input gain omega is unknown too, it is estimated with theta: u then enters in the same way as Phi.
     """
 
     regressor: Regressor
@@ -166,7 +167,7 @@ class MatchedTerm:
     gain_unknown: bool = False
 
     def phi(self, x: Value) -> Value:
-        """The regressor Phi(x), with a block for each input where there are several."""
+        """The regressor Phi(x), with a block for each of several inputs."""
         phi = self.regressor(x)
         if self.inputs == 1:
             return phi
@@ -174,7 +175,7 @@ class MatchedTerm:
         return np.outer(phi, np.eye(m).reshape(-1)).reshape(phi.shape[0] * m, m)
 
     def with_input(self, x: Value, u: Value) -> Value:
-        """The factor of all that is estimated: Phi(x), and below it u where its gain is unknown."""
+        """The factor of all estimates: Phi(x), followed by u if its gain is unknown."""
         if not self.gain_unknown:
             return self.phi(x)
         return np.concatenate([self.phi(x), u.reshape(1) if self.inputs == 1 else np.eye(self.inputs) * u])

@@ -1,4 +1,4 @@
-"""The code around a sampled controller on a flight computer: which samples it takes, and what acts when none come."""
+"""The code around a sampled controller on a flight computer: which samples it uses, and what acts without any."""
 
 from __future__ import annotations
 
@@ -12,37 +12,36 @@ from barbalat.validate import InputError, freeze
 
 Fallback = Literal["hold", "zero", "baseline", "fade"]
 LEAST_BAND = 1e-3
-"""Of the sample time: what a clock that counts microseconds is off at 1 ms."""
+"""Share of the sample time: the error of a microsecond clock at 1 ms."""
 WIDEST_BAND = 0.5
-"""Of the sample time: half-way between two whole multiples nobody could say which of them is meant."""
+"""Share of the sample time: at the midpoint between two multiples the intended one would be ambiguous."""
 MOST_SAMPLES = 10**8
-"""Of an outage or of a fade: three years at a sample a second, and far within what a C compiler's long counts."""
+"""Longest outage or fade: three years at a sample per second, far within the range of a long in C."""
 
 
 CHECKS = ("range", "rate", "stuck")
-"""What is asked of a measurement, by channels."""
+"""The checks of a measurement that are set for each channel."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Shell(Settings):
-    """The measurements and the sample times that a controller takes, and what acts after an outage; every key may be left out.
+    """Which measurements and sample times a controller accepts, and what acts after an outage; every key may be left out.
 
-    range    for each measured channel, [lowest, highest] value that is taken, in the channel's unit. A value outside is a miss
-    rate     for each measured channel, the fastest change since the last good sample that is taken, in the channel's unit per
-             second
-    stuck    for each measured channel, how long it may repeat itself exactly [s]; after that it is a miss until it changes. Off
-             unless given: a quantised sensor at a standstill repeats itself
-    jitter   by how much the time between two calls may differ from the sample time, as a fraction of it. Within that a call is
-             punctual; after a whole number of sample times each call that did not come is a miss; any other time makes the
-             fallback act. Goes with longest_outage. Without it a wrong time is only reported in the status
-    longest_outage  how long misses in a row may last before the fallback acts [s]; no limit by default
-    fallback  what acts then: "hold", the last control, "zero", or "fade", from the last control to zero. "baseline" is for cases
-             with a baseline controller
-    fade     the time of that fade, and of the one by which the control returns without a bump after a fallback [s]; by default
-             the longest outage
+    range    for each measured channel, the accepted [lowest, highest] value, in the channel's unit. A value outside is a miss
+    rate     for each measured channel, the fastest accepted change since the last good sample, in the channel's unit per second
+    stuck    for each measured channel, how long it may repeat exactly the same value [s]; after that it is a miss until it
+             changes. Off by default, because a quantised sensor repeats its value at a standstill
+    jitter   largest deviation of the time between two calls from the sample time, as a fraction of it. Within it a call is
+             punctual; after a whole number of sample times each missing call is a miss; after any other time the fallback acts.
+             Requires longest_outage. Without jitter a wrong time is only reported in the status
+    longest_outage  how long consecutive misses may last before the fallback acts [s]; no limit by default
+    fallback  what acts then: "hold", the last control; "zero"; "fade", from the last control to zero; or "baseline", the case's
+              fixed controller alone, with the last good measurement, the present command and its own states held
+    fade     duration of that fade, of the transition to the baseline, and of the bumpless return of the control after a fallback
+             [s]; by default the longest outage
 
     On a miss the estimates are frozen, the last good measurement and the last control are held, and model, predictor and filters
-    go on. Raises InputError.
+    continue; an observer predicts the state without the measurement. Raises InputError.
     """
 
     range: Mapping[str, list[float]] = field(default_factory=dict)
@@ -74,30 +73,29 @@ class Shell(Settings):
         self._require_together()
 
     def _require_together(self) -> None:
-        """InputError for keys that mean nothing without another one."""
+        """InputError for keys that require another key."""
         if self.jitter is not None and not LEAST_BAND <= self.jitter < WIDEST_BAND:
             limits = f"from {LEAST_BAND:g} to below {WIDEST_BAND:g}"
-            raise InputError.of("shell.jitter", f"must be a part of the sample time {limits}, got {self.jitter:g}")
+            raise InputError.of("shell.jitter", f"must be a share of the sample time {limits}, got {self.jitter:g}")
         if self.longest_outage is None:
             given = {"jitter": self.jitter is not None, "fallback": self.fallback != "hold", "fade": self.fade is not None}
             for name, there in given.items():
                 if there:
                     raise InputError.of(f"shell.{name}", "goes with shell.longest_outage, which is missing")
-        if self.fallback == "baseline":
-            raise InputError.of(
-                "shell.fallback",
-                "= 'baseline' needs a case with a baseline controller, and this one has none: hold, zero or fade",
-            )
 
-    def require(self, names: tuple[str, ...]) -> None:
-        """InputError for a channel that is not measured; ``names`` are those that are."""
+    def require(self, names: tuple[str, ...], *, without_baseline: str | None) -> None:
+        """InputError for a channel that is not among the measured ``names``, and for a missing baseline."""
+        if self.fallback == "baseline" and without_baseline is not None:
+            raise InputError.of("shell.fallback", f"= 'baseline' {without_baseline}: hold, zero or fade")
         for field_name in CHECKS:
             for key in getattr(self, field_name):
                 if key not in names:
-                    raise InputError.of(f"shell.{field_name}.{key}", f"names no measured channel; there are {', '.join(names)}")
+                    raise InputError.of(
+                        f"shell.{field_name}.{key}", f"does not name a measured channel; there are {', '.join(names)}"
+                    )
 
     def repeats(self, name: str, T: float) -> int | None:
-        """How many samples of length T [s] in a row a channel may be like the one before; None for any number.
+        """How many samples of length T [s] in a row a channel may repeat its value; None for any number.
 
         InputError for a time below T.
         """
@@ -109,7 +107,7 @@ class Shell(Settings):
         return found
 
     def samples(self, T: float) -> tuple[int, int]:
-        """The longest outage and the fade in samples of length T [s]; InputError where they are too many to be counted."""
+        """The longest outage and the fade in samples of length T [s]; InputError if there are too many to count."""
         assert self.longest_outage is not None
         fade = self.longest_outage if self.fade is None else self.fade
         return _samples("longest_outage", self.longest_outage, T), _samples("fade", fade, T)

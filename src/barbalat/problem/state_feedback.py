@@ -1,4 +1,4 @@
-"""What is given: a plant and its model, the known set of the unknown parameters, commands, disturbances, measurement."""
+"""The tracking problem with state feedback: plant and model, known set, commands, disturbances, measurement."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from barbalat.problem.baseline import FixedController
 from barbalat.problem.faults import Fault
 from barbalat.problem.from_ranges import FromRanges
 from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBall, ParameterBox, with_gains
-from barbalat.problem.labels import Labels
+from barbalat.problem.labels import UNLABELLED, Labels
 from barbalat.problem.measurement import Sensor
+from barbalat.problem.observer import FixedObserver, Observer
 from barbalat.problem.plant import Model, Plant, ReferenceModel
 from barbalat.problem.regressors import Linear, MatchedTerm
 from barbalat.problem.shell import Shell
@@ -30,17 +31,17 @@ from barbalat.validate import Array, InputError, freeze
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Known:
-    """What a designer knows of the problem and a controller may therefore use: everything but theta and d."""
+    """What a designer knows of the problem, and a controller may use: everything but theta and d."""
 
     A_m: Array  # (n, n)
     b: Array  # (n,), or (n, m)
     k_0: Array | float
-    x0: Array  # (n,) the state is measured, so is its initial value
-    estimate_set: EstimateSet | None  # of all that is estimated: theta, and the input gains where they are unknown
+    x0: Array  # (n,) the initial state, which is measured; with an observer, the observer's initial state
+    estimate_set: EstimateSet | None  # of all estimates: theta, and the input gains if they are unknown
     matched: MatchedTerm = MatchedTerm(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
-    saturation: Array | None = None  # (2,) lower and upper limit of the actuator, (2, m) with m inputs; None where one has none
-    enters: Array | None = None  # (n,), or (n, q): by what the command enters beside the input; None where it does not
-    theta_0: Array | None = None  # the baseline is u = k_0 r - theta_0'x: what adapts adds to it; None without one
+    saturation: Array | None = None  # (2,) lower and upper limit of the actuator, (2, m) with m inputs; None without limits
+    enters: Array | None = None  # (n,), or (n, q): the matrix by which the command enters the state directly; None if it does not
+    theta_0: Array | None = None  # the baseline is u = k_0 r - theta_0'x, to which the adaptive part is added; None without one
 
     @property
     def inputs(self) -> int:
@@ -48,12 +49,13 @@ class Known:
 
     @property
     def parameters(self) -> int:
-        """How many are estimated."""
+        """The number of estimates."""
         theta = self.matched.regressor.size(self.n) * self.inputs
         return theta + self.inputs if self.matched.gain_unknown else theta
 
     def commanded(self, r: Value) -> Value:
-        """What the command adds to the rate of a predictor's or a model's state, beside the input; 0 where it adds nothing."""
+        """The command's direct part of the rate of a predictor's or a model's state, not through the input; 0 if there is
+        none."""
         return 0.0 if self.enters is None else np.dot(self.enters, r)
 
     @property
@@ -65,7 +67,7 @@ class Known:
 
     @property
     def departures(self) -> KnownSet | None:
-        """The known set of theta - theta_0, which is left to what adapts; that of theta without a baseline."""
+        """The known set of theta - theta_0, which the adaptive part estimates; without a baseline that of theta."""
         theta = self.theta_set
         if theta is None or self.theta_0 is None:
             return theta
@@ -79,12 +81,12 @@ class Known:
 
     @property
     def adapted_command(self) -> Array | float:
-        """The command's gain in what adapts: k_0, or 0 beside a baseline, whose part the command is."""
+        """The command's gain in the adaptive part: k_0, or 0 with a baseline, which contains the command."""
         return self.k_0 if self.theta_0 is None else 0.0 * np.asarray(self.k_0)
 
     @property
     def gains(self) -> ParameterBox | None:
-        """The intervals of the unknown input gains, (m,); ``None`` where they are known."""
+        """The intervals of the unknown input gains, (m,); ``None`` if they are known."""
         if not self.matched.gain_unknown or self.estimate_set is None or self.estimate_set.intervals is None:
             return None
         return self.estimate_set.intervals.last(self.inputs)
@@ -113,19 +115,22 @@ def _lyapunov_solution(A_m: bytes, n: int) -> Array:
 class Problem(TrackingProblem, Settings):
     """The tracking problem of Section II.
 
-    plant, reference_model             eqs (1) and (2)
-    reference                          the command r(t); a list of commands where k_0 is a matrix
-    uncertainty                        the known set Omega; of a plant with physical parameters it follows from their ranges, with
-                                       input_gain, unless one of the two is given
+    plant, reference_model             equations (1) and (2)
+    reference                          the command r(t); a list of commands if k_0 is a matrix
+    uncertainty                        the known set Omega; for a plant with physical parameters it follows, with input_gain, from
+                                       their ranges unless one of the two is given
     disturbance                        matched: d(t) in x' = A_m x + b (theta'x + u + d)
-    unmatched                          others, each along a direction of its own
+    unmatched                          other disturbances, each with its own direction
     input_gain                         (lower, upper) > 0: the input's gain omega is unknown and estimated with theta; a list of
-                                       pairs for several inputs that differ. Goes with a box, a ball or no known set
-    sensor                             how the plant's state is measured; exactly by default
+                                       pairs for several inputs with different intervals. Can be combined with a box, a ball or no
+                                       known set
+    sensor                             the path from the plant's state to the measurement; exact by default
     labels                             names and units of states and inputs, for pictures; none by default
-    shell                              what surrounds sampled controllers: the samples that they take, and what acts without any
-    faults                             what goes wrong between the plant and sampled controllers; nothing by default
-    truth                              what is simulated where it differs from the plant, which controllers are designed for
+    shell                              code around sampled controllers: which samples are used, and what acts without any
+    faults                             faults between the plant and sampled controllers; none by default
+    truth                              the simulated plant, if it differs from the plant for which controllers are designed
+    observer                           estimates a state that is not measured, such as a ``KalmanObserver``: a part of the
+                                       controller, designed for the nominal plant; none by default
     """
 
     plant: Plant
@@ -141,6 +146,7 @@ class Problem(TrackingProblem, Settings):
     shell: Shell | None = None
     faults: tuple[Fault, ...] = ()
     truth: Truth | None = None
+    observer: Observer | FixedObserver | None = None
     name: str = "problem"
 
     feedback: ClassVar[str] = "state"
@@ -168,8 +174,10 @@ class Problem(TrackingProblem, Settings):
                 raise InputError("disturbance needs a plant with one input; give unmatched with a direction instead")
         if self.sensor is not None:
             validate.instance("sensor", self.sensor, Sensor)
-            if self.sensor.noise is not None and np.size(self.sensor.noise.std) > 1:
-                validate.vector("sensor.noise.std", self.sensor.noise.std, self.plant.states)
+        if self.observer is not None:
+            self._check_observer()
+        if self.sensor is not None and self.sensor.noise is not None and np.size(self.sensor.noise.std) > 1:
+            validate.vector("sensor.noise.std", self.sensor.noise.std, self.measured)
         if not isinstance(self.unmatched, (list, tuple)):
             raise InputError(f"unmatched must be a list of Disturbance, got {validate.show(self.unmatched)}")
         for disturbance in self.unmatched:
@@ -192,6 +200,69 @@ class Problem(TrackingProblem, Settings):
         if self.simulated is not None:
             _ = self.surroundings  # refuses what does not fit
 
+    def _check_observer(self) -> None:
+        """The observer is designed once: it does not change when the plant is replaced."""
+        validate.instance("observer", self.observer, (Observer, FixedObserver))
+        names = (self.labels or UNLABELLED).of_states(self.plant.states)
+        if isinstance(self.observer, Observer):
+            if not self.plant.is_linear:
+                raise InputError("observer needs a plant with the regressor phi(x) = x, because it is a linear system")
+            freeze(self, observer=FixedObserver.of(self.observer, *self.nominal_matrices, names, self.plant.paths[0].delay))
+        fixed = self.fixed_observer
+        assert fixed is not None
+        if fixed.C.shape[1] != self.plant.states:
+            raise InputError(
+                f"observer is designed for a plant with {validate.counted(fixed.C.shape[1], 'state')}, and this one has "
+                f"{self.plant.states}: give its settings anew"
+            )
+
+    @property
+    def nominal_matrices(self) -> tuple[Array, Array]:
+        """A and b of the plant's own states as a designer knows them: plant.A as given, or A_m + b theta' at the middle of the
+        known set.
+
+        The true theta is not used, because it is unknown to controllers; without a known set A is A_m.
+        """
+        plant = self.plant
+        if plant.nominal_A is not None:
+            return plant.nominal_A, plant.b[: plant.states]
+        if self.uncertainty is None:
+            return plant.A_m, plant.b
+        return plant.A_m + plant.b.reshape(plant.n, -1) @ self.uncertainty.middle.reshape(plant.n, -1).T, plant.b
+
+    @property
+    def fixed_observer(self) -> FixedObserver | None:
+        """The observer as it was designed; None if the state is measured."""
+        return self.observer if isinstance(self.observer, FixedObserver) else None
+
+    @property
+    def measured(self) -> int:
+        return self.plant.states if self.fixed_observer is None else self.fixed_observer.outputs
+
+    @property
+    def measured_names(self) -> tuple[str, ...]:
+        found = self.followed_names
+        return found if self.fixed_observer is None else self.fixed_observer.names(found)
+
+    @property
+    def measured_labels(self) -> Labels | None:
+        labels, observer = self.labels, self.fixed_observer
+        if labels is None or observer is None:
+            return labels
+        states = [at for at in observer.places if at is not None]  # a quantity that is no single state has no unit
+        units = tuple(labels.units[at] for at in states) if labels.units and len(states) == observer.outputs else ()
+        names = observer.names(labels.names) if labels.names else ()
+        return replace(labels, names=names, units=units)
+
+    @property
+    def starts_at(self) -> Array:
+        """The state from which controllers start, (n,): x0, or with an observer its estimate from the measurement of x0."""
+        p = self.plant
+        if self.fixed_observer is None:
+            return np.asarray(p.x0)
+        own = self.fixed_observer.first(np.asarray(p.x0)[: p.states])
+        return np.concatenate([own, np.asarray(p.x0)[p.states :]])
+
     def _check_input_gain(self) -> None:
         name, m = "uncertainty.input_gain", self.plant.inputs
         several = validate.dimensions(self.input_gain) == 2
@@ -208,7 +279,7 @@ class Problem(TrackingProblem, Settings):
         for command in commands:
             require_signal("reference", command)
         if self.plant.inputs == 1 and len(commands) != 1:
-            raise InputError.of("reference", f"must be one command where the plant has one input, got {len(commands)}")
+            raise InputError.of("reference", f"must be one command for a plant with one input, got {len(commands)}")
         shape = np.shape(self.k_0)
         wanted = (self.plant.inputs, len(commands)) if self.plant.inputs > 1 else ()
         if shape != wanted:
@@ -218,14 +289,23 @@ class Problem(TrackingProblem, Settings):
                     "reference", f"must be {self.plant.inputs} commands, one for each followed state, got {len(commands)}"
                 )
             raise InputError.of("reference_model.k_0", f"must be {asked}, got {validate.show(self.k_0)}")
-        freeze(self, reference=commands if wanted else commands[0])  # type: ignore[redundant-expr]  # one command of several inputs is a list of one
+        freeze(self, reference=commands if wanted else commands[0])  # type: ignore[redundant-expr]  # several inputs: a list of one
 
     @property
     def k_0(self) -> Array | float:
-        """The command's gain, (m, q) with m inputs: as model or baseline give it, or from the state that is to follow."""
+        """The command's gain, (m, q) with m inputs: from the model or the baseline, or from the state that is to follow."""
         if self.plant.baseline is not None:
             return self.plant.baseline.feedforward
-        return self.reference_model.gain(self.plant, (self.labels or Labels()).of_states(self.plant.n))
+        return self.reference_model.gain(self.plant, (self.labels or UNLABELLED).of_states(self.plant.n))
+
+    @property
+    def declared_followers(self) -> tuple[int | None, ...]:
+        baseline, follow = self.plant.baseline, self.reference_model.follow
+        if baseline is not None:
+            return tuple(int(np.argmax(row)) if np.count_nonzero(row) == 1 and row.max() == 1 else None for row in baseline.H)
+        names = (self.labels or UNLABELLED).of_states(self.plant.n)
+        followed = (follow,) if isinstance(follow, str) else follow or ()
+        return tuple(names.index(name) for name in followed)
 
     @property
     def in_brief(self) -> str:
@@ -235,14 +315,14 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def input_paths(self) -> tuple[InputPath | None, ...]:
-        """The equations before each input; an unknown gain is in them even where it is 1, so that all plants have one
+        """The equations before each input; they contain an unknown gain even if it is 1, so that all plants have the same
         structure."""
         known = self.input_gain is None
         return tuple(path.path if known else path.path_of_unknown_gain for path in self.surroundings.paths)
 
     @cached_property
     def derived(self) -> FromRanges | None:
-        """What follows from the ranges of physical parameters; None of a plant without them."""
+        """The bounds from ranges of physical parameters; None for a plant without ranges."""
         found = self.plant.from_ranges
         if found is None:
             return None
@@ -257,14 +337,14 @@ class Problem(TrackingProblem, Settings):
 
     @cached_property
     def simulated(self) -> TruePlant | None:
-        """What is simulated in the plant's place; None where it is the plant itself."""
+        """The plant that is simulated in place of the design plant; None if it is the same."""
         if self.truth is None and self.plant.physical is None:
             return None
-        return true_plant(self.truth or Truth(), self.plant, (self.labels or Labels()).of_states(self.plant.states))
+        return true_plant(self.truth or Truth(), self.plant, (self.labels or UNLABELLED).of_states(self.plant.states))
 
     @property
     def design(self) -> Problem:
-        """The problem as controllers and certificates know it: the plant and the declared sets, without any truth."""
+        """The problem as controllers and certificates know it: the plant and the declared sets, without a truth."""
         if self.simulated is None:
             return self
         plant = replace(self.plant, physical=None)
@@ -274,7 +354,7 @@ class Problem(TrackingProblem, Settings):
 
     @cached_property
     def surroundings(self) -> Surroundings:
-        """What acts on the plant that is simulated, and how that is measured."""
+        """What acts on the simulated plant, and how it is measured."""
         if self.simulated is None:
             return super().surroundings
         truth = self.truth or Truth()
@@ -283,14 +363,14 @@ class Problem(TrackingProblem, Settings):
         return Surroundings(paths, disturbance, true_unmatched(truth, self.simulated, self.unmatched), sensor)
 
     def with_inputs(self, change: Callable[[PlantInput], PlantInput]) -> Self:
-        """The problem with another path before each input, of the plant and of the truth."""
+        """The problem with a changed path before each input, of both the plant and the truth."""
         found = super().with_inputs(change)
         if self.simulated is None:
             return found
         return replace(found, truth=replace(self.truth or Truth(), input=tuple(map(change, self.surroundings.paths))))
 
     def with_sensor(self, change: Callable[[Sensor | None], Sensor | None]) -> Self:
-        """The problem with another sensor, of the plant and of the truth."""
+        """The problem with a changed sensor, of both the plant and the truth."""
         found, own = super().with_sensor(change), self.surroundings.sensor
         if self.simulated is None:
             return found
@@ -306,7 +386,7 @@ class Problem(TrackingProblem, Settings):
             A_m=p.A_m,
             b=p.b,
             k_0=self.k_0,
-            x0=p.x0,
+            x0=self.starts_at,
             estimate_set=with_gains(self.uncertainty, gains),
             matched=MatchedTerm(p.regressor, p.inputs, self.input_gain is not None),
             saturation=_limits(p),
@@ -316,28 +396,28 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def parameters(self) -> Array:
-        """The true values of all that is estimated: theta, and the input gains where they are unknown."""
+        """The true values of all estimates: theta, and the input gains if they are unknown."""
         if self.input_gain is None:
             return self.plant.theta
         return np.concatenate([self.plant.theta, [path.gain for path in self.plant.paths]])
 
     @property
     def true_parameters(self) -> Array | None:
-        """The same of the plant that is simulated, by the weighted projection; None where it has other states."""
+        """The true values for the simulated plant, by the weighted projection; None if it has other states."""
         from barbalat.problem.departures import true_parameters
 
         return self.parameters if self.simulated is None else true_parameters(self)
 
     @property
     def outside_known_set(self) -> str | None:
-        """A sentence where the true values are not in the set that is known of them."""
+        """A sentence if the true values are outside the known set; otherwise None."""
         known_set, values = self.known.estimate_set, self.parameters
         if known_set is None or self.simulated is not None or known_set.contains(values):
             return None
         name = "theta" if self.input_gain is None else "theta with the input's gain,"
         return (
-            f"{name} {validate.show(values)} lies outside the known set, {known_set}: projected estimates can't reach it, and "
-            "nothing that rests on the set is guaranteed"
+            f"{name} {validate.show([float(f'{value:.6g}') for value in values])} lies outside the known set, {known_set}"
+            ": projected estimates cannot reach it, and no guarantee that depends on the set holds"
         )
 
     @property
@@ -348,13 +428,14 @@ class Problem(TrackingProblem, Settings):
 
     @property
     def fixed(self) -> FixedController | None:
-        return self.plant.baseline
+        baseline = self.plant.baseline
+        return None if baseline is None else baseline.within([path.saturation for path in self.plant.paths])
 
     @property
     def model(self) -> Model:
-        """The reference model (2), which starts where the plant does."""
+        """The reference model (2), which starts at the initial state of the plant or of its observer."""
         p = self.plant
-        return Model(p.A_m, p.b, self.k_0, p.x0, p.enters, None if p.baseline is None else p.states)
+        return Model(p.A_m, p.b, self.k_0, self.starts_at, p.enters, None if p.baseline is None else p.states)
 
 
 def _limits(plant: Plant) -> Array | None:

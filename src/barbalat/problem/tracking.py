@@ -1,4 +1,5 @@
-"""What every tracking problem has, whatever is measured: commands, disturbances, sensor, and the signals that drive the loop."""
+"""The common base of tracking problems, whatever is measured: commands, disturbances, sensor, and the signals that drive the
+loop."""
 
 from __future__ import annotations
 
@@ -14,8 +15,9 @@ from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.problem.actuation import InputPath, PlantInput
 from barbalat.problem.baseline import FixedController
 from barbalat.problem.faults import Fault, FaultSignal
-from barbalat.problem.labels import Labels
+from barbalat.problem.labels import UNLABELLED, Labels
 from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.observer import FixedObserver
 from barbalat.problem.shell import Shell
 from barbalat.protocols import Dynamics, Signal
 from barbalat.settings import Settings, given_of
@@ -25,7 +27,7 @@ from barbalat.validate import Array, InputError, Vector, freeze
 
 @dataclass(frozen=True, eq=False)
 class Disturbance(Settings):
-    """direction * signal(t), added to x': for what no control can cancel.
+    """direction * signal(t), added to x': a disturbance that no control can cancel.
 
     direction  (n,)
     signal     of any kind
@@ -40,7 +42,7 @@ class Disturbance(Settings):
 
 
 class Actuated(Protocol):
-    """A plant, by what lies before its inputs."""
+    """A plant with paths before its inputs."""
 
     @property
     def paths(self) -> tuple[PlantInput, ...]: ...
@@ -60,16 +62,17 @@ class ModelDynamics(Dynamics, Protocol):
 
     @property
     def matrices(self) -> tuple[Array, Array, Array]:
-        """A, B, C from the commands to what the plant's output is to follow."""
+        """A, B, C from the commands to the output that the plant's output is to follow."""
         ...
 
     def remedy(self, gain: float) -> str | None:
-        """A change that would make it settle at a command of which it settles at ``gain`` times; None where none is known."""
+        """A change that would make the model settle at the command, if it now settles at ``gain`` times the command; None if
+        none is known."""
         ...
 
 
 class Surroundings(NamedTuple):
-    """What stands around the plant that is simulated."""
+    """What surrounds the simulated plant."""
 
     paths: tuple[PlantInput, ...]  # before each input
     disturbance: Signal | None  # matched
@@ -78,7 +81,7 @@ class Surroundings(NamedTuple):
 
 
 class TrackingProblem:
-    """What a loop, a simulation and an ensemble read of a problem, whatever is measured."""
+    """The attributes of a problem that a loop, a simulation and an ensemble use, whatever is measured."""
 
     plant: Actuated
     reference: Signal | tuple[Signal, ...]
@@ -89,10 +92,10 @@ class TrackingProblem:
     shell: Shell | None = None
     faults: tuple[Fault, ...] = ()
     feedback: ClassVar[str]
-    """What is measured: "state" or "output"."""
+    """The measurement: "state" or "output"."""
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """After ``copy.deepcopy`` and unpickling."""
+        """Restore after ``copy.deepcopy`` and unpickling."""
         vars(self).update(state)
         validate.read_only(self)
 
@@ -101,22 +104,22 @@ class TrackingProblem:
         return f"<{type(self).__name__} {self.name!r}: {self.in_brief}; command {commands}>"
 
     def _repr_html_(self) -> str:
-        """For notebooks: all that is given, a row for each."""
+        """A table for notebooks with a row for each input of the problem."""
         return table_of(f"Problem: {self.name}", rows_of(self))
 
     @property
     def in_brief(self) -> str:
-        """The plant, and what is known of it, in a few words."""
+        """The plant and its uncertainty in a few words."""
         return f"{len(self.plant.paths)} inputs"
 
     @property
     def unmatched(self) -> tuple[Disturbance, ...]:
-        """Disturbances elsewhere than at the input."""
+        """Disturbances that don't act at the input."""
         return ()
 
     @property
     def output_disturbance(self) -> Signal | None:
-        """What is added to the output, where one is fed back."""
+        """The signal that is added to the output, with output feedback."""
         return None
 
     @property
@@ -126,8 +129,8 @@ class TrackingProblem:
 
     @property
     def known(self) -> object:
-        """What the designer has."""
-        raise AssertionError("a problem says what is known of it")
+        """The part of the problem that the designer knows."""
+        raise AssertionError("a problem declares the knowledge about it")
 
     @property
     def dynamics(self) -> MeasuredDynamics:
@@ -141,42 +144,42 @@ class TrackingProblem:
 
     @property
     def fixed(self) -> FixedController | None:
-        """The baseline that is already there, with states of its own; None without one."""
+        """The existing baseline with its own states; None without one."""
         return None
 
     @property
     def parameters(self) -> Array | None:
-        """The true values of what is estimated, where the problem knows them."""
+        """The true values of the estimates, if the problem knows them."""
         return None
 
     @property
     def design(self) -> TrackingProblem:
-        """The problem as controllers and certificates know it, where what is simulated is another."""
+        """The problem as controllers and certificates know it, without the truth."""
         return self
 
     @property
     def true_parameters(self) -> Array | None:
-        """The values that estimates are compared with: of what is simulated, where it has such parameters."""
+        """The values with which estimates are compared: those of the simulated plant, if it has such parameters."""
         return self.parameters
 
     @property
     def outside_known_set(self) -> str | None:
-        """A sentence where the true values are not in the set that is known of them."""
+        """A sentence if the true values are outside the known set; otherwise None."""
         return None
 
     @property
     def surroundings(self) -> Surroundings:
-        """What acts on the plant that is simulated, and how that is measured."""
+        """What acts on the simulated plant, and how it is measured."""
         return Surroundings(self.plant.paths, self.disturbance, self.unmatched, self.sensor)
 
     def with_inputs(self, change: Callable[[PlantInput], PlantInput]) -> Self:
-        """The problem with another path before each input."""
+        """The problem with a changed path before each input."""
         paths = tuple(map(change, self.plant.paths))
         plant = replace(self.plant, input=paths[0] if len(paths) == 1 else paths)  # type: ignore[type-var]
         return replace(self, plant=plant)  # type: ignore[type-var]
 
     def with_sensor(self, change: Callable[[Sensor | None], Sensor | None]) -> Self:
-        """The problem with another sensor."""
+        """The problem with a changed sensor."""
         return replace(self, sensor=change(self.sensor))  # type: ignore[type-var]
 
     @property
@@ -186,7 +189,7 @@ class TrackingProblem:
 
     @property
     def input_paths(self) -> tuple[InputPath | None, ...]:
-        """The equations of what lies before each input, without delays; None where u reaches the plant as it is."""
+        """The equations of the path before each input, without delays; None if u reaches the plant unchanged."""
         return tuple(path.path for path in self.surroundings.paths)
 
     @property
@@ -196,12 +199,12 @@ class TrackingProblem:
 
     @property
     def history(self) -> Array:
-        """The signal that leaves the delay before anything of the run does, for each input, (m,)."""
+        """The constant that leaves the delay before the run's own control does, for each input, (m,)."""
         return np.array([path.history for path in self.surroundings.paths])
 
     @property
     def sensor_lag(self) -> StateSpace | None:
-        """1/(lag s + 1), through which each measured quantity comes; None without a lag."""
+        """1/(lag s + 1), the filter of each measured quantity; None without a lag."""
         sensor = self.surroundings.sensor
         if sensor is None or sensor.lag == 0:
             return None
@@ -209,14 +212,52 @@ class TrackingProblem:
 
     @property
     def noise(self) -> Noise | None:
-        """The measurement's noise; None where it has none."""
+        """The measurement noise; None without noise."""
         sensor = self.surroundings.sensor
         return None if sensor is None else sensor.noise
 
     @property
+    def fixed_observer(self) -> FixedObserver | None:
+        """The observer of a state that is not measured; None without one."""
+        return None
+
+    @property
+    def measured(self) -> int:
+        """The number of measured quantities."""
+        return self.dynamics.outputs
+
+    @property
     def measured_names(self) -> tuple[str, ...]:
-        """What the measured quantities are called: by the labels, else x_1, x_2, ..., or y."""
-        labels = self.labels or Labels()
+        """The names of the measured quantities."""
+        return self.followed_names
+
+    @property
+    def measured_labels(self) -> Labels | None:
+        """Names and units of the measured quantities, if the case gives them."""
+        return self.labels
+
+    @property
+    def handed_controls(self) -> tuple[str, ...]:
+        """The names of an external baseline's controls, which a sampled controller receives after the measurements."""
+        if self.fixed is None or not self.fixed.external:
+            return ()
+        m = len(self.fixed.K)
+        return ("u_baseline",) if m == 1 else tuple(f"u_baseline_{i + 1}" for i in range(m))
+
+    @property
+    def handed_names(self) -> tuple[str, ...]:
+        """The names of all channels that a sampled controller receives."""
+        return (*self.measured_names, *self.handed_controls)
+
+    @property
+    def declared_followers(self) -> tuple[int | None, ...]:
+        """For each command the index of the state that is declared to follow it; None, or no entry, if none is."""
+        return ()
+
+    @property
+    def followed_names(self) -> tuple[str, ...]:
+        """The names of the quantities that follow the model: their labels, or x_1, x_2, ..., or y."""
+        labels = self.labels or UNLABELLED
         return (
             labels.of_states(int(np.size(self.model.output(self.model.x0))))
             if self.feedback == "state"
@@ -225,29 +266,40 @@ class TrackingProblem:
 
     @property
     def nominal(self) -> Self:
-        """The same problem with nothing going wrong, and nothing that would be refused."""
+        """The same problem without faults and without a shell that could refuse a sample."""
         if self.shell is None and not self.faults:
             return self
         return replace(self, shell=None, faults=())  # type: ignore[type-var]
 
     def require_surroundings(self) -> None:
-        """InputError where the shell or a fault names a channel that is not measured."""
+        """InputError if the shell or a fault names a channel that is not measured."""
         if self.shell is not None:
             validate.instance("shell", self.shell, Shell)
-            self.shell.require(self.measured_names)
+            self.shell.require(self.handed_names, without_baseline=self._without_fallback)
         if not isinstance(self.faults, (list, tuple)):
             raise InputError(f"faults must be a list of faults, got {validate.show(self.faults)}")
         for i, fault in enumerate(self.faults, start=1):
             validate.instance(f"faults {i}", fault, Fault)
             try:
-                fault.require(self.measured_names)
+                fault.require(self.handed_names)
             except InputError as error:
                 raise InputError(f"faults {i} ({fault.kind}): {error}", field="faults") from None
         freeze(self, faults=tuple(self.faults))
 
     @property
+    def _without_fallback(self) -> str | None:
+        """Why no baseline can act after an outage; None if one can."""
+        if self.fixed is None:
+            return "needs a case with a baseline controller, and this one has none"
+        if self.fixed.external:
+            return "needs a baseline that the export computes, and baseline.external = true leaves it to another code"
+        if self.fixed_observer is not None:
+            return "needs the state itself, and the case has an observer, which predicts through an outage"
+        return None
+
+    @property
     def signals(self) -> tuple[Signal, ...]:
-        """The time functions that drive the loop, in the order in which ``ClosedLoop`` takes them."""
+        """The time functions that drive the loop, in the order that ``ClosedLoop`` expects."""
         acting = self.surroundings
         matched = () if acting.disturbance is None else (acting.disturbance,)
         at_output = () if self.output_disturbance is None else (self.output_disturbance,)
@@ -258,13 +310,13 @@ class TrackingProblem:
 
 
 def require_signal(field: str, signal: Any) -> None:
-    """InputError, naming the field, for what is no signal."""
+    """InputError, with the field, for an object that is no signal."""
     if not validate.is_instance(signal, Signal) or isinstance(signal, type):
         raise InputError.of(field, f"must be a signal such as Sine(amplitude=1, frequency=2), got {validate.show(signal)}")
 
 
 def rows_of(problem: TrackingProblem) -> dict[str, str]:
-    """What is given of a problem beside its name, its plant's numbers each by itself."""
+    """The inputs of a problem by name, with each of the plant's numbers separately."""
     found: dict[str, str] = {}
     given: dict[str, str] = given_of(problem) if is_dataclass(problem) else {}  # type: ignore[redundant-expr]
     for name, text in given.items():

@@ -1,4 +1,4 @@
-"""What is simulated, where it differs from what controllers are designed for: the truth apart from the design."""
+"""The truth: the plant that is simulated, if it differs from the one for which controllers are designed."""
 
 from __future__ import annotations
 
@@ -45,22 +45,22 @@ class Friction(Settings):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Truth(Settings):
-    """The plant that is simulated; what is not given is as in the plant that controllers are designed for.
+    """The simulated plant; what is not given is the same as in the plant for which controllers are designed.
 
-    parameters   physical parameters with other values than their nominal ones, by name
-    A            (N, N); with more states than the plant has, or other dynamics
+    parameters   physical parameters whose values differ from the nominal ones, by name
+    A            (N, N); for more states than the plant has, or other dynamics
     b            (N,), or (N, m)
     x0           (N,) initial state
-    input        what lies before the input, as ``plant.input``, which it replaces as a whole; with several inputs one for all, or
+    input        the path before the input, as ``plant.input``, which it replaces as a whole; with several inputs one for all, or
                  a list
     disturbance  matched: enters with u
     unmatched    others: direction (N,) times the signal is added to x'; they replace the plant's
-    sensor       how the plant's state is measured, in place of the case's own sensor
-    states       names of its states, of which the first may be enough: the plant's states are those of the same names. Or a
-                 matrix (n, N) with which they follow from its states. Needed where N differs from the plant's n
+    sensor       the path from the plant's state to the measurement, in place of the case's own sensor
+    states       names of its states; the first ones may be sufficient. The plant's states are those of the same names. Or a
+                 matrix (n, N) that computes the plant's states from them. Needed if N differs from the plant's n
     friction     smooth Coulomb friction in the rates of states
-    terms        by a state's name a formula that is added to its rate, in x1, x2, ... of the truth, u (u1, u2, ... with several
-                 inputs), which is what reaches the plant, and the parameters: a saturating spring, a dead zone
+    terms        by a state's name, a formula that is added to its rate, in x1, x2, ... of the truth, in u (u1, u2, ... with
+                 several inputs) as it reaches the plant, and in the parameters: for example a saturating spring or a dead zone
     """
 
     parameters: Mapping[str, float] = field(default_factory=dict)
@@ -91,13 +91,14 @@ class Truth(Settings):
 
 @dataclass(frozen=True, eq=False)
 class TruePlant:
-    """x' = A x + B v + terms, of which a controller is handed S x: what a loop integrates in the plant's place.
+    """x' = A x + B v + terms, of which a controller receives S x: the system that a loop integrates in place of the plant.
 
-    S          (n, N); None where the states are the plant's own
+    S          (n, N); None if the states are the plant's own
     friction   (row, coulomb, width) of each
     terms      (row, formula) of each
-    values     of the parameters in the formulas
-    nonlinear  the plant, where its regressor is not the state: its uncertainty b theta'phi(x) acts beside A, its own A_m, and B
+    values     values of the parameters in the formulas
+    nonlinear  the plant, if its regressor is not the state: its uncertainty b theta'phi(x) acts in addition to A, which is then
+               its A_m, and B
     """
 
     A: Array
@@ -121,7 +122,7 @@ class TruePlant:
         return BEND_OF_ABS if any(self._formula(text).bends for _, text in self.terms) else None
 
     def derivative(self, x: Value, v: Value) -> Value:
-        """x' for the input v: what reaches the plant of u, and d."""
+        """x' for the input v: the part of u that reaches the plant, plus d."""
         rate = self.A @ x + np.dot(self.b, v)
         if self.nonlinear is not None:
             plant = self.nonlinear
@@ -138,7 +139,7 @@ class TruePlant:
         return rate + np.concatenate([one.reshape(1) for one in added])
 
     def output(self, x: Value) -> Value:
-        """What is measured: the plant's states."""
+        """The measurement: the plant's states."""
         return x if self.S is None else self.S @ x
 
     def _formula(self, text: str) -> Formula:
@@ -153,19 +154,19 @@ class TruePlant:
 
     @property
     def is_linear(self) -> bool:
-        """Whether nothing but A and b acts."""
+        """Whether only A and b act."""
         return not self.friction and not self.terms and self.nonlinear is None
 
 
 def own_states(plant: Plant) -> TruePlant:
-    """The plant that a baseline acts on, without the baseline's states."""
+    """The plant on which a baseline acts, without the baseline's states."""
     A, b = plant.open_loop
     names = tuple(f"x_{i + 1}" for i in range(plant.states))
     return TruePlant(A=A, b=b, x0=np.asarray(plant.x0)[: plant.states], S=None, friction=(), terms=(), values={}, names=names)
 
 
 def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
-    """The dynamics that a truth gives to a plant, whose states are called ``labels``; InputError where the two do not fit."""
+    """The dynamics that a truth gives to a plant whose states are called ``labels``; InputError if the two do not fit."""
     physical = plant.physical
     values = {} if physical is None else physical.with_values(truth.parameters)
     if physical is None and truth.parameters:
@@ -225,7 +226,7 @@ def _plain(given: Any) -> Any:
 
 
 def _mapped(states: Any, labels: Sequence[str], N: int, hint: Any) -> tuple[tuple[str, ...], Array | None]:
-    """The names of the truth's states, and the matrix that gives the plant's states; None where they are the same."""
+    """The names of the truth's states, and the matrix that gives the plant's states; None if they are the same."""
     n = len(labels)
     if states is None:
         return tuple(labels), None
@@ -247,7 +248,7 @@ def _mapped(states: Any, labels: Sequence[str], N: int, hint: Any) -> tuple[tupl
 
 
 def _initial(truth: Truth, plant: Plant, values: Mapping[str, float], S: Array | None) -> Array:
-    """x(0), (N,): as given, or the smallest one of which the plant's states are its own x0."""
+    """x(0), (N,): as given, or the smallest one for which the plant's states equal x0."""
     N = plant.states if S is None else S.shape[1]
     if truth.x0 is not None:
         return validate.vector("truth.x0", evaluated("truth.x0", _plain(truth.x0), values), N)
@@ -259,13 +260,13 @@ def _initial(truth: Truth, plant: Plant, values: Mapping[str, float], S: Array |
 def _row(field: str, state: str, names: tuple[str, ...]) -> int:
     if state not in names:
         raise InputError.of(
-            field, f"names no state, got {validate.show(state)}; there are {', '.join(names)}{validate.hint(state, names)}"
+            field, f"does not name a state, got {validate.show(state)}; there are {', '.join(names)}{validate.hint(state, names)}"
         )
     return names.index(state)
 
 
 def true_inputs(truth: Truth, plant: Plant) -> tuple[PlantInput, ...]:
-    """What lies before each input of what is simulated."""
+    """The path before each input of the simulated plant."""
     from barbalat.problem.plant import inputs_of
 
     given = truth.input
@@ -278,7 +279,7 @@ def true_inputs(truth: Truth, plant: Plant) -> tuple[PlantInput, ...]:
 
 
 def true_sensor(truth: Truth, plant: Plant, sensor: Sensor | None) -> Sensor | None:
-    """How the state of what is simulated is measured."""
+    """The sensor of the simulated plant."""
     if truth.sensor is not None:
         return truth.sensor
     if plant.physical is None or plant.physical.sensor is None:
@@ -287,7 +288,7 @@ def true_sensor(truth: Truth, plant: Plant, sensor: Sensor | None) -> Sensor | N
 
 
 def true_unmatched(truth: Truth, simulated: TruePlant, of_plant: tuple[Disturbance, ...]) -> tuple[Disturbance, ...]:
-    """The other disturbances, with directions among the truth's states."""
+    """The disturbances that don't act at the input, with directions in the truth's states."""
     N, S = len(simulated.x0), simulated.S
     if truth.unmatched is not None:
         for one in truth.unmatched:
@@ -298,6 +299,6 @@ def true_unmatched(truth: Truth, simulated: TruePlant, of_plant: tuple[Disturban
     selects = ((S == 0) | (S == 1)).all() and (S.sum(axis=1) == 1).all()
     if not selects:
         raise InputError.of(
-            "truth.unmatched", "is missing: with a matrix of states the plant's directions say nothing of the truth's"
+            "truth.unmatched", "is missing: with a matrix of states the plant's directions do not determine the truth's"
         )
     return tuple(Disturbance(direction=S.T @ one.direction, signal=one.signal) for one in of_plant)

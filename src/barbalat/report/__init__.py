@@ -1,1 +1,1 @@
-"""Figures, tables and pages made of results; nothing imports this package but the command line."""
+"""Figures, tables and pages of results; only the command line imports this package."""

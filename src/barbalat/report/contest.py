@@ -13,7 +13,7 @@ from barbalat.validate import counted
 FAILURES = ("entrant", "failed", "up to", "diverged", "delay", "gain up", "gain down")
 """Columns of ``failures``."""
 SUMMARY = ("entrant", "failed", "median error", "delay [s]", "gain")
-"""Columns of ``summary``: runs that failed, the median of the others' errors, what the tuning bears as measured."""
+"""Columns of ``summary``: failed runs, the median error of the others, the measured margins of the tuning."""
 MARGINS = ("entrant", "meets", "error", "delay [s]", "gain up", "gain down", "slack")
 ERRORS = ("entrant", "median", "nine in ten", "worst", "max |u|")
 PAIRS = ("first", "second", "ratio", "from", "to", "better", "worse")
@@ -23,37 +23,37 @@ OWN = ("entrant", "tuning", "its own objective", "changed by the second half")
 def rule(found: Contest) -> str:
     """The rule in a sentence."""
     asked = found.rule
-    until = "it begins to oscillate" if asked.until is Criterion.ONSET else "its motion is lost"
+    until = "the loop begins to oscillate" if asked.until is Criterion.ONSET else "the motion is lost"
     return (
-        f"each scheme has the tuning with the least RMS |e| among those that bear {asked.delay_margin:g} s of added delay and "
-        f"the input's gain times {asked.gain_margin:g} and over {asked.gain_margin:g} before {until}, without noise and with it; "
-        f"both on the worst of {counted(len(found.thetas), 'plant')}, {counted(asked.trials, 'tuning')} at most each, the same "
-        "plants, command and noise for all"
+        f"each scheme has the tuning with the least RMS |e| among those that tolerate {asked.delay_margin:g} s of added delay "
+        f"and the input's gain times {asked.gain_margin:g} and over {asked.gain_margin:g} before {until}, without noise "
+        f"and with it; both on the worst of {counted(len(found.thetas), 'plant')}, {counted(asked.trials, 'tuning')} at most "
+        "each, the same plants, command and noise for all"
     )
 
 
 def held_out(found: Contest) -> str:
-    """What the tuned ones are measured on, in a sentence."""
+    """A sentence on the validation runs of the tuned schemes."""
     sizes, paces = found.draws.commands.T
     return (
-        f"{counted(len(found.draws), 'plant')} of the known set that no tuning saw, the command {sizes.min():.2g} to "
+        f"{counted(len(found.draws), 'plant')} of the known set, used by no tuning; the command {sizes.min():.2g} to "
         f"{sizes.max():.2g} times as large and {paces.min():.2g} to {paces.max():.2g} times as fast, new noise"
     )
 
 
 def verdicts(found: Contest) -> list[tuple[str, str, bool]]:
-    """Of each entrant its name, one sentence on its tuning, and whether that meets the rule."""
+    """For each entrant its name, one sentence on its tuning, and whether that meets the rule."""
     rows = []
     for one in found.entrants:
         held = found.held_out.get(one.name)
-        failed = "does not meet the rule" if held is None else f"{int(held.lost.sum())} of {len(held.lost)} runs failed"
-        margins = f"bears {one.delay_margin_measured:.3g} s, gain {one.gain_margin_measured:.3g}"
+        failed = "does not satisfy the rule" if held is None else f"{int(held.lost.sum())} of {len(held.lost)} runs failed"
+        margins = f"tolerates {one.delay_margin_measured:.3g} s, gain {one.gain_margin_measured:.3g}"
         rows.append((one.name, f"{one.verdict}; {margins}; {failed}", held is not None))
     return rows
 
 
 def summary(found: Contest) -> list[list[str]]:
-    """Return rows of all: held-out runs that failed, the median of their error, and the margins as measured on the worst tuning
+    """Return rows for all: validation runs that failed, the median of the error, and the margins measured on the worst tuning
     plant."""
     rows = []
     for one in found.entrants:
@@ -64,8 +64,8 @@ def summary(found: Contest) -> list[list[str]]:
 
 
 def failures(found: Contest) -> list[list[str]]:
-    """Return rows of those that meet the rule: runs that failed, with their share's upper end; runs that diverged; those that
-    do not bear what the rule asks."""
+    """Return rows for those that meet the rule: runs that failed, with the upper end of their share; runs that diverged; those
+    that do not tolerate what the rule requires."""
     rows = []
     for name, held in found.held_out.items():
         counted = held.failures
@@ -76,7 +76,7 @@ def failures(found: Contest) -> list[list[str]]:
 
 
 def margins(found: Contest) -> list[list[str]]:
-    """Return rows of all: the error on the worst tuning plant relative to the model's motion, margins there, the least slack."""
+    """Return rows for all: the error on the worst tuning plant relative to the model's motion, margins there, the least slack."""
     rows = []
     for one in found.entrants:
         kept = one.margins[found.rule.until]
@@ -88,7 +88,7 @@ def margins(found: Contest) -> list[list[str]]:
 
 
 def errors(found: Contest) -> list[list[str]]:
-    """Return rows of those that meet the rule, over all held-out runs: quantiles of the error, median of max |u|."""
+    """Return rows for those that meet the rule, over all validation runs: quantiles of the error, median of max |u|."""
     rows = []
     for name, held in found.held_out.items():
         of = held.quantiles
@@ -97,14 +97,15 @@ def errors(found: Contest) -> list[list[str]]:
 
 
 def pairs(found: Contest, *, neighbours: bool) -> list[list[str]]:
-    """Each with every one behind it, or with the next one alone."""
+    """Each pair with every later one, or with the next one only."""
     names = [one.name for one in found.entrants]
     chosen = [one for one in found.pairs if not neighbours or names.index(one.second) == names.index(one.first) + 1]
     return [[one.first, one.second, *_ratio(one), str(one.better.count), str(one.worse.count)] for one in chosen]
 
 
 def own(found: Contest) -> list[list[str]]:
-    """Return rows of all: the tuning, what its designers look at, by how much the second half of the trials changed the error."""
+    """Return rows for all: the tuning, the quantities that its designers look at, and by how much the second half of the
+    trials changed the error."""
     return [[one.name, tuning(one), _own(one), _settled(one)] for one in found.entrants]
 
 
@@ -118,7 +119,7 @@ def _ratio(one: Paired) -> list[str]:
 
 
 def _own(one: Qualified) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in one.own.items()) or "no objective of its own"
+    return ", ".join(f"{name} {value:.4g}" for name, value in one.own.items()) or "no single objective"
 
 
 def _settled(one: Qualified) -> str:
@@ -135,18 +136,18 @@ def _in_order(found: Contest, rows: list[list[str]]) -> list[list[str]]:
 
 
 def show(screen: Screen, found: Contest) -> None:
-    """Tables, the first's columns last explained by the rule above it."""
-    screen.line(f"{found.problem.name}: {counted(len(found.entrants), 'scheme')} under one rule", "bold")
+    """Print the tables; the first one's columns are explained last, by the rule above it."""
+    screen.line(f"{found.problem.name}: {counted(len(found.entrants), 'scheme')} tuned by one rule", "bold")
     for name, sentence, meets in verdicts(found):
         screen.line(f"{screen.name(name)}: {sentence}", "green" if meets else "red", indent="    ", start="  ")
     screen.table(SUMMARY, [[screen.name(name), *cells] for name, *cells in summary(found)])
     screen.line("")
     screen.line(f"The rule: {rule(found)}.")
-    screen.line(f"Held out: {held_out(found)}.")
+    screen.line(f"Validation: {held_out(found)}.")
     for heading, columns, rows in (
-        ("Held-out runs that failed, or do not bear what the rule asks", FAILURES, failures(found)),
+        ("Validation runs that failed, or do not tolerate the delay and gains of the rule", FAILURES, failures(found)),
         ("Under the rule", MARGINS, margins(found)),
-        ("RMS |e| over RMS |x_m| of the held-out runs", ERRORS, errors(found)),
+        ("RMS |e| over RMS |x_m| of the validation runs", ERRORS, errors(found)),
         ("Ratio of the errors on the same runs, 95 % interval", PAIRS, pairs(found, neighbours=True)),
     ):
         if rows:
@@ -158,4 +159,4 @@ def show(screen: Screen, found: Contest) -> None:
     screen.line("")
     for note in (*found.notes, *found.left_out):
         screen.line(f"Note: {note}.", "yellow")
-    screen.line(f"{found.seconds:.0f} s. Measured on these plants and commands: no guarantee.")
+    screen.line(f"{found.seconds:.0f} s. Measured on these plants and commands; not a guarantee.")

@@ -11,19 +11,19 @@ COLUMNS = (
     "requirement",
     "asked",
     "on the worst plant",
-    "used of what is allowed",
-    "held-out plants that miss it",
+    "share of the limit used",
+    "validation plants that fail it",
 )
 
 
 def title(found: Design) -> str:
-    """Who meets the specification, or that nobody does."""
+    """Which schemes meet the specification, or that none does."""
     first = found.recommended
     return "None of them meets the specification" if first is None else f"{first.name} meets the specification"
 
 
 def rows(found: Design) -> list[list[str]]:
-    """Scheme, requirement, what is asked, what is reached, how much of it is used, held-out misses."""
+    """Scheme, requirement, required value, reached value, share of it that is used, failures on validation plants."""
     return [_row(found, one, name) for one in found.candidates for name in one.factor]
 
 
@@ -35,7 +35,7 @@ def _row(found: Design, one: Candidate, name: str) -> list[str]:
 
 
 def sentences(found: Design) -> list[tuple[str, str, bool]]:
-    """Of each candidate its name, what it meets or misses, and whether it meets everything."""
+    """For each candidate its name, what it meets or misses, and whether it meets everything."""
     return [(one.name, one.sentence, one.meets) for one in found.candidates]
 
 

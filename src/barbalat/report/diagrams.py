@@ -1,108 +1,112 @@
-"""Block diagrams: the L1 output-feedback controller as in the paper's Figure 1, and the linear controllers that it is."""
+"""Block diagrams: the L1 output-feedback controller as in the paper's Figure 1, and its equivalent linear controllers.
+
+They are SVG with its texts as text, so that a page shows them in its own font and colours.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.patches import Circle, Rectangle
-from matplotlib.textpath import TextPath
+from dataclasses import dataclass, field
+from html import escape
 
 from barbalat.controllers.output.l1 import L1Output, LinearEquivalent, fast_limit, linear_equivalent
 from barbalat.linear.systems import TransferFunction
-from barbalat.pictures.panels import text_of
-from barbalat.pictures.symbols import number_text
+from barbalat.pictures.palette import COLOURS, ON_DARK
+from barbalat.pictures.symbols import HAT, SUPERSCRIPTS, number_text, times_power
 from barbalat.problem.output_feedback import OutputPlant, OutputProblem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.validate import Array
 
-INK = "#1a1a1a"
-ADAPTIVE = "#0072B2"
-"""What the scheme calls its adaptation: predictor and integrator."""
-RADIUS = 0.16
-WIDTH, INCHES = 14.8, 10.0
-POINTS = 0.97 * 72 * INCHES / WIDTH
-"""Of a unit of length on paper, less the margins."""
-LARGEST_FONT_POINTS = 13.0
-"""Of a block's text, however much room it has."""
+ADAPTIVE = "adaptive"
+"""The CSS class of the scheme's adaptive part: predictor and integrator."""
+RADIUS, BLOCK_HEIGHT = 0.16, 1.1
+WIDTH, UNIT = 14.8, 60.0
+"""Width of the drawing in units of length, and pixels of a unit."""
+FONT, LABEL, CHARACTER = 17.0, 15.0, 0.6
+"""Largest size of a text and size of a line's label [px]; width of a character, as a share of the size, in the widest of the
+usual fonts."""
+Y_HAT = f"y{HAT}"
+STYLE = (
+    f"svg {{ color: #1a1a1a; font: {FONT}px serif }} .adaptive {{ color: {COLOURS[0]} }}"
+    f" @media (prefers-color-scheme: dark) {{ svg {{ color: #e8e8e8 }} .adaptive {{ color: {ON_DARK[0]} }} }}"
+    " rect, circle, path.line { fill: none; stroke: currentColor; stroke-width: 1.5 }"
+    " text, path.head { fill: currentColor } .title { font-family: sans-serif }"
+)
 
 Point = tuple[float, float]
+Fraction = tuple[str, str]
+"""Numerator and denominator; the latter is empty if the text is a single line."""
 
 
-def of_controller(controller: Controller, problem: TrackingProblem) -> Figure | None:
-    """The block diagram of a scheme that has one: of L1 output feedback."""
-    # drawn by hand for this one scheme, block by block: no controller could answer with it
+def of_controller(controller: Controller, problem: TrackingProblem) -> str | None:
+    """The block diagram of a scheme that has one, of L1 output feedback, as SVG."""
+    # drawn by hand for this one scheme, block by block
     if isinstance(controller, L1Output) and isinstance(problem, OutputProblem):
         return l1_output(controller, problem.plant)
     return None
 
 
-def l1_output(controller: L1Output, plant: OutputPlant) -> Figure:
+def l1_output(controller: L1Output, plant: OutputPlant) -> str:
     """Three loops, one below the other: the scheme, its equivalent inside the bounds of sigma, the limit of fast adaptation."""
-    figure = Figure(figsize=(INCHES, 10.4), layout="constrained")
-    FigureCanvasAgg(figure)
-    scheme, equivalent, limit = figure.subplots(3, 1, height_ratios=[4.4, 3, 3])
-    _scheme(BlockDiagram(scheme), controller, plant)
-    scheme.set_title(f"{text_of(controller.name)}: the closed loop, as in Figure 1", fontsize="medium", loc="left")
-    inside = "inside the bounds of sigma" if controller.sigma_bound is not None else "everywhere, for sigma has no bounds"
-    _equivalent(BlockDiagram(equivalent), linear_equivalent(controller), plant)
-    equivalent.set_title(f"What it is {inside}: a linear controller with a pole at s = 0", fontsize="medium", loc="left")
-    _equivalent(BlockDiagram(limit), fast_limit(controller), plant)
-    limit.set_title(r"For $\gamma \to \infty$", fontsize="medium", loc="left")
-    for axes in (scheme, equivalent, limit):
-        axes.set_aspect("equal")
-        axes.set_axis_off()
-        axes.set_xlim(-0.2, WIDTH - 0.2)
-    return figure
+    inside = "inside the bounds of sigma" if controller.sigma_bound is not None else "everywhere, because sigma has no bounds"
+    scheme = BlockDiagram(f"{controller.name}: the closed loop, as in Figure 1", top=4.1)
+    equivalent = BlockDiagram(f"Its equivalent {inside}: a linear controller with a pole at s = 0", top=2.7)
+    limit = BlockDiagram("For γ → ∞", top=2.7)
+    _scheme(scheme, controller, plant)
+    _equivalent(equivalent, linear_equivalent(controller), plant)
+    _equivalent(limit, fast_limit(controller), plant)
+    parts, height = [], 0.0
+    for diagram in (scheme, equivalent, limit):
+        parts.append(f'<g transform="translate({0.2 * UNIT:g} {height:g})">{diagram.svg}</g>')
+        height += diagram.height
+    described = escape(f"Block diagrams of {controller.name}", quote=True)
+    head = f'xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{described}"'
+    size = f'viewBox="0 0 {WIDTH * UNIT:g} {height:g}" width="{WIDTH * UNIT:g}" height="{height:g}"'
+    return f"<svg {head} {size}><style>{STYLE}</style>{''.join(parts)}</svg>\n"
 
 
 def _scheme(drawing: BlockDiagram, controller: L1Output, plant: OutputPlant) -> None:
     """(18)-(21); the predictor and its law in colour."""
     m, gamma = number_math(controller.m), number_math(controller.gamma)
-    drawing.axes.set_ylim(-0.9, 4.1)
     drawing.sum((1.0, 3.0))
-    drawing.arrow((0.0, 3.0), (1.0 - RADIUS, 3.0), "$r$")
+    drawing.arrow((0.0, 3.0), (1.0 - RADIUS, 3.0), "r")
     drawing.block((3.3, 3.0), 2.8, transfer_function_text(controller.filter))
     drawing.arrow((1.0 + RADIUS, 3.0), (1.9, 3.0))
-    drawing.arrow((4.7, 3.0), (7.2 - RADIUS, 3.0), "$u$")
+    drawing.arrow((4.7, 3.0), (7.2 - RADIUS, 3.0), "u")
     _plant(drawing, 7.2, 3.0, plant)
-    drawing.arrow((12.0, 3.0), (14.2, 3.0), "$y$")
+    drawing.arrow((12.0, 3.0), (14.2, 3.0), "y")
     drawing.line([(13.0, 3.0), (13.0, 1.4 + RADIUS)], arrow=True, colour=ADAPTIVE, sign="+")
     drawing.line([(5.8, 3.0), (5.8, 1.4 + RADIUS)], arrow=True, colour=ADAPTIVE, sign="+")
     drawing.sum((5.8, 1.4), ADAPTIVE)
-    drawing.block((9.0, 1.4), 2.4, rf"$\dfrac{{{m}}}{{s + {m}}}$", ADAPTIVE)
+    drawing.block((9.0, 1.4), 2.4, (m, f"s + {m}"), ADAPTIVE)
     drawing.arrow((5.8 + RADIUS, 1.4), (7.8, 1.4), colour=ADAPTIVE)
-    drawing.arrow((10.2, 1.4), (13.0 - RADIUS, 1.4), r"$\hat y$", ADAPTIVE, sign="-")
+    drawing.arrow((10.2, 1.4), (13.0 - RADIUS, 1.4), Y_HAT, ADAPTIVE, sign="-")
     drawing.sum((13.0, 1.4), ADAPTIVE)
-    bound = "" if controller.sigma_bound is None else rf",  $|\sigma| \leq {number_math(controller.sigma_bound)}$"
-    drawing.block((9.0, -0.2), 3.4, rf"$\dfrac{{{gamma}}}{{s}}${bound}", ADAPTIVE)
-    drawing.line([(13.0, 1.4 - RADIUS), (13.0, -0.2), (10.7, -0.2)], arrow=True, colour=ADAPTIVE, label=r"$y - \hat y$")
-    drawing.line([(7.3, -0.2), (1.0, -0.2), (1.0, 3.0 - RADIUS)], arrow=True, colour=ADAPTIVE, label=r"$\sigma$", sign="-")
+    bound = "" if controller.sigma_bound is None else f",  |σ| ≤ {number_math(controller.sigma_bound)}"
+    drawing.block((9.0, -0.2), 3.4, (gamma, "s"), ADAPTIVE, beside=bound)
+    drawing.line([(13.0, 1.4 - RADIUS), (13.0, -0.2), (10.7, -0.2)], arrow=True, colour=ADAPTIVE, label=f"y − {Y_HAT}")
+    drawing.line([(7.3, -0.2), (1.0, -0.2), (1.0, 3.0 - RADIUS)], arrow=True, colour=ADAPTIVE, label="σ", sign="-")
     drawing.line([(5.8, -0.2), (5.8, 1.4 - RADIUS)], arrow=True, colour=ADAPTIVE, sign="+")
 
 
 def _equivalent(drawing: BlockDiagram, linear: LinearEquivalent, plant: OutputPlant) -> None:
     """u = F[r] - K[y] around the plant."""
-    drawing.axes.set_ylim(-0.9, 2.7)
     drawing.block((2.8, 1.6), 4.2, transfer_function_text(linear.feedforward))
-    drawing.arrow((0.0, 1.6), (0.7, 1.6), "$r$")
+    drawing.arrow((0.0, 1.6), (0.7, 1.6), "r")
     drawing.sum((5.8, 1.6))
     drawing.arrow((4.9, 1.6), (5.8 - RADIUS, 1.6))
-    drawing.arrow((5.8 + RADIUS, 1.6), (7.2 - RADIUS, 1.6), "$u$")
+    drawing.arrow((5.8 + RADIUS, 1.6), (7.2 - RADIUS, 1.6), "u")
     _plant(drawing, 7.2, 1.6, plant)
-    drawing.arrow((12.0, 1.6), (14.2, 1.6), "$y$")
+    drawing.arrow((12.0, 1.6), (14.2, 1.6), "y")
     drawing.block((9.4, -0.2), 4.2, transfer_function_text(linear.feedback))
     drawing.line([(13.0, 1.6), (13.0, -0.2), (11.5, -0.2)], arrow=True)
     drawing.line([(7.3, -0.2), (5.8, -0.2), (5.8, 1.6 - RADIUS)], arrow=True, sign="-")
 
 
 def _plant(drawing: BlockDiagram, x: float, y: float, plant: OutputPlant) -> None:
-    """The sum at (x, y) where d enters, and G(s) up to x + 4.8; a path of the input and f(y) are named."""
-    entering = r"$d$" if plant.nonlinear is None else r"$d + f(y)$"
+    """The sum at (x, y) where d enters, and G(s) up to x + 4.8; an input path and f(y) are named."""
+    entering = "d" if plant.nonlinear is None else "d + f(y)"
     drawing.sum((x, y))
     drawing.line([(x, y + 0.8), (x, y + RADIUS)], arrow=True, sign="+", label=entering)
     drawing.block((x + 3.0, y), 3.6, transfer_function_text(plant.transfer_function))
@@ -111,67 +115,107 @@ def _plant(drawing: BlockDiagram, x: float, y: float, plant: OutputPlant) -> Non
 
 @dataclass(frozen=True)
 class BlockDiagram:
-    """Blocks, sums and lines in the axes' own units."""
+    """Blocks, sums and lines, in units of length from the lower left, below a title."""
 
-    axes: Axes
+    title: str
+    top: float
+    parts: list[str] = field(default_factory=list)
 
-    def block(self, centre: Point, width: float, text: str, colour: str = INK) -> None:
-        x, y = centre
-        self.axes.add_patch(Rectangle((x - width / 2, y - 0.55), width, 1.1, fill=False, edgecolor=colour, linewidth=1.2))
-        room = 0.92 * width * POINTS / TextPath((0, 0), text, size=1).get_extents().width
-        self.axes.text(x, y, text, ha="center", va="center", fontsize=min(LARGEST_FONT_POINTS, room), color=colour)
+    BOTTOM = -0.9
 
-    def sum(self, centre: Point, colour: str = INK) -> None:
-        self.axes.add_patch(Circle(centre, RADIUS, fill=False, edgecolor=colour, linewidth=1.2))
+    @property
+    def height(self) -> float:
+        """Pixels, with the title's."""
+        return (self.top - self.BOTTOM) * UNIT + 2 * FONT
 
-    def arrow(self, start: Point, end: Point, label: str = "", colour: str = INK, sign: str = "") -> None:
+    @property
+    def svg(self) -> str:
+        return f'<text class="title" x="0" y="{1.3 * FONT:g}">{escape(self.title)}</text>{"".join(self.parts)}'
+
+    def block(self, centre: Point, width: float, text: Fraction, colour: str = "", beside: str = "") -> None:
+        """A box with a fraction, and with a text to its right."""
+        x, y = self._at(centre)
+        wide, high = width * UNIT, BLOCK_HEIGHT * UNIT
+        self._add(f'<rect x="{x - wide / 2:g}" y="{y - high / 2:g}" width="{wide:g}" height="{high:g}"/>', colour)
+        longest = max(map(_length, text))
+        characters = longest + _length(beside)
+        size = min(FONT, 0.92 * wide / (CHARACTER * max(characters, 1)))
+        x -= size * CHARACTER * _length(beside) / 2
+        numerator, denominator = text
+        if denominator:
+            half = CHARACTER * size * longest / 2
+            self._add(f'<path class="line" d="M{x - half:g} {y:g}h{2 * half:g}"/>', colour)
+            self._text((x, y - 0.45 * size), numerator, "middle", colour, size)
+            self._text((x, y + 1.1 * size), denominator, "middle", colour, size)
+        else:
+            self._text((x, y + 0.35 * size), numerator, "middle", colour, size)
+        if beside:
+            self._text((x + size * CHARACTER * longest / 2, y + 0.35 * size), beside, "start", colour, size)
+
+    def sum(self, centre: Point, colour: str = "") -> None:
+        x, y = self._at(centre)
+        self._add(f'<circle cx="{x:g}" cy="{y:g}" r="{RADIUS * UNIT:g}"/>', colour)
+
+    def arrow(self, start: Point, end: Point, label: str = "", colour: str = "", sign: str = "") -> None:
         self.line([start, end], arrow=True, label=label, colour=colour, sign=sign)
 
-    def line(self, points: Sequence[Point], *, arrow: bool, label: str = "", colour: str = INK, sign: str = "") -> None:
-        """Through the points; the label at the middle of the first stretch, the sign where the arrow ends."""
-        xs, ys = zip(*points, strict=True)
-        self.axes.plot(xs[:-1] if arrow else xs, ys[:-1] if arrow else ys, color=colour, linewidth=1.2)
-        (x_0, y_0), (x_1, y_1) = points[-2], points[-1]
+    def line(self, points: Sequence[Point], *, arrow: bool, label: str = "", colour: str = "", sign: str = "") -> None:
+        """A line through the points; the label at the middle of the first segment, the sign at the end of the arrow."""
+        pixels = [self._at(point) for point in points]
+        self._add(f'<path class="line" d="M{"L".join(f"{x:g} {y:g}" for x, y in pixels)}"/>', colour)
+        (x_0, y_0), (x_1, y_1) = pixels[-2], pixels[-1]
+        along = ((x_1 > x_0) - (x_1 < x_0), (y_1 > y_0) - (y_1 < y_0))
         if arrow:
-            style = {"arrowstyle": "-|>", "color": colour, "linewidth": 1.2, "shrinkA": 0, "shrinkB": 0}
-            self.axes.annotate("", (x_1, y_1), (x_0, y_0), arrowprops=style)
-        (a, b), (c, d) = points[0], points[1]
-        x, y = (a + c) / 2, (b + d) / 2
+            dx, dy = along
+            sides = [(x_1 - 9 * dx + side * dy, y_1 - 9 * dy + side * dx) for side in (-4, 4)]
+            self._add(f'<path class="head" d="M{x_1:g} {y_1:g}{"".join(f"L{x:g} {y:g}" for x, y in sides)}z"/>', colour)
+        (a, b), (c, d) = pixels[:2]
         if label and a == c:
-            self.axes.text(x + 0.12, y, label, ha="left", va="center", color=colour, fontsize=12)
+            self._text(((a + c) / 2 + 8, (b + d) / 2 + 0.35 * FONT), label, "start", colour, LABEL)
         elif label:
-            self.axes.text(x, y + 0.08, label, ha="center", va="bottom", color=colour, fontsize=12)
+            self._text(((a + c) / 2, b - 6), label, "middle", colour, LABEL)
         if sign:
-            left, below = (0.22, 0.2 if y_1 > y_0 else -0.2) if x_0 == x_1 else (0.2, 0.24)
-            self.axes.text(x_1 - left, y_1 - below, f"${sign}$", ha="center", va="center", fontsize=10, color=colour)
+            left, below = (14, -14 * along[1]) if along[0] == 0 else (14, 22)
+            self._text((x_1 - left, y_1 + below + 0.35 * FONT), "−" if sign == "-" else sign, "middle", colour)
+
+    def _at(self, point: Point) -> Point:
+        return point[0] * UNIT, (self.top - point[1]) * UNIT + 2 * FONT
+
+    def _text(self, place: Point, text: str, anchor: str, colour: str, size: float = FONT) -> None:
+        x, y = place
+        self._add(f'<text x="{x:g}" y="{y:g}" text-anchor="{anchor}" font-size="{size:.3g}">{escape(text)}</text>', colour)
+
+    def _add(self, element: str, colour: str) -> None:
+        self.parts.append(f'<g class="{colour}">{element}</g>' if colour else element)
 
 
-def transfer_function_text(system: TransferFunction) -> str:
-    """Return the transfer function as mathtext with four digits, without a denominator of 1."""
+def _length(text: str) -> int:
+    """Number of characters that have a width."""
+    return len(text.replace(HAT, ""))
+
+
+def transfer_function_text(system: TransferFunction) -> Fraction:
+    """Numerator and denominator with four digits; a denominator of 1 is empty."""
     num, den = polynomial_text(system.num), polynomial_text(system.den)
-    return f"${num}$" if den == "1" else rf"$\dfrac{{{num}}}{{{den}}}$"
+    return num, "" if den == "1" else den
 
 
 def polynomial_text(coefficients: Array) -> str:
-    """In s, highest power first: 3 s^2 - s + 0.5."""
+    """In s, highest power first: 3 s² − s + 0.5."""
     terms: list[str] = []
     degree = len(coefficients) - 1
     for power, value in zip(range(degree, -1, -1), coefficients.tolist(), strict=True):
         if value == 0:
             continue
         size = number_math(abs(value))
-        variable = {0: "", 1: "s"}.get(power, f"s^{{{power}}}")
+        variable = {0: "", 1: "s"}.get(power, f"s{str(power).translate(SUPERSCRIPTS)}")
         factor = "" if size == "1" and power else size
-        sign = "-" if value < 0 else "+" if terms else ""
+        sign = "−" if value < 0 else "+" if terms else ""
         terms.append(" ".join(part for part in (sign, factor, variable) if part))
     return " ".join(terms) or "0"
 
 
 def number_math(value: float) -> str:
-    """Four digits; a power of ten as such."""
-    text = number_text(value)
-    if "e" not in text:
-        return text
-    mantissa, exponent = text.split("e")
-    power = rf"10^{{{int(exponent)}}}"
-    return power if mantissa == "1" else rf"{mantissa} \cdot {power}"
+    """Four digits; powers of ten as such."""
+    mantissa, _, exponent = number_text(value).partition("e")
+    return times_power(mantissa, int(exponent)) if exponent else mantissa

@@ -17,9 +17,9 @@ from barbalat.vehicles.vehicle import Vehicle
 
 LARGE = 9.995
 NOTES = (
-    "Lost: how many draws were lost, and the share of all draws that this is evidence of, by Clopper and Pearson's interval",
-    "a lost flight counts as an infinite error in the median, whose interval is that of order statistics; fewer than six draws "
-    "bound none",
+    "Lost: the number of lost draws, and the resulting probability of loss as a Clopper-Pearson interval",
+    "a lost flight counts as an infinite error in the median; the median's interval is from order statistics and needs at "
+    "least six draws",
 )
 
 
@@ -32,24 +32,24 @@ def headings(found: DispersedComparison) -> tuple[str, ...]:
 
 
 def notes(found: DispersedComparison) -> tuple[str, ...]:
-    """How the tables are to be read."""
+    """How to read the tables."""
     chance = (
-        "beyond chance: all flew the same draws, so that pairs are judged by the exact sign test, each two controllers through "
-        f"each failure by error and by losses; of all {found.evidence.comparisons} such comparisons that some draw decides, none "
-        f"is called so by chance with a probability of {100 * CONFIDENCE_LEVEL:.0f} %, by Holm's correction"
+        f"beyond chance: all flew the same draws, so an exact sign test compares each pair of controllers through each "
+        f"failure by error and by losses; with Holm's correction over all {found.evidence.comparisons} comparisons that "
+        f"some draw decides, no result is due to chance with a probability of {100 * CONFIDENCE_LEVEL:.0f} %"
     )
     name, short = found.campaign.vehicle.drawing.beside
     less = (
-        f"less than {short}: on how many of 100 draws the error is smaller than that of {name}, of those that not both lost; + "
-        "and - stand where that is beyond chance"
+        f"less than {short}: the percentage of draws, among those not lost by both, with a smaller error than {name}; + and "
+        f"- mark results beyond chance"
     )
-    travel = f"RMS e, and under {found.campaign.vehicle.drawing.travel[1]} what moves in a second, are medians of all draws"
+    travel = f"RMS e, and under {found.campaign.vehicle.drawing.travel[1]} the travel per second, are medians of all draws"
     told = (*NOTES, travel, less)
     return (*told, chance) if found.evidence.comparisons else told
 
 
 def rows(found: DispersedComparison, failure: str) -> list[list[str]]:
-    """All controllers through one failure: fewest losses first, then the least error."""
+    """All controllers through one failure: fewest losses first, then the smallest error."""
     return [
         [
             one.controller,
@@ -81,17 +81,17 @@ def _interval(ends: Iterable[float], digits: int = 0) -> str:
 
 
 def _bounds(one: Median) -> str:
-    """Where the draws are too few to bound a median, a dash."""
+    """The bounds of a median; a dash if there are too few draws for them."""
     return _interval(one.interval, 2) if one.interval[0] > -math.inf else "-"
 
 
 def _number(value: float, digits: int = 2) -> str:
-    """So many digits after the point, one less where two stand before it."""
+    """A number with ``digits`` decimals, one fewer if two digits precede the point."""
     return f"{value:.{max(digits - (value >= LARGE), 0)}f}" if math.isfinite(value) else "lost"
 
 
 def losses(found: DispersedComparison) -> list[list[str]]:
-    """Controller, and of all its flights those lost, in all and through each failure."""
+    """Controller, and the number of its flights that were lost, in total and for each failure."""
     counted = {one: dict.fromkeys(found.evidence.by_failure, 0) for one in found.evidence.lost}
     for failure, several in found.evidence.by_failure.items():
         for flown in several:
@@ -105,7 +105,8 @@ def loss_headings(found: DispersedComparison) -> tuple[str, ...]:
 
 
 def verdicts(found: DispersedComparison) -> list[str]:
-    """For each failure who loses least, and who is better and worse than the PI beyond chance, by losses and by error."""
+    """For each failure which controller loses least, and which are significantly better or worse than the PI, by losses and by
+    error."""
     said, beside = [], found.campaign.vehicle.drawing.beside[0]
     for failure, several in found.evidence.by_failure.items():
         least = several[0].lost.count
@@ -129,19 +130,19 @@ def verdicts(found: DispersedComparison) -> list[str]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """With commas between them and none within."""
+    """The names separated by commas, which are removed within a name."""
     return ", ".join(name.replace(",", "") for name in names)
 
 
 def _least(several: tuple[Flown, ...]) -> str:
-    """Return the least by its median, with those whose paired difference from it may be chance."""
+    """Return the smallest by its median, with those whose paired difference from it may be chance."""
     best = min(several, key=lambda one: one.error.value)
     alike = [pairing.other for pairing in best.pairings if pairing.follows != 1]
     return best.controller + (f" (not beyond chance against {_listed(alike)})" if alike else "")
 
 
 def facts(found: DispersedComparison) -> list[tuple[str, str]]:
-    """What was drawn, where it flies, how it was set."""
+    """What was drawn, the flight condition, and the settings."""
     drawing, conditions = found.campaign.vehicle.drawing, found.campaign.conditions
     draws = ", ".join(_range(name, one, drawing.units.get(name, "")) for name, one in drawing.drawn.items())
     where = f"taking turns at {'; '.join(conditions)}" if len(conditions) > 1 else conditions[0]
@@ -158,7 +159,7 @@ def _range(name: str, one: Uniform, unit: str) -> str:
 
 
 def as_document(found: DispersedComparison) -> dict[str, Any]:
-    """The document of ``fly --dispersions --json``: all that the tables say, and what it follows from."""
+    """The document of ``fly --dispersions --json``: everything in the tables, and its sources."""
     identity, vehicle = found.campaign.identity(), found.campaign.vehicle
     travel, _ = vehicle.drawing.travel
     packages = (vehicle.simulator, "numpy", "scipy")
@@ -183,7 +184,7 @@ def as_document(found: DispersedComparison) -> dict[str, Any]:
 
 
 def _numbers(vehicle: Vehicle[Any, Any, Any]) -> Mapping[str, object]:
-    """The schemes' numbers; by the loops on which they were found, where these are several."""
+    """The schemes' numbers; by the loops on which they were found, if there are several."""
     return next(iter(vehicle.numbers.values())) if len(vehicle.numbers) == 1 else vehicle.numbers
 
 
@@ -208,7 +209,7 @@ def _share(one: Share | None) -> dict[str, Any] | None:
 
 def show(screen: Screen, found: DispersedComparison) -> None:
     """Print the campaign, losses first."""
-    screen.line(f"{found.campaign.name} on {found.members} vehicles that are drawn", "bold")
+    screen.line(f"{found.campaign.name} on {found.members} random vehicles", "bold")
     for label, text in facts(found):
         screen.fact(label, text, 8)
     screen.line("")

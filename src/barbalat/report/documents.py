@@ -1,4 +1,4 @@
-"""The JSON documents of the commands, by the contract; nothing here draws."""
+"""The JSON documents of the commands, by the contract; without drawing."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from barbalat.run.results.result import Result
 
 
 def as_json(document: dict[str, Any]) -> str:
-    """JSON text, with null for what has no finite value."""
+    """JSON text, with null for values that are not finite."""
     return json.dumps(_finite(document), indent=2, allow_nan=False, ensure_ascii=False)
 
 
@@ -29,7 +29,7 @@ def _finite(part: Any) -> Any:
 
 
 def coverage(paper: Paper, claims: Sequence[Claim]) -> list[dict[str, Any]]:
-    """The paper sentence by sentence, with what was found of its row, or of the part of it that the sentence is."""
+    """The paper sentence by sentence, with the finding of its row, or of the part of it that the sentence states."""
     measured, found = {claim.id: claim for claim in claims}, []
     for one in paper.coverage:
         claim, finding = measured.get(one.row or ""), None
@@ -42,7 +42,7 @@ def coverage(paper: Paper, claims: Sequence[Claim]) -> list[dict[str, Any]]:
 
 
 def by_side(claims: Sequence[Claim]) -> dict[str, Counter[Finding]]:
-    """For each side of the dispute, named as a line begins, its rows by their findings."""
+    """For each side of the dispute, by the beginning of its lines, the findings of its rows."""
     found: dict[str, Counter[Finding]] = {}
     for claim in claims:
         side = "statements of ours" if claim.ours else claim.sentence.source.side
@@ -66,9 +66,9 @@ def reproduction_document(
 def run_document(
     case: str, results: Sequence[Result], certified: Certified | None, in_the_loop: Mapping[str, Mapping[str, Any]] | None = None
 ) -> dict[str, Any]:
-    """The contract's document of ``run --json``; numerics, and certificates where they were made, stand beside its keys.
+    """The contract's document of ``run --json``; numerics, and certificates if they were made, are further keys.
 
-    So does what ``--sil`` found of each controller.
+    So are the results of ``--sil`` for each controller.
     """
     return {
         "case": case,
@@ -80,7 +80,7 @@ def run_document(
 
 
 def run_block(result: Result) -> dict[str, Any]:
-    """The contract's block for a controller, and the numerics beside its keys."""
+    """The contract's block for a controller, with the numerics as further keys."""
     found = result.stiffness
     check = None if result.check is None else result.check.as_json()
     lost = {} if result.lost is None else {"lost_order": result.lost.as_json()}
@@ -94,6 +94,7 @@ def run_block(result: Result) -> dict[str, Any]:
         "label": result.label,
         "finer_step": check,
         **({} if result.accuracy is None else {"accuracy": result.accuracy.as_json()}),
+        **({} if result.measured_error is None else {"measured_error": result.measured_error.as_json()}),
         **({} if result.damping is None else {"solver_damping": result.damping.as_json()}),
         **lost,
         **({} if result.half_step is None else {"half_step": result.half_step.as_json()}),

@@ -18,14 +18,14 @@ from barbalat.vehicles.flight import Failing, Flight
 from barbalat.vehicles.verdicts import said_of
 
 CSV_EVERY = 10
-"""Samples from one row of a CSV to the next: ten rows a second, so that a failure's flights are some 100 kB."""
+"""Samples between rows of a CSV: ten rows per second, so a failure's flights take some 100 kB."""
 
 NAMED_FAILURES = 3
-"""That a title names: all of a flight's are two lines of it."""
+"""Largest number of failures in a title: all failures of a vehicle would take two lines."""
 
 
 def title(found: FlightComparison) -> str:
-    """What flew through what: few failures by their names, more by their number."""
+    """The controllers and the failures: few failures by their names, more by their number."""
     names = [one.name for one in found.failures]
     if len(names) <= NAMED_FAILURES:
         return f"{found.name} through {', '.join(names)}"
@@ -34,7 +34,7 @@ def title(found: FlightComparison) -> str:
 
 
 def verdicts(found: FlightComparison) -> list[str]:
-    """What the judge says of each controller's flights, a sentence each; none of a vehicle that shows it nothing."""
+    """The judge's verdicts on each controller's flights, a sentence each; none for a vehicle without judged signals."""
     return [f"{several[0].controller}: {said}" for several in found.flights if (said := _judged_flights(several))]
 
 
@@ -44,7 +44,7 @@ def _judged_flights(several: Sequence[Flight]) -> str:
 
 
 def headings(found: FlightComparison) -> tuple[str, ...]:
-    """The heads of the tables of figures."""
+    """The headings of the tables of figures."""
     return ("controller", *(["judged"] if _is_judged(found) else []), *found.vehicle.headings)
 
 
@@ -59,7 +59,7 @@ def rows(found: FlightComparison, failure: Failing) -> list[list[str]]:
 
 
 def _verdict(flight: Flight) -> str:
-    """The class, and the error as a part of the scale."""
+    """The class, and the error as a share of the scale."""
     one = flight.verdict
     if one is None or one.error is None or one.kind is Class.LOST:
         return "-" if one is None else str(one.kind)
@@ -67,14 +67,14 @@ def _verdict(flight: Flight) -> str:
 
 
 def suspects(found: FlightComparison, failure: Failing) -> list[str]:
-    """What looks like a limit cycle, in sentences."""
+    """Suspected limit cycles, in sentences."""
     judged = [(one.controller, one.verdict.suspect) for one in found.through(failure) if one.verdict is not None]
     return [f"{name} {said}" for name, said in judged if said]
 
 
 NOT_TAKEN_FURTHER = (
-    "the judge's classes are those of run, over the last quarter of each flight; no flight model is taken further with its "
-    "command held, so that a limit cycle is suspected here and never confirmed"
+    "the judge's classes are those of run, over the last quarter of each flight"
+    "; flights are not continued with a constant command, so a limit cycle is only suspected here, never confirmed"
 )
 
 
@@ -87,7 +87,7 @@ def _cells(found: FlightComparison, flight: Flight) -> list[str]:
 
 
 def reasons(found: FlightComparison, failure: Failing) -> list[str]:
-    """A sentence for each way in which control was lost, and who lost it when."""
+    """A sentence for each way in which control was lost, with the controllers and times."""
     lost = [flight for flight in found.through(failure) if flight.lost]
     whys = dict.fromkeys(flight.lost for flight in lost)
     who = {why: [f"{one.controller} at {one.duration:.2f} s" for one in lost if one.lost == why] for why in whys}
@@ -95,7 +95,7 @@ def reasons(found: FlightComparison, failure: Failing) -> list[str]:
 
 
 def losses(found: FlightComparison) -> list[list[str]]:
-    """Controller, how many of its flights it lost, and where it was asked for the delay with which it loses none."""
+    """Controller, number of lost flights, and, if requested, the delay up to which it loses none."""
     delays = found.delays
     return [
         [name, f"{count} of {len(found.failures)}", *([] if delays is None else [_delay(found, delays[name])])]
@@ -126,7 +126,7 @@ def best_and_worst(found: FlightComparison, failure: Failing) -> str:
 
 
 def facts(found: FlightComparison) -> list[tuple[str, str]]:
-    """What is said before the tables: what flew where, and how what flew agrees with what is simulated."""
+    """The facts before the tables: controllers and vehicle, and the agreement of flown and simulated code."""
     return [*found.facts(), *(("exported", sentence) for sentence in _in_the_loop(found))]
 
 
@@ -146,9 +146,9 @@ def _in_the_loop(found: FlightComparison) -> list[str]:
 
 def _unequal(name: str, one: Agreement) -> str:
     if one.equal is None:
-        return f"nothing is known of the C of {name}: the simulator broke in every flight"
+        return f"nothing is known about the C of {name}: the simulator failed in every flight"
     held = f", and it refused {one.refused:,} of {one.samples:,} samples" if one.refused else ""
-    return f"the C of {name} is not the simulated list{f': {one.difference}' if one.difference else ''}{held}"
+    return f"the C of {name} does not equal the simulated list{f': {one.difference}' if one.difference else ''}{held}"
 
 
 def as_document(found: FlightComparison) -> dict[str, Any]:
@@ -201,7 +201,7 @@ def table_of(found: FlightComparison, failure: Failing) -> str:
 
 
 def notes(found: FlightComparison) -> list[str]:
-    """What a reader of the tables has to know."""
+    """What a reader of the tables must know."""
     return [*found.vehicle.notes, *([NOT_TAKEN_FURTHER] if _is_judged(found) else [])]
 
 

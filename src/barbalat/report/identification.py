@@ -20,6 +20,27 @@ def rows(found: Identification) -> list[list[str]]:
     return told
 
 
+def residual_rows(found: Identification) -> list[list[str]]:
+    """State, fit, RMS and largest residual."""
+    told = []
+    for (name, fit), values in zip(found.fit.items(), found.residuals.T, strict=True):
+        sizes = (
+            ["ran away"] * 3
+            if fit is None
+            else [f"{fit:.1%}", f"{np.sqrt(np.mean(values**2)):.3g}", f"{np.abs(values).max():.3g}"]
+        )
+        told.append([name, *sizes])
+    return told
+
+
+def sentence(found: Identification) -> str:
+    """The validation samples of the nominal plant, and how well it fits them."""
+    fits = ", ".join(f"{name} {'ran away' if fit is None else f'{fit:.1%}'}" for name, fit in found.fit.items())
+    held = found.trained < len(found.recording.times)
+    where = "the validation samples" if held else "the same samples, since there are no validation samples"
+    return f"Simulated over {where}, the nominal plant fits {fits}."
+
+
 def _interval(low: float, high: float) -> str:
     return f"{low:.6g} to {high:.6g}" if np.isfinite([low, high]).all() else "not bounded"
 
@@ -33,9 +54,7 @@ def show(screen: Screen, found: Identification) -> None:
     headings = ["row of", "coefficient", "nominal", f"least squares, {CONFIDENCE:.0%}", *known]
     screen.table(headings, [row[:width] for row in rows(found)], leads=2)
     if found.guaranteed:
-        screen.line("Every plant that explains these samples within the stated noise and slope lies in the known set.")
-    fits = ", ".join(f"{name} {'ran away' if fit is None else f'{fit:.1%}'}" for name, fit in found.fit.items())
-    where = "the held-out samples" if found.trained < count else "the samples themselves, none being held out"
-    screen.line(f"Simulated over {where}, the nominal plant fits {fits}.")
+        screen.line("The known set contains every plant that explains these samples within the stated noise and slope.")
+    screen.line(sentence(found))
     for said in found.findings:
         screen.line(f"{said[0].upper()}{said[1:]}.", start="- ")

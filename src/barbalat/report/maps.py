@@ -1,4 +1,4 @@
-"""Drawings of maps: a quantity in colour over two settings, what is lost hatched in grey, predicted boundaries as lines."""
+"""Drawings of maps: a quantity in colour over two settings, lost runs hatched in grey, predicted boundaries as lines."""
 
 from __future__ import annotations
 
@@ -15,11 +15,12 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, withStroke
 
 from barbalat.papers.claim import Chart, ChartAxis, Curve, Map
-from barbalat.pictures.theme import COLOURS, NARROW, dash_of
+from barbalat.pictures.palette import COLOURS
+from barbalat.pictures.theme import NARROW, dash_of
 from barbalat.validate import Array
 
 COLOUR_MAP = "viridis"
-"""Even in lightness: it reads the same on a grey print and with the common colour blindnesses."""
+"""A colour map of even lightness, readable in grey and with common colour blindness."""
 DASHES = ("-", "--", ":", "-.")
 MARKS = ("o", "s", "^", "D", "v")
 
@@ -29,7 +30,7 @@ def draw(shown: Map, *, narrow: bool = False) -> Figure:
     figure = Figure(figsize=(NARROW, 3.9) if narrow else (7, 4.8), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
-    axes.patch.set(facecolor="0.85", edgecolor="0.45", hatch="////", linewidth=0)  # seen wherever the map has no colour
+    axes.patch.set(facecolor="0.85", edgecolor="0.45", hatch="////", linewidth=0)  # visible wherever the map has no colour
     x, y = _edges(shown.x), _edges(shown.y)
     lost = np.isnan(shown.values)
     handles: list[Artist] = []
@@ -37,7 +38,7 @@ def draw(shown: Map, *, narrow: bool = False) -> Figure:
         found = shown.values[~lost]
         scale = (LogNorm if shown.logarithmic else Normalize)(found.min(), found.max())
         mesh = axes.pcolormesh(x, y, np.ma.masked_array(shown.values, lost), cmap=COLOUR_MAP, norm=scale)
-        mesh.set_rasterized(True)  # as vectors, the cells show hairlines between them
+        mesh.set_rasterized(True)  # as vectors, the cells would show hairlines between them
         figure.colorbar(mesh, ax=axes, label=shown.quantity)
     if lost.any():
         handles.append(Patch(facecolor="0.85", edgecolor="0.45", hatch="////", linewidth=0, label=shown.lost))
@@ -58,7 +59,7 @@ def draw(shown: Map, *, narrow: bool = False) -> Figure:
 
 
 def _curve(axes: Axes, k: int, curve: Curve) -> Artist:
-    """A line, or marks where the curve is a set of points; both with a white rim, to be seen on dark cells."""
+    """A line, or marks for a set of points; both with a white rim, to be visible on dark cells."""
     style = MARKS[k % len(MARKS)] if curve.marks else DASHES[k % len(DASHES)]
     rim = [withStroke(linewidth=3, foreground="white"), Normal()]
     (line,) = axes.plot(curve.x, curve.y, style, color="black", linewidth=1.4, label=curve.label, path_effects=rim)

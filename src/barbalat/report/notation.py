@@ -1,12 +1,13 @@
 """The notation of terminals as mathematics on a page: letters with accents, sub- and superscripts for theta_hat'Gamma^-1.
 
-What stays as it is written, error_bound or step_max, are names of values in Python and in the JSON, and set as code.
+Names of values in Python and in the JSON, such as error_bound or step_max, stay as they are written, set as code.
 """
 
 from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Collection
 
 from markupsafe import Markup, escape
 
@@ -16,15 +17,15 @@ ACCENTS = {
     "bar": "COMBINING MACRON",
     "dot": "COMBINING DOT ABOVE",
 }
-"""Parts of a name that stand above its letter, by their Unicode names."""
+"""Parts of a name that are set above its letter, by their Unicode names."""
 LETTERS = (
     "alpha beta gamma delta epsilon zeta eta theta kappa lambda mu nu xi rho sigma tau phi psi omega "
     "Gamma Delta Theta Lambda Xi Sigma Phi Psi Omega"
 )
-"""By their names; pi, the number, is written out nowhere."""
+"""Greek letters by their names; the number pi never occurs as a word."""
 SIGNS = {"<=": "≤", ">=": "≥", "+-": "±", "->": "→", "inf": "∞", " - ": " − "}
 UNITS = "s|ms|rad/s|rad|Hz|dB|%"
-"""They stay on their number's line."""
+"""Units that stay on the line of their number."""
 
 _GREEK = {
     name: unicodedata.lookup(
@@ -53,6 +54,15 @@ def mathematics(text: str) -> Markup:
         parts += [escape(text[end : token.start()]), _typeset(token)]
         end = token.end()
     return Markup().join([*parts, escape(text[end:])])
+
+
+def naming(text: str, names: Collection[str]) -> Markup:
+    """Text in which these names, such as tau-error, are set as they are typed."""
+    if not names:
+        return mathematics(text)
+    known = "|".join(map(re.escape, sorted(names, key=len, reverse=True)))
+    parts = re.split(rf"(?<![\w-])({known})(?![\w-])", text)
+    return Markup().join(Markup("<code>{}</code>").format(part) if i % 2 else mathematics(part) for i, part in enumerate(parts))
 
 
 def _typeset(token: re.Match[str]) -> Markup:
@@ -89,7 +99,7 @@ def _number(token: re.Match[str]) -> Markup:
 
 
 def _name(name: str) -> Markup:
-    """A letter with its accents and its subscripts; with more than two of these it is no symbol."""
+    """A letter with its accents and its subscripts; a name with more than two of these is no symbol."""
     base, *parts = re.sub(rf"({'|'.join(ACCENTS)})(\d+)$", r"\1_\2", name).split("_")
     accents = [unicodedata.lookup(ACCENTS[part]) for part in parts if part in ACCENTS]
     below = [_GREEK.get(part, part) for part in parts if part not in ACCENTS]
@@ -100,5 +110,5 @@ def _name(name: str) -> Markup:
 
 
 def _code(name: str) -> Markup:
-    """A name of Python's, which may go on in the next line after an underscore."""
+    """A Python name, which may break after an underscore."""
     return Markup("<code>{}</code>").format(Markup("_<wbr>").join(name.split("_")))

@@ -1,7 +1,7 @@
-"""HTML pages; nothing is asked for elsewhere.
+"""HTML pages that load nothing from elsewhere.
 
-A page holds its pictures itself, so that it can be sent alone, as long as it is no larger than a page may be. A larger one, such
-as the claims with their dozen maps, has them as files beside it and says so in its last line.
+A page contains its pictures, so that it can be sent alone, unless it would exceed the limit for a page. A larger one, such as the
+claims with their dozen maps, links to them as files and says so in its last line.
 """
 
 from __future__ import annotations
@@ -9,16 +9,12 @@ from __future__ import annotations
 import re
 from base64 import b64encode
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
-from typing import get_args
+from typing import Any, get_args
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-import barbalat
-from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.certify import Certified
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.design.design import Design
@@ -26,61 +22,32 @@ from barbalat.comparison.suite.suite import Standings
 from barbalat.comparison.tradeoff.picture import TITLES, panels
 from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.result import Tuning
+from barbalat.identify.identification import Identification
 from barbalat.papers.claim import Claim
 from barbalat.papers.finding import Finding
 from barbalat.papers.paper import ADDED_FIGURE, Paper, PaperFigure
-from barbalat.pictures.symbols import number_text
+from barbalat.problem.state_feedback import Problem
 from barbalat.report import contest as contest_rows
 from barbalat.report import design as design_rows
-from barbalat.report import dispersed, flights, tradeoff
+from barbalat.report import dispersed, flights, replayed, tradeoff
 from barbalat.report import suite as suite_rows
 from barbalat.report import tuning as tuning_rows
 from barbalat.report.documents import by_side, coverage
 from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
-from barbalat.report.notation import mathematics
+from barbalat.report.identification import residual_rows, sentence
+from barbalat.report.identification import rows as identified
+from barbalat.report.rendering import render
 from barbalat.report.sweep import WorstMember, extremes, in_symbols, meanings, shares, varied
-from barbalat.run.results.findings import Told, together
-from barbalat.run.results.outcome import about_u, ends_of, units_of
-from barbalat.run.results.result import Result
+from barbalat.study.replay import Replay
 from barbalat.sweeps.result import SweepResult
 from barbalat.vehicles.comparison import FlightComparison
 from barbalat.vehicles.dispersed import DispersedComparison
 
-FIGURE_COLUMNS = {
-    "max_abs_e": "max |e|",
-    "rms_e": "RMS e",
-    "tail_max_abs_e": "max |e|, tail",
-    "max_abs_u": "max |u|",
-    "theta_hat_final": "estimates at the end",
-    "theta_hat_tail_min": "least in the tail",
-    "theta_hat_tail_max": "greatest in the tail",
-    "theta_hat_variation_rate": "variation, 1/s",
-}
-
-
-def figure_columns(results: Iterable[Result]) -> dict[str, str]:
-    """The columns of a table of runs, with the units that their case has told."""
-    units = units_of(next(iter(results)).problem.labels)
-    return {name: f"{heading} {units.get(name, '')}".rstrip() for name, heading in FIGURE_COLUMNS.items()}
-
-
-def told(results: Iterable[Result]) -> list[Told]:
-    """The findings of runs, each once."""
-    return together({result.name: result.findings for result in results})
-
-
-LARGEST_PAGE_BYTES = 500_000
-"""Bytes of a page with its pictures: mail programs show and phones load that at once."""
-LARGER_PAGES_BYTES = {"flights.html": 4_000_000}
-"""Of pages that hold their pictures even so: flights are sent to others as one file, and have a picture for each failure."""
-PICTURES_BESIDE = " Its pictures are files in the same folder: send them along."
-
-
 REPRODUCTION = {PAGE: "Figures", "claims.html": "Claims", "coverage.html": "Coverage", "guarantees.html": "Guarantees"}
-"""The pages of ``barbalat reproduce``: file -> what the others call it."""
+"""The pages of ``barbalat reproduce``: file -> its title in links."""
 EXPLORER = "explorer.html"
-"""The page of lessons beside them."""
+"""The page of lessons in the same folder."""
 
 
 def reproduction(
@@ -90,7 +57,7 @@ def reproduction(
     pictures: dict[str, ReportFigure],
     maps: dict[str, ReportFigure],
     certified: Certified,
-    loops: Sequence[ReportFigure],
+    loops: Sequence[Mapping[str, Any]],
     seconds: dict[str, float],
     tried: Mapping[str, str],
 ) -> dict[str, str]:
@@ -103,7 +70,7 @@ def reproduction(
     values: dict[str, object] = {"tally": dict(tally.most_common()), "tried": tried}
     values |= {"reproduced": sum(figure.reproduced for figure in described), "described": len(described)}
     values |= {"paper": paper, "findings": get_args(Finding), "by_side": by_side(claims)}
-    values["coverage"] = coverage(paper, claims)
+    values |= {"coverage": coverage(paper, claims), "names": [name for part in paper.ledger for name in part.names]}
     values["siblings"] = REPRODUCTION | ({EXPLORER: "Explorer"} if tried else {})
     values |= {
         "figures": figures,
@@ -115,57 +82,39 @@ def reproduction(
         "seconds": seconds,
     }
     templates = dict(zip(REPRODUCTION, ("reproduction.html", "claims.html", "coverage.html", "guarantees.html"), strict=True))
-    return {file: _render(template, here=file, **values) for file, template in templates.items()}
-
-
-def comparison(
-    name: str,
-    results: Sequence[Result],
-    certified: Certified,
-    picture: ReportFigure,
-    diagrams: Sequence[ReportFigure] = (),
-    loops: Sequence[ReportFigure] = (),
-) -> str:
-    """The page of ``barbalat run``; ``diagrams`` show what controllers are, ``loops`` the loops whose margins are given."""
-    shown = {"picture": picture, "diagrams": diagrams, "loops": loops}
-    return _render("comparison.html", name=name, results=results, certified=certified, **shown)
-
-
-def certificates(name: str, certified: Certified, loops: Sequence[ReportFigure]) -> str:
-    """The page of ``barbalat certify``; ``loops`` are those whose margins are given."""
-    return _render("certified.html", name=name, certified=certified, loops=loops)
+    return {file: _rendered(template, here=file, **values) for file, template in templates.items()}
 
 
 def trade_off(found: TradeOff, picture: ReportFigure) -> str:
     """The page of ``barbalat tradeoff``."""
     titles = {which: TITLES[which] for which in panels(found)}
     tables = {"rows": tradeoff.rows, "at_equal_error": tradeoff.at_equal_error, "ranking": tradeoff.ranking}
-    return _render("tradeoff.html", found=found, picture=picture, titles=titles, **tables)
+    return _rendered("tradeoff.html", found=found, picture=picture, titles=titles, **tables)
 
 
 def linked(text: Markup, names: Sequence[str]) -> Markup:
-    """Where other claims are named, a link to them; a name that is a word of English is none."""
+    """The text with links to other claims that it names; a claim whose name is an English word is not linked."""
     told = sorted((name for name in names if "-" in name), key=len, reverse=True)
     pattern = rf"(?<![\w#-])({'|'.join(map(re.escape, told))})(?![\w-])"
     return Markup(re.sub(pattern, r'<a href="#claim-\1"><code>\1</code></a>', str(text))) if told else text
 
 
 def sweep(found: SweepResult, pictures: Mapping[str, ReportFigure], worst: Sequence[WorstMember] = ()) -> str:
-    """The page of ``barbalat sweep``; ``worst`` are members of which there are explorers beside it, or why there are none."""
+    """The page of ``barbalat sweep``; ``worst`` are members with explorers, or the reasons why there are none."""
     tables = {"shares": _symbols(shares(found)), "extremes": _symbols(extremes(found))}
-    return _render("sweep.html", found=found, meanings=meanings(found), pictures=pictures, worst=worst, varied=varied, **tables)
+    return _rendered("sweep.html", found=found, meanings=meanings(found), pictures=pictures, worst=worst, varied=varied, **tables)
 
 
 @dataclass(frozen=True)
 class Film:
-    """A film's file, what it shows, and the bytes of it."""
+    """A film's file, its description, and its bytes."""
 
     file: str
     meaning: str
     gif: bytes
 
     def address(self, alone: bool) -> str:
-        """Its file's, or one that holds all of it."""
+        """Its file's address, or a data URL with all of it."""
         return f"data:image/gif;base64,{b64encode(self.gif).decode()}" if alone else self.file
 
 
@@ -191,7 +140,7 @@ def flight(
         "verdicts": flights.verdicts(found),
         "notes": flights.notes(found),
     }
-    return _render("flights.html", found=found, pictures=pictures, **told, **values)
+    return _rendered("flights.html", found=found, pictures=pictures, **told, **values)
 
 
 def dispersed_flights(found: DispersedComparison) -> str:
@@ -203,7 +152,7 @@ def dispersed_flights(found: DispersedComparison) -> str:
         "headings": tuple(heading.replace("\n", " ") for heading in dispersed.headings(found)),
         "loss_headings": dispersed.loss_headings(found),
     }
-    return _render("dispersed.html", found=found, **told, **values)
+    return _rendered("dispersed.html", found=found, **told, **values)
 
 
 def tuning(found: Tuning, picture: ReportFigure | None) -> str:
@@ -212,7 +161,7 @@ def tuning(found: Tuning, picture: ReportFigure | None) -> str:
     made = (
         rows_of.verdicts, rows_of.points, rows_of.columns, rows_of.changes, rows_of.held_out, rows_of.front, rows_of.judged,
     )  # fmt: skip
-    return _render("tuning.html", found=found, picture=picture, **{one.__name__: one for one in made})
+    return _rendered("tuning.html", found=found, picture=picture, **{one.__name__: one for one in made})
 
 
 def contest(found: Contest, picture: ReportFigure | None) -> str:
@@ -230,67 +179,56 @@ def contest(found: Contest, picture: ReportFigure | None) -> str:
         "PAIRS": rows_of.PAIRS,
         "OWN": rows_of.OWN,
     }
-    return _render("contest.html", found=found, picture=picture, **headings, **{one.__name__: one for one in made})
+    return _rendered("contest.html", found=found, picture=picture, **headings, **{one.__name__: one for one in made})
 
 
 def suite(found: Standings) -> str:
     """The page of ``barbalat contest --suite``."""
-    made = (suite_rows.identity, suite_rows.rebuilt, suite_rows.rows)
-    return _render("suite.html", found=found, COLUMNS=suite_rows.COLUMNS, **{one.__name__: one for one in made})
+    made = (suite_rows.identity, suite_rows.rebuilt, suite_rows.page_rows)
+    return _rendered("suite.html", found=found, COLUMNS=suite_rows.PAGE_COLUMNS, **{one.__name__: one for one in made})
 
 
 def design(found: Design, picture: ReportFigure | None, *, explorer: str | None, files: Sequence[str], text: str | None) -> str:
     """The page of ``barbalat design``.
 
-    explorer  why there is no page with sliders beside it, None where there is one
-    files     sentences on the files beside it; ``text`` is that of the case file
+    explorer  why there is no page with sliders, None if there is one
+    files     sentences on the further files; ``text`` is that of the case file
     """
     made = (design_rows.title, design_rows.rows, design_rows.sentences)
-    return _render(
+    return _rendered(
         "design.html", found=found, picture=picture, explorer=explorer, files=files, text=text, COLUMNS=design_rows.COLUMNS,
         **{one.__name__: one for one in made},
     )  # fmt: skip
 
 
+def identification(found: Identification, picture: ReportFigure, source: str, text: str) -> str:
+    """The identified plant: coefficients, residuals on validation samples, the case file."""
+    return _rendered(
+        "identification.html",
+        found=found,
+        picture=picture,
+        source=source,
+        text=text,
+        rows=identified,
+        residual_rows=residual_rows,
+        sentence=sentence,
+    )
+
+
+def replay(found: Mapping[str, Replay], problem: Problem, picture: ReportFigure, source: str, case: str) -> str:
+    """A recording through the estimators of a case: their values, their motion, and the controls compared with the recorded
+    one."""
+    made = (replayed.title, replayed.rows, replayed.sentences)
+    return _rendered(
+        "replayed.html", found=found, problem=problem, picture=picture, source=source, case=case, COLUMNS=replayed.COLUMNS,
+        **{one.__name__: one for one in made},
+    )  # fmt: skip
+
+
 def _symbols(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    """Each row's first entry with symbols in the place of names."""
+    """Each row's first entry with symbols in place of names."""
     return [[in_symbols(first), *rest] for first, *rest in rows]
 
 
-@cache
-def _templates() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("barbalat.report"), autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters |= {
-        "number": number_text,
-        "about_u": about_u,
-        "told": told,
-        "ends": partial(ends_of, text=number_text),
-        "mathematics": mathematics,
-        "linked": linked,
-        "in_symbols": in_symbols,
-    }
-    environment.globals |= {"version": barbalat.__version__, "figure_columns": figure_columns, "properties": PROPERTIES}
-    environment.globals["fits_a_phone"] = fits_a_phone
-    return environment
-
-
-def _render(template: str, **values: object) -> str:
-    found = _templates().get_template(template)
-    complete = found.render(alone=True, of_pictures="", **values)
-    if len(complete.encode()) <= LARGER_PAGES_BYTES.get(template, LARGEST_PAGE_BYTES):
-        return complete
-    return found.render(alone=False, of_pictures=PICTURES_BESIDE, **values)
-
-
-PHONE = 326
-"""Pixels of 390 that are left inside a card."""
-CHARACTER, PADDING = 9.2, 11.2
-"""Pixels: of a digit of DejaVu Sans at a table's 14.4, and of a cell to both sides."""
-
-
-def fits_a_phone(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> bool:
-    """Whether the columns stand beside one another when their texts are broken between words."""
-    longest = (max(len(word) for text in column for word in text.split() or [""]) for column in zip(columns, *rows, strict=True))
-    return sum(count * CHARACTER + PADDING for count in longest) <= PHONE
+def _rendered(template: str, **values: object) -> str:
+    return render(template, values, filters={"linked": linked, "in_symbols": in_symbols})

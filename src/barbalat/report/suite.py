@@ -8,7 +8,8 @@ from typing import Any
 from barbalat.comparison.suite.suite import Standings
 from barbalat.report.terminal.layout import Screen, capitalized
 
-COLUMNS = ("case", "entry", "settings", "rule", "specification", "failed", "median error", "delay [s]", "gain")
+COLUMNS = ("case", "entry", "settings", "rule", "specification", "failed", "median error", "delay [s]", "gain", "at an end")
+PAGE_COLUMNS = (*COLUMNS[:-1], "tuning; * at an end of its range")
 
 
 def identity(found: Standings) -> str:
@@ -28,16 +29,36 @@ def rebuilt(found: Standings) -> str:
 
 
 def rows(given: Iterable[Mapping[str, Any]]) -> list[list[str]]:
-    """The rows as a table has them."""
+    """The rows in the form of a table."""
     return [
         [
             row["case"], row["entry"], row["settings"], _yes(row["meets_rule"]), _yes(row["meets_specification"]),
             "-" if row["runs"] is None else f"{row['failed']} of {row['runs']}",
             "-" if row["median_error"] is None else f"{row['median_error']:.3g}",
-            f"{row['delay_margin_measured']:.3g}", f"{row['gain_margin_measured']:.3g}",
+            f"{row['delay_margin_measured']:.3g}", f"{row['gain_margin_measured']:.3g}", ", ".join(row["at_edge"]) or "-",
         ]
         for row in given
     ]  # fmt: skip
+
+
+def page_rows(given: Iterable[Mapping[str, Any]]) -> list[list[str]]:
+    """The rows as a page has them, with the tunings."""
+    every = list(given)
+    return [[*cells[:-1], _tuning(row)] for row, cells in zip(every, rows(every), strict=True)]
+
+
+def without(stored: Mapping[str, Any]) -> list[str]:
+    """For each case of the stored table a sentence on its missing entries, by the reason."""
+    return [
+        f"{case} is without {'; '.join(group['entries'])}: each {group['reason']}"
+        for case, groups in stored["left_out"].items()
+        for group in groups
+    ]
+
+
+def _tuning(row: Mapping[str, Any]) -> str:
+    """Each number by its name, marked if it is at an end of its range."""
+    return ", ".join(f"{name} {value:.3g}{'*' if name in row['at_edge'] else ''}" for name, value in row["tuning"].items()) or "-"
 
 
 def _yes(holds: bool) -> str:
@@ -45,9 +66,11 @@ def _yes(holds: bool) -> str:
 
 
 def show(screen: Screen, found: Standings) -> None:
-    """Which suite, the rows that were measured, those that are stored beside them, and whether they agree."""
+    """Print the suite's identity, the measured rows, the stored rows, and whether they agree."""
     screen.line(f"{capitalized(identity(found))}.")
     screen.table(COLUMNS, rows(found.rows), leads=2)
+    for name in found.empty:
+        screen.line(f"{name}: no scheme takes part; {'; '.join(found.left_out[name])}.")
     if found.beside:
         screen.title("Beside them, stored")
         screen.table(COLUMNS, rows(found.beside), leads=2)

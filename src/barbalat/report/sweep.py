@@ -16,7 +16,7 @@ from barbalat.sweeps.study import OSCILLATED
 from barbalat.validate import counted
 
 SHOWN = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y", "diverged_at")
-"""Figures, without their components; the others are in the JSON and in a store."""
+"""Displayed figures, without their components; the others are in the JSON and in a store."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +31,7 @@ class WorstMember:
 
 
 def varied(found: SweepResult) -> list[tuple[str, str]]:
-    """What varies, and how; entries of a vector that is drawn from a ball once, together."""
+    """What varies, and how; the entries of a vector that is drawn from a ball together once."""
     rows = [(str(path), f"over {axis}") for path, axis in found.plan.axes.items()]
     for path, drawn in found.plan.draws.items():
         if not isinstance(drawn, InBall):
@@ -43,7 +43,7 @@ def varied(found: SweepResult) -> list[tuple[str, str]]:
 
 
 def shares(found: SweepResult) -> list[list[str]]:
-    """What is judged, the controller, how many members, their share, the ends of its interval."""
+    """What is judged, the controller, number of members, their share, the ends of its interval."""
     own = [one for one in found.evidence.shares.items() if not found.judged or one[0] not in (DIVERGED, OSCILLATED)]
     return [
         [
@@ -59,7 +59,7 @@ def shares(found: SweepResult) -> list[list[str]]:
 
 
 def _unsettled(share: Share) -> str:
-    """How many members may belong to it besides."""
+    """The number of members that may belong to it in addition."""
     unsettled = share.unsettled if isinstance(share, SplitShare) else 0
     return f", {unsettled} not settled" if unsettled else ""
 
@@ -77,9 +77,11 @@ def meanings(found: SweepResult) -> list[str]:
     if not found.judged:
         return [f"Diverged: {DIVERGES}", f"Estimates ring, at this step: {EXAMINED}", *lacking]
     return [
-        "Lost: diverged, or a component left its limit, 100 times its scale unless [judge] says otherwise; limit cycle: the "
-        "control swings for ever; off: the tail's error is outside its band, 5 % of the scale unless [judge] says otherwise",
-        "Not settled: no step that was afforded tells the plant from the solver; the intervals leave open what these members do",
+        "Lost: diverged, or a component left its limit, 100 times its scale unless [judge] says otherwise; "
+        "limit cycle: the control oscillates permanently; off: the tail's error is outside its band, 5 % of the scale "
+        "unless [judge] says otherwise",
+        "Not settled: within the budget no step distinguishes the plant from the solver; the intervals allow either verdict "
+        "for these members",
         *(f"Not settled of {name}: {why}" for name, why in found.unsettled.items()),
         *lacking,
     ]
@@ -103,7 +105,7 @@ SYMBOLS = {
     "max_abs_y": "max |y|",
     "diverged_at": "diverged at [s]",
 }
-"""Of figures' names in the JSON, as they are written for people; the longer name before one that is part of it."""
+"""Names of figures in the JSON and their display; a longer name precedes its parts."""
 
 
 def in_symbols(text: str) -> str:
@@ -121,7 +123,7 @@ def percent(share: float) -> str:
 
 
 def show(screen: Screen, found: SweepResult) -> None:
-    """Shares with their intervals, extremes with the member to look at, how the numbers came about."""
+    """Print shares with their intervals, extremes with the member to examine, and how the numbers were obtained."""
     screen.line(f"{found.case}: {counted(len(found), 'member')} over {', '.join(map(str, found.plan.paths))}", "bold")
     for note in found.redesign_notes:
         screen.line(f"{note[0].upper()}{note[1:]}.", "yellow")
@@ -139,7 +141,7 @@ def show(screen: Screen, found: SweepResult) -> None:
     screen.table(("figure", "controller", "least", "median", "largest", "worst member"), grouped(reached), leads=2)
     for controller, part in found.evidence.filled.items():
         screen.line(
-            f"{controller}: of the guaranteed bound the largest |e| of a member fills {percent(part.median)} in the middle, "
+            f"{controller}: the largest |e| of a member reaches {percent(part.median)} of the guaranteed bound in the median, "
             f"{percent(part.max)} at most"
         )
     told = [one for one in found.evidence.sensitivities if one.figure.startswith("max_abs_e") and one.low > 0]
@@ -157,14 +159,14 @@ def show(screen: Screen, found: SweepResult) -> None:
     screen.line("")
     screen.table(("variance of", "controller", "due to", "share", "95 % interval"), grouped(explained), leads=3)
     for how in dict.fromkeys(one.estimator for one in found.evidence.sensitivities):
-        screen.line(f"Shares of the variance: {how}. What is not listed can't be told from 0.")
+        screen.line(f"Shares of the variance: {how}. Shares that are not listed cannot be distinguished from 0.")
     for note in found.evidence.notes:
         screen.line(f"Note: {note}.", "yellow")
     screen.line(f"Intervals: {found.evidence.intervals}.")
     if found.resumed:
-        screen.line(f"In the store already: {counted(found.resumed, 'member')}.")
+        screen.line(f"Already in the store: {counted(found.resumed, 'member')}.")
     rate = found.member_steps / max(found.seconds, 1e-9)
-    screen.line(f"{found.seconds:.1f} s, {rate:.3g} solver steps/s in all.")
+    screen.line(f"{found.seconds:.1f} s, {rate:.3g} solver steps/s in total." if rate else f"{found.seconds:.1f} s in total.")
 
 
 def _interval(low: str, high: str) -> str:

@@ -12,11 +12,11 @@ from barbalat.pictures.symbols import held, number_text
 from barbalat.report.terminal.layout import Screen
 
 ERRORS = (1e-3, 1e-2, 3e-2, 0.1, 0.3)
-"""Tracking errors at which the schemes are put beside one another, relative to the model's motion."""
+"""Tracking errors at which the schemes are compared, relative to the model's motion."""
 
 
 def as_document(found: TradeOff) -> dict[str, Any]:
-    """Everything measured, in plain numbers; None for what has no finite value."""
+    """Everything measured, in plain numbers; None for values that are not finite."""
     return {
         "case": found.problem.name,
         "simulation": found.simulation.as_json(),
@@ -58,7 +58,7 @@ def rows(found: TradeOff, which: str, criterion: str) -> list[tuple[str, ...]]:
 
 
 def at_equal_error(found: TradeOff, which: str) -> list[tuple[str, ...]]:
-    """For a table: the largest delay borne by each scheme with at most the errors of ``ERRORS``, by both criteria."""
+    """For a table: the largest delay tolerated by each scheme with at most the errors of ``ERRORS``, by both criteria."""
     return [
         (f"{error:g}", *(_borne(found, cloud, which, name, error) for name in ("onset", "loss") for cloud in found.clouds))
         for error in ERRORS
@@ -90,11 +90,11 @@ def orders(found: TradeOff, which: str) -> tuple[str, list[str]]:
         return "No two schemes reach a common error", []
     differ = sum(a != b for a, b in known.values())
     head = "The order does not depend on the criterion" if differ == 0 else "The order of the schemes depends on the criterion"
-    return f"{head} (delay borne, the most first)", parts
+    return f"{head} (delay tolerated, the most first)", parts
 
 
 def _order(found: TradeOff, which: str, criterion: str, error: float) -> list[list[str]]:
-    """The schemes by the delay borne, the most first; those within the bisection's resolution together."""
+    """The schemes by the tolerated delay, the largest first; those within the bisection's resolution together."""
     delays = {cloud.scheme: cloud.bears(which, criterion, error) for cloud in found.clouds}
     groups: list[list[str]] = []
     last = np.nan
@@ -108,7 +108,7 @@ def _order(found: TradeOff, which: str, criterion: str, error: float) -> list[li
 
 
 EQUAL_DELAYS_RATIO = 1.05
-"""Ratio within which two delays count as equal: two brackets of 2 % apart."""
+"""Ratio within which two delays count as equal: two brackets of 2 %."""
 
 
 def _text(order: list[list[str]]) -> str:
@@ -118,7 +118,7 @@ def _text(order: list[list[str]]) -> str:
 def show(screen: Screen, found: TradeOff) -> None:
     """A table, the order of the schemes, and what was left out."""
     schemes = [cloud.scheme for cloud in found.clouds]
-    screen.line(f"{found.problem.name}: the delay [s] that the plant's input bears", "bold")
+    screen.line(f"{found.problem.name}: the delay [s] that the plant's input tolerates", "bold")
     screen.line(
         "Each scheme's best tuning with a relative error, RMS |e| / RMS |x_m|, of at most ...: until the loop begins to "
         "oscillate (onset), and until it is lost (loss)."

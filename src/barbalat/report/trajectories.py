@@ -1,4 +1,4 @@
-"""What a run recorded, as a table for other programs."""
+"""The record of a run, as a table for other programs."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from typing import Any
 import numpy as np
 
 from barbalat.folders import Folder
-from barbalat.problem.labels import Labels
+from barbalat.problem.labels import UNLABELLED
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.report.file_names import file_name, table_names
 from barbalat.run.results.result import Result
 
 MOST_NUMBERS = 60_000
-"""In all CSVs of a folder: 17 bytes each, some 1 MB of its 2 MB. Results in Python have all that was recorded."""
+"""Largest number of entries in all CSVs of a folder: 17 bytes each, some 1 MB of its 2 MB. Results in Python contain
+everything that was recorded."""
 
 
 def write_trajectories(folder: Folder, results: Sequence[Result], *, whole: bool = False) -> None:
-    """One CSV for each controller, the recorded instants as rows, or every second, third, ... where these were too many.
+    """One CSV for each controller with the recorded instants as rows, or every second, third, ... of them if there are too many.
 
     With ``whole`` every recorded instant.
     """
@@ -48,11 +49,11 @@ MEANINGS = {
     "r": "command",
     "y": "output",
 }
-"""Of columns by what stands before their number; what a controller's own are follows from their roles."""
+"""Meanings of columns by the part before their number; those of a controller's own columns follow from their roles."""
 
 
 def data_package(case: str, results: Sequence[Result]) -> dict[str, Any]:
-    """One resource for each CSV. A unit that the case does not state is left out: none is guessed."""
+    """One resource for each CSV. A unit that the case does not state is left out, not guessed."""
     files = table_names([result.name for result in results])
     return {
         "profile": "tabular-data-package",
@@ -86,10 +87,10 @@ def _field(column: str, result: Result) -> dict[str, str]:
 
 
 def _label(symbol: str, place: int, result: Result) -> tuple[str, str]:
-    """What the case calls it, and its unit."""
+    """The case's label and unit."""
     if symbol == "t":
         return "", "s"
-    labels = result.problem.labels or Labels()
+    labels = result.problem.labels or UNLABELLED
     if symbol == "u":
         return "", "".join(labels.input_units[place : place + 1])
     measured = ("y", "e") if isinstance(result.problem, OutputProblem) else ("x", "x_m", "e")

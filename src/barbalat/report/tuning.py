@@ -10,20 +10,20 @@ from barbalat.validate import counted
 
 
 def verdicts(found: Tuning) -> list[tuple[str, str, bool]]:
-    """Of each controller its name, one sentence on the tuning that was found, and whether that meets every constraint."""
+    """For each controller its name, one sentence on the tuning that was found, and whether that meets every constraint."""
     rows = []
     for name, one in found.controllers.items():
         point, meets = (one.nearest, False) if one.chosen is None else (one.chosen, True)
         reached = f"{found.aim.quantity.name} {number_text(_known(point.value))}"
         asked = "" if not found.aim.constraints else "; meets every constraint" if meets else "; no tuning meets every constraint"
         measured = one.delay_margin_measured
-        bears = "" if measured is None else f"; bears {measured:.3g} s of delay as measured"
+        bears = "" if measured is None else f"; tolerates {measured:.3g} s of delay as measured"
         rows.append((name, f"{one.verdict}; {reached}{asked}{bears}", meets))
     return rows
 
 
 def points(found: Tuning) -> list[list[str]]:
-    """Controller, which tuning, its numbers, what it reaches, the constraints' values, whether it meets them."""
+    """Controller, which tuning, its numbers, the objective reached, the constraints' values, whether it meets them."""
     rows = []
     for name, one in found.controllers.items():
         last = ("tuned", one.chosen) if one.chosen is not None else ("nearest", one.nearest)
@@ -42,7 +42,7 @@ def numbers(point: Point) -> str:
 
 
 def changes(one: Tuned) -> list[str]:
-    """A line for each field of the chosen tuning: its path, and what became of its number."""
+    """A line for each field of the chosen tuning: its path, and its old and new number."""
     if one.chosen is None:
         return []
     before = one.start.tuning
@@ -53,9 +53,9 @@ def changes(one: Tuned) -> list[str]:
 
 
 def held_out(found: Tuning) -> list[list[str]]:
-    """Controller, the median and the worst on plants that the search did not see, where that is, and how many break what.
+    """Controller, the median and the worst value on validation plants, the worst plant, and how many violate which constraint.
 
-    Beside a count, the share of the known set that it is evidence for: Clopper and Pearson's interval.
+    Next to a count, the share of the known set for which it is evidence: Clopper and Pearson's interval.
     """
     rows = []
     for name, one in found.controllers.items():
@@ -83,7 +83,7 @@ def _broken(share: Share, requirement: str) -> str:
 
 
 def front(one: Tuned, found: Tuning) -> list[list[str]]:
-    """The numbers of each tuning on the front, what it reaches, the first constraint's quantity."""
+    """The numbers of each tuning on the front, the objective reached, the first constraint's quantity."""
     first = found.aim.constraints[0]
     return [
         [numbers(point), number_text(_known(point.value)), number_text(_known(point.found.get(first)))] for point in one.front
@@ -91,7 +91,7 @@ def front(one: Tuned, found: Tuning) -> list[list[str]]:
 
 
 def judged(found: Tuning) -> str:
-    """A sentence: on what plants."""
+    """A sentence on the plants used."""
     aim, count = found.aim, max(len(found.thetas), 1)
     share = "the worst of" if aim.quantile == 1 else f"the {100 * aim.quantile:g} % quantile over"
     return (
@@ -111,7 +111,7 @@ def _known(value: float | None) -> float | None:
 
 
 def show(screen: Screen, found: Tuning) -> None:
-    """A table, the changes, the new plants."""
+    """Print a table, the changes, and the validation plants."""
     screen.line(f"{found.case.name}: {judged(found)}", "bold")
     for name, sentence, meets in verdicts(found):
         screen.line(f"{screen.name(name)}: {sentence}", "green" if meets else "red", indent="    ", start="  ")

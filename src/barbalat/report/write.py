@@ -1,4 +1,4 @@
-"""What the commands leave on disk: pictures, pages, JSON, trajectories."""
+"""The files that commands write: pictures, pages, JSON, trajectories."""
 
 from __future__ import annotations
 
@@ -11,9 +11,6 @@ from typing import Protocol
 import numpy as np
 from matplotlib.figure import Figure
 
-from barbalat.certificates.certificate import Certificate
-from barbalat.certificates.certify import Certified
-from barbalat.certificates.picture import distinct
 from barbalat.comparison.contest.picture import draw as draw_contest
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.design.design import Design
@@ -22,17 +19,21 @@ from barbalat.comparison.tradeoff.tradeoff import TradeOff
 from barbalat.comparison.tune.picture import draw as draw_tuning
 from barbalat.comparison.tune.result import Tuning
 from barbalat.folders import Folder
+from barbalat.identify.identification import Identification
+from barbalat.identify.picture import draw as draw_identification
 from barbalat.papers.claim import Chart, Claim, Map
 from barbalat.papers.paper import PaperFigure
 from barbalat.pictures.panel_drawing import draw as draw_panels
 from barbalat.pictures.render import render
-from barbalat.processes import Here, answer_of
-from barbalat.report import diagrams, flights, maps, page
-from barbalat.report.drawings import ReportFigure, narrow_panels, pictures_of_loops, svg_of
-from barbalat.report.file_names import CERTIFICATES, NARROW, PAGE, PICTURE, TUNED_CASE, diagram_names
+from barbalat.problem.state_feedback import Problem
+from barbalat.processes import answer_of
+from barbalat.report import flights, maps, page, replayed
+from barbalat.report.drawings import ReportFigure, narrow_panels, svg_of
+from barbalat.report.file_names import NARROW, PAGE, TUNED_CASE
 from barbalat.report.sweep import WorstMember
 from barbalat.run.results.picture import ends_at, figure_of, panels
 from barbalat.run.results.result import Result
+from barbalat.study.replay import Replay
 from barbalat.sweeps import picture as of_sweep
 from barbalat.sweeps.result import SweepResult
 from barbalat.vehicles.comparison import FlightComparison
@@ -42,13 +43,13 @@ from barbalat.vehicles.vehicle import vehicles
 
 
 class Drawn(Protocol):
-    """What draws one figure, for a page or for a phone."""
+    """Anything that draws one figure, for a page or for a phone."""
 
     def __call__(self, *, narrow: bool) -> Figure: ...
 
 
 def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Callable[[float], None]) -> dict[str, ReportFigure]:
-    """Draw every figure into the folder, but for those for phones; ``drawn`` is told the share of each."""
+    """Draw every figure except those for phones into the folder; ``drawn`` receives the share of each."""
     pictures = {}
     for figure in figures:
         pictures[figure.key] = _draw(folder, f"figure-{figure.key}", figure_of(figure.shown))
@@ -57,14 +58,14 @@ def draw_reproduction(folder: Folder, figures: Sequence[PaperFigure], drawn: Cal
 
 
 class NarrowPictures:
-    """The figures for phones, which another process begins with the first while this one is at other work."""
+    """The figures for phones, which another process begins with the first while this one does other work."""
 
     def __init__(self, figures: Sequence[PaperFigure], beside: Executor) -> None:
         self.given = {figure.key: (f"figure-{figure.key}", panels(figure.shown), ends_at(figure.shown)) for figure in figures}
         self.asked = {key: beside.submit(narrow_panels, *given) for key, given in self.given.items()}
 
     def joined(self, pictures: Mapping[str, ReportFigure]) -> dict[str, ReportFigure]:
-        """With the others as one, by key; those that nobody has begun are drawn here, the last one first."""
+        """Both versions as one, by key; those that have not been started are drawn here, the last one first."""
         found = {key: answer_of(self.asked[key], narrow_panels, *self.given[key]) for key in reversed(self.given)}
         return {key: replace(picture, narrow=found[key]) for key, picture in pictures.items()}
 
@@ -86,71 +87,6 @@ def _map(shown: Map | Chart, *, narrow: bool) -> Figure:
     return maps.draw(shown, narrow=narrow) if isinstance(shown, Map) else maps.draw_chart(shown, narrow=narrow)
 
 
-def loop_pictures(certificates: Mapping[str, Certificate]) -> list[ReportFigure]:
-    """The loops whose margins the certificates give."""
-    return pictures_of_loops(distinct(certificates))
-
-
-def write_comparison(
-    folder: Folder,
-    case: str,
-    results: Sequence[Result],
-    certified: Certified,
-    progress: Callable[[float], None] = lambda _: None,
-    beside: Executor | None = None,
-) -> None:
-    """The picture of the runs, those of their loops, a block diagram of each controller that has one, and the page.
-
-    beside  draws a part of them meanwhile; without it all is drawn here
-    """
-    beside = beside or Here()
-    shown, t_end = panels(results), ends_at(results)
-    drawing_narrow = beside.submit(narrow_panels, PICTURE, shown, t_end)
-    drawing_loops = beside.submit(pictures_of_loops, distinct(certified.certificates))
-    names = diagram_names([result.name for result in results])
-    figures = [diagrams.of_controller(result.controller, result.problem) for result in results]
-    blocks = {name: figure for name, figure in zip(names, figures, strict=True) if figure is not None}
-    whole = drawing_seconds(len(results)) + DIAGRAM_SECONDS * len(blocks) + LOOPS_SECONDS * bool(distinct(certified.certificates))
-    done = PAGE_SECONDS
-
-    def told(seconds: float) -> None:
-        nonlocal done
-        done += seconds
-        progress(done / whole)
-
-    wide = _draw(folder, PICTURE, draw_panels(shown, t_end))
-    told(WIDE_SECONDS * len(results))
-    drawn = []
-    for name, figure in blocks.items():
-        drawn.append(_draw(folder, name, figure))
-        told(DIAGRAM_SECONDS)
-    picture = replace(wide, narrow=drawing_narrow.result())
-    told(NARROW_SECONDS * len(results))
-    loops = drawing_loops.result()
-    told(LOOPS_SECONDS * bool(loops))
-    keep(folder, [picture, *loops])
-    folder.write(PAGE, page.comparison(case, results, certified, picture, drawn, loops))
-
-
-def drawing_seconds(results: int) -> float:
-    """About how long the picture and the page of so many runs take; block diagrams and loops come to it."""
-    return (WIDE_SECONDS + NARROW_SECONDS) * results + PAGE_SECONDS
-
-
-WIDE_SECONDS, NARROW_SECONDS = 0.25, 0.15
-"""For each run, about, where no other work is on the machine: its part of the picture, and of that for phones."""
-DIAGRAM_SECONDS, LOOPS_SECONDS, PAGE_SECONDS = 0.4, 0.5, 0.1
-"""Of a block diagram, of all loops, and of what is left, likewise."""
-
-
-def write_certificates(folder: Folder, case: str, certified: Certified, document: str) -> None:
-    """The pictures of the loops whose margins are given, the page, the JSON document."""
-    loops = loop_pictures(certified.certificates)
-    keep(folder, loops)
-    folder.write(CERTIFICATES, document)
-    folder.write(PAGE, page.certificates(case, certified, loops))
-
-
 def write_tradeoff(folder: Folder, found: TradeOff) -> None:
     """Picture and page of a trade-off."""
     picture = _draw_both(folder, "tradeoff", partial(draw_trade_off, found))
@@ -162,7 +98,7 @@ def write_sweep(
 ) -> None:
     """Members by verdict, histograms, a map over two axes, what each number accounts for, and the page; see ``page.sweep``.
 
-    runs  by controllers, the worst member's number and its run
+    runs  by controller, the worst member's number and its run
     """
     pictures = {"histograms": _draw_both(folder, "histograms", partial(of_sweep.histograms, found))}
     if runs:
@@ -182,7 +118,7 @@ def write_sweep(
 
 
 def _worst_run(found: SweepResult, controller: str, member: int, result: Result) -> of_sweep.WorstRun:
-    """With the first panel of its page; what runs away leaves the panel, so that the model is seen beside it."""
+    """The run with the first panel of its page; a diverging run is cut off, so that the model remains visible."""
     panel, *_ = panels([result])
     title = f"{controller}, the worst: member {member}, {found.kind_of(controller, member)}"
     motion, *others = panel.series
@@ -192,11 +128,12 @@ def _worst_run(found: SweepResult, controller: str, member: int, result: Result)
 
 
 RUNAWAY_SHOWN = 4.0
-"""Times the model's and the command's largest value, up to which a run that is lost is shown."""
+"""Multiple of the model's and the command's largest value up to which a lost run is shown."""
 
 
 def write_flights(folder: Folder, found: FlightComparison) -> None:
-    """For each failure pictures over time and in space and a CSV, a film of one of them, and the page, which holds them all."""
+    """For each failure pictures over time and in space and a CSV, a film of one of them, and the page, which contains them
+    all."""
     pictures, paths = {}, {}
     for failure in found.failures:
         name = f"flight-{failure.name}"
@@ -217,20 +154,20 @@ FILM = "flight.gif"
 
 
 def _within(folder: Folder, name: str, figure: Drawn) -> ReportFigure:
-    """Wide as PNG; both as SVG, in the page alone."""
+    """The wide version as PNG; both as SVG, only inside the page."""
     wide, narrow = (figure(narrow=narrow) for narrow in (False, True))
     folder.write(f"{name}.png", render(wide, "png"))
     return ReportFigure(svg_of(name, wide), svg_of(f"{name}{NARROW}", narrow))
 
 
 def files_of_flights() -> set[str]:
-    """What ``barbalat fly`` may have left in a folder, beside the files that it always writes."""
+    """The files that ``barbalat fly`` may have left in a folder, other than those that it always writes."""
     names = {failure.name for vehicle in vehicles().values() for failure in vehicle.failures}
     return {FILM, *(f"{what}-{name}.{kind}" for name in names for what in ("flight", "path") for kind in ("png", "csv"))}
 
 
 def write_tuning(folder: Folder, found: Tuning) -> None:
-    """The case file where there is one, the picture of the fronts, and the page."""
+    """The case file if there is one, the picture of the fronts, and the page."""
     if found.text is not None:
         folder.write(TUNED_CASE, found.text)
     picture = _draw_both(folder, "front", partial(draw_tuning, found)) if found.aim.constraints else None
@@ -238,28 +175,42 @@ def write_tuning(folder: Folder, found: Tuning) -> None:
 
 
 def write_contest(folder: Folder, found: Contest) -> None:
-    """The held-out runs' picture, where there are any, and the page."""
+    """The picture of the validation runs, if there are any, and the page."""
     picture = _draw_both(folder, "contest", partial(draw_contest, found)) if found.held_out else None
     folder.write(PAGE, page.contest(found, picture))
 
 
 def write_design(folder: Folder, found: Design, *, explorer: str | None, files: Sequence[str], text: str | None) -> None:
-    """The page, with the contest's page and picture beside it."""
+    """The page, with the contest's page and picture."""
     picture = _draw_both(folder, "contest", partial(draw_contest, found.contest)) if found.contest.held_out else None
     folder.write("contest.html", page.contest(found.contest, picture))
     folder.write(PAGE, page.design(found, picture, explorer=explorer, files=files, text=text))
 
 
+def write_identification(folder: Folder, found: Identification, *, stem: str, source: str, text: str) -> None:
+    """The page with its picture, both named as the case file."""
+    folder.write(
+        f"{stem}.html", page.identification(found, _draw_both(folder, stem, partial(draw_identification, found)), source, text)
+    )
+
+
+def write_replay(folder: Folder, found: Mapping[str, Replay], problem: Problem, *, stem: str, source: str, case: str) -> None:
+    """The page of a replay with its picture, both with this stem."""
+    shown, t_end = replayed.panels(found, problem), float(next(iter(found.values())).times[-1])
+    drawn = _draw_both(folder, stem, partial(draw_panels, shown, t_end))
+    folder.write(f"{stem}.html", page.replay(found, problem, drawn, source, case))
+
+
 def _draw(folder: Folder, name: str, drawing: Figure) -> ReportFigure:
     folder.write(f"{name}.png", render(drawing, "png"))
-    drawing.set_layout_engine(None)  # what the first rendering has laid out stays where it is
+    drawing.set_layout_engine(None)  # the layout of the first rendering is kept
     wide = svg_of(name, drawing)
     folder.write(wide.file, wide.svg)
     return ReportFigure(wide)
 
 
 def _draw_both(folder: Folder, name: str, figure: Drawn) -> ReportFigure:
-    """Wide as PNG and SVG, narrow as SVG."""
+    """The wide version as PNG and SVG, the narrow one as SVG."""
     narrow = svg_of(f"{name}{NARROW}", figure(narrow=True))
     folder.write(narrow.file, narrow.svg)
     return replace(_draw(folder, name, figure(narrow=False)), narrow=narrow)

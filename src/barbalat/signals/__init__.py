@@ -1,6 +1,6 @@
 """Commands, disturbances and recorded data: functions of time that drive the loop.
 
-``Signal`` says what one of your own has to be; ``SIGNALS`` has those of the package by the names that case files use.
+``Signal`` is the protocol of a signal of your own; ``SIGNALS`` has the package's signals by their names in case files.
 """
 
 from barbalat.public_names import public

@@ -1,4 +1,4 @@
-"""Signals with jumps: the value at a jump is the one after it, ``before`` gives the one before it."""
+"""Signals with jumps: the value at a jump is the value after it, and ``before`` gives the value before it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from barbalat.signals.smooth import Resting, Swinging, outward, store_numbers
 from barbalat.validate import Array, InputError
 
 MOST_BREAKS = 10_000_000
-"""In one interval, the first ones: all instants of what breaks a million times in a step would fill the memory."""
+"""The largest number of breaks returned for an interval, the first ones: all breaks of a signal with a million in each step
+would fill the memory."""
 
 
 def between(start: float, stop: float, instants: Array) -> Array:
@@ -21,7 +22,7 @@ def between(start: float, stop: float, instants: Array) -> Array:
 
 
 def rounding_of(t: Array) -> Array:
-    """A few roundings of a time: a jump that lies so near to a time of the grid is meant to lie at it."""
+    """A few roundings of a time: a jump this close to a time of the grid is meant to be at that time."""
     return 4 * np.finfo(float).eps * np.abs(np.asarray(t, dtype=float))
 
 
@@ -125,7 +126,7 @@ class Square(Swinging, Settings):
     def breaks(self, start: float, stop: float) -> Array:
         first, last = ((self.frequency * t + self.phase) / np.pi for t in (start, stop))
         if not np.isfinite(last):
-            return np.zeros(0)  # no number either: the value says so
+            return np.zeros(0)  # not a number either; the value reports it
         halves = np.floor(first) + np.arange(min(last - first + 3, MOST_BREAKS))
         return between(start, stop, (halves * np.pi - self.phase) / self.frequency)
 
@@ -138,7 +139,7 @@ class Square(Swinging, Settings):
         return self.amplitude == 0
 
     def _half_periods(self, t: Array) -> Array:
-        """Half periods since phase zero; a jump that lies within rounding of t is taken to lie at t."""
+        """Half periods since phase zero; a jump within rounding of t is taken to be at t."""
         halves = (self.frequency * np.asarray(t) + self.phase) / np.pi
         nearest = np.round(halves)
         rounding = 4 * np.finfo(float).eps * (np.maximum(1.0, np.abs(halves)) + abs(self.phase) / np.pi)

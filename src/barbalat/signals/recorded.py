@@ -44,12 +44,12 @@ class Recorded(Continuous, Settings):
 
     @classmethod
     def from_csv(cls, file: str | Path, *, separator: str | None = None) -> Recorded:
-        """Read a column of times [s] and a column of values; a header may stand on top, with a line of units.
+        """Read a column of times [s] and a column of values, after an optional header and an optional line of units.
 
-        separator  between the two: a comma, a semicolon, a tab or spaces, found out where it is not given. Beside any but the
-                   comma, numbers may have a decimal comma
+        separator  the separator of the columns: a comma, a semicolon, a tab or spaces, detected by default With any separator but
+                   the comma, numbers may have a decimal comma
 
-        Raises InputError that names the file and, where there is one, the line.
+        Raises InputError with the file and, if known, the line.
         """
         path = _path(file)
         if separator is not None:
@@ -87,11 +87,11 @@ class Recorded(Continuous, Settings):
     def from_mat(cls, file: str | Path, *, times: str = "t", values: str | None = None) -> Recorded:
         """Read a MATLAB file (up to version 7.2): a vector of times [s] and one of values, by the variables' names.
 
-        times   where there is none of this name, the only one that is called t, time, times or tout, in a structure too
-        values  the only other variable of as many numbers by default; of a matrix with two columns or rows, which is named here
-                or the only variable, the first has the times. A field of a structure is named with a point: "out.time"
+        times   if there is no variable of this name, the only one called t, time, times or tout is taken, also within a structure
+        values  by default the only other variable with as many numbers; in a matrix with two columns or rows, which is named here
+                or is the only variable, the first has the times. A field of a structure is named with a dot: "out.time"
 
-        Raises InputError that names the file and the variables in it.
+        Raises InputError with the file and the variables in it.
         """
         path = _path(file)
         for name, given in (("times", times), ("values", values)):
@@ -133,11 +133,11 @@ class Recorded(Continuous, Settings):
 
 @dataclass(frozen=True)
 class MatFile(Settings):
-    """A MATLAB file, as a case file names it: see ``Recorded.from_mat``.
+    """A MATLAB file as a case file names it: see ``Recorded.from_mat``.
 
     file    relative to the case file
     times   the variable with the times [s]
-    values  the variable with the values; the only other one of as many numbers by default
+    values  the variable with the values; by default the only other one with as many numbers
     """
 
     makes: ClassVar[type] = Recorded
@@ -148,7 +148,7 @@ class MatFile(Settings):
 
 
 TEXT_BYTE = Estimate(memory=20.0, seconds=3e-7)
-"""Of a file with times and values as text: 170 MB and 2.3 s for a million rows of 9 bytes."""
+"""The cost of each byte of a text file with times and values: 170 MB and 2.3 s for a million rows of 9 bytes."""
 
 
 def _path(file: str | Path) -> Path:
@@ -158,11 +158,11 @@ def _path(file: str | Path) -> Path:
 
 
 SEPARATOR_SAID = re.compile(r"sep=([,;\t])", re.IGNORECASE)
-"""The line with which spreadsheets say their separator."""
+"""The line by which spreadsheets declare their separator."""
 
 
 def _text(content: bytes) -> str:
-    """UTF-8, or else Latin-1: numbers are the same in both, and what headers say is not read."""
+    """Decode as UTF-8, or else as Latin-1: numbers are the same in both, and headers are not used."""
     if b"\0" in content:
         raise ValueError("not a text")
     try:
@@ -172,7 +172,7 @@ def _text(content: bytes) -> str:
 
 
 def _separator(lines: list[str]) -> str:
-    """The separator of two numbers in the first line that begins with one, else has any: the surest sign first."""
+    """The separator of two numbers, from the first line that begins with a number, or else from the first with a digit."""
     numbers = [line.strip() for line in lines if re.match(r'[\s"]*[-+.]?\d', line)]
     first = next((line.strip() for line in [*numbers, *lines] if any(map(str.isdigit, line))), "")
     for sign in ("\t", ";"):
@@ -183,7 +183,7 @@ def _separator(lines: list[str]) -> str:
 
 
 def _cells(line: str, separator: str) -> list[str]:
-    """The line's parts without quotes, a decimal comma in them as a point."""
+    """The line's cells without quotes, with a decimal comma replaced by a point."""
     if separator == ",":
         return [part.strip().strip('"') for part in line.split(",")]
     parts = line.split() if not separator.strip(" ") else line.split(separator)
@@ -199,11 +199,11 @@ def _is_number(cell: str) -> bool:
 
 
 TIMES = ("t", "time", "times", "tout")
-"""What times are called in MATLAB files, Simulink's among them."""
+"""The names of the times in MATLAB files, including Simulink's."""
 
 
 def variables(path: Path) -> dict[str, Array]:
-    """The numbers in a file by their names: a field of a structure as "name.field"; InputError for what is no such file."""
+    """The numbers in a file by their names, a field of a structure as "name.field"; InputError if it is no MATLAB file."""
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
 
@@ -212,7 +212,7 @@ def variables(path: Path) -> dict[str, Array]:
         size, name = _unpacked(packed), f"the data file {validate.show(str(path))}"
         fits = lambda most: f"at most {most} bytes"  # noqa: E731
         budget.require(name, size, FILE_BYTE.times, given=f"holds {size} bytes, unpacked, and", fits=fits)
-        found = loadmat(cast("Any", BytesIO(packed)), appendmat=False)  # which its stubs do not know
+        found = loadmat(cast("Any", BytesIO(packed)), appendmat=False)  # SciPy's stubs do not know it
     except InputError:
         raise
     except (MemoryError, OverflowError):
@@ -228,18 +228,19 @@ def variables(path: Path) -> dict[str, Array]:
 
 
 FILE_BYTE = Estimate(memory=20.0, seconds=2e-7)
-"""Of what a MATLAB file holds, unpacked: a number alone in a cell takes 56 bytes there and some 20 times as much here."""
+"""The cost of each unpacked byte of a MATLAB file: a number alone in a cell takes 56 bytes there and some 20 times as much
+here."""
 HEADER_BYTES, TAG_BYTES, COMPRESSED = 128, 8, 15
-"""Of a file of version 5, of what stands before each of its parts, and the type of a compressed one."""
+"""Bytes of a version 5 file's header and of the tag before each element, and the type of a compressed element."""
 SHAPE_AT = 16
-"""Bytes into a variable, after its kind, where its shape stands."""
+"""Offset in bytes of the shape within a variable, after its kind."""
 PIECE_BYTES = 2**20
 
 
 def _unpacked(packed: bytes) -> int:
-    """Bytes that a file's variables take when they are no longer compressed, found without keeping them.
+    """The number of bytes of a file's variables after decompression, found without storing them.
 
-    A variable counts with what it says that it holds, where that is more. What is no such file is left to who reads it.
+    A variable counts with its declared size if that is larger. A file of another format is left to the reader.
     """
     order = {b"IM": "<", b"MI": ">"}.get(packed[HEADER_BYTES - 2 : HEADER_BYTES])
     if order is None:
@@ -254,18 +255,18 @@ def _unpacked(packed: bytes) -> int:
 
 
 def _inflated(part: bytes) -> tuple[bytes, int]:
-    """The beginning of a compressed variable, after its tag, and all of its bytes."""
+    """The beginning of a compressed variable, after its tag, and the number of all its bytes."""
     stream, total, head = zlib.decompressobj(), 0, b""
     while part and not stream.eof:
         piece = stream.decompress(part, PIECE_BYTES)
         if not piece:
-            break  # it is cut short
+            break  # the file is truncated
         part, total, head = stream.unconsumed_tail, total + len(piece), head or piece[TAG_BYTES:]
     return head, total
 
 
 def _claimed(head: bytes, order: str) -> int:
-    """Bytes of as many floats as a variable's shape says."""
+    """The bytes of as many floats as a variable's shape declares."""
     if len(head) < SHAPE_AT + TAG_BYTES:
         return 0
     _, size = struct.unpack_from(f"{order}II", head, SHAPE_AT)
@@ -285,8 +286,8 @@ def _numbers(name: str, value: Any) -> Iterator[tuple[str, Array]]:
 
 
 def times_and_values(path: Path, found: dict[str, Array], times: str, values: str | None) -> tuple[Array, Array]:
-    """Return the variables that are named or the only ones that can be meant; InputError, with the names, where none or several
-    can."""
+    """Return the variables that are named, or the only possible ones; InputError, with the names, if there are none or
+    several."""
     there = f"its variables are: {', '.join(sorted(found)) or 'none'}"
     if times not in found and times == TIMES[0]:
         named = [name for name in found if name.rpartition(".")[2].lower() in TIMES]

@@ -1,4 +1,4 @@
-"""The registry of signals, by the names that case files use. The contract tests run over it."""
+"""The registry of signals, by their names in case files. The contract tests cover all of them."""
 
 from barbalat.signals.piecewise import Square, Step, Steps
 from barbalat.signals.recorded import MatFile, Recorded
@@ -15,4 +15,4 @@ SIGNALS = {
     "csv": Recorded,
     "mat": MatFile,
 }
-"""The signals of the package by the names that case files use."""
+"""The package's signals by their names in case files."""

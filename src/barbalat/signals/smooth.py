@@ -13,7 +13,7 @@ from barbalat.validate import Array, InputError
 
 
 def outward(bound: float, operations: int = 3) -> float:
-    """A bound on magnitudes that also covers the roundings of so many operations in the value itself."""
+    """A bound on magnitudes that also covers the rounding errors of this number of operations in the value itself."""
     return bound * (1 + 2 * operations * float(np.finfo(float).eps))
 
 
@@ -46,7 +46,7 @@ class Swinging:
 
 
 class Resting:
-    """What is constant but for its jumps, and for good after the last of them."""
+    """A signal that is constant between its jumps and after the last one."""
 
     @property
     def slope(self) -> float:

@@ -1,4 +1,4 @@
-"""DOP853: a formula of order eight for fixed steps, and with its error estimate and its dense output for steps that it chooses.
+"""DOP853: a formula of order eight for fixed steps; with its error estimate and dense output, also for steps that it chooses.
 
 Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, sections II.5 and II.6; the coefficients are SciPy's.
 """
@@ -15,7 +15,7 @@ Rows = tuple[tuple[float, ...], ...]
 
 @cache
 def order_eight() -> Tableau:
-    """The formula of order eight, for runs that a method of lower order damps: it takes little from what its step resolves."""
+    """The formula of order eight, for loops that a method of lower order would damp: it hardly damps what its step resolves."""
     from scipy.integrate import DOP853
 
     a, count = DOP853.A, DOP853.n_stages
@@ -25,10 +25,11 @@ def order_eight() -> Tableau:
 
 @dataclass(frozen=True)
 class Embedded:
-    """What stands beside the formula. Stage 13 is the slope at the step's end, and three more belong to the dense output.
+    """The error estimate and the dense output of the formula. Stage 13 is the slope at the end of the step; the dense output has
+    three more.
 
     error_3, error_5  (13,) weights of the slopes in the errors of two lower orders, from which the estimate is made
-    more_a, more_c    rows of the three further stages, and where in the step they are
+    more_a, more_c    rows of the three further stages, and their positions in the step
     dense             (4, 16) weights of the slopes in the last four of the interpolating polynomial's seven coefficients
     """
 

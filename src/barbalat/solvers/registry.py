@@ -1,4 +1,4 @@
-"""The registry of solvers, by the names that case files use. The contract tests run over it."""
+"""The registry of solvers, by their names in case files. The contract tests cover all of them."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from barbalat.solvers.tableau import EULER, HEUN, RK4, Tableau
 from barbalat.validate import InputError, hint, is_instance, show
 
 SOLVERS = {tableau.name: tableau for tableau in (EULER, HEUN, RK4)}
-"""The methods of the package by the names that case files use."""
+"""The package's methods by their names in case files."""
 
 
 def solver_of(field: str, given: Any) -> Tableau:
-    """A method, given itself or by its name; InputError names the field."""
+    """The method for a tableau or a name; InputError names the field."""
     if isinstance(given, str) and given in SOLVERS:
         return SOLVERS[given]
     if is_instance(given, Tableau):

@@ -1,4 +1,4 @@
-"""How to simulate: the method, its step or its tolerance, the horizon."""
+"""Settings of a simulation: the method, its step or its tolerance, the horizon."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from barbalat.solvers.tableau import AUTO, RK4, Tableau
 from barbalat.validate import Array, InputError
 
 POINT = Estimate(memory=1000.0)
-"""Of a recorded instant of a small adaptive loop: its state and its envelope, a few times over."""
+"""The cost of a recorded instant of a small adaptive loop: several copies of its state and envelope."""
 STEP = Estimate(seconds=1e-7)
-"""Of a step of the smallest loop, of one state, by itself."""
+"""The cost of a step of the smallest loop, with one state, in a single run."""
 
 LEAST_TOLERANCE, LARGEST_TOLERANCE = 1e-12, 1e-2
-"""Below, roundings of the states are no longer small beside it; above, the error estimate says nothing."""
+"""Below, rounding errors of the states are no longer small compared with it; above, the error estimate is meaningless."""
 
 
 def _require_steps(t_end: float, dt: float) -> None:
-    """InputError for more steps than any run can have within the budget; a run knows better what its own cost."""
+    """InputError for more steps than any run can have within the budget; each run checks its own cost later."""
     steps = t_end / dt
     budget.require(
         "simulation.dt", int(min(steps, 1e30)), STEP.times,
@@ -42,21 +42,21 @@ def _round_number(most: int) -> int:
 
 @dataclass(frozen=True, init=False)
 class Simulation(Settings):
-    """How to simulate: fixed steps of ``dt`` [s] from 0 to ``t_end`` [s], or steps that follow from a ``tolerance``.
+    """Settings of a simulation: fixed steps of ``dt`` [s] from 0 to ``t_end`` [s], or steps that follow from a ``tolerance``.
 
     t_end          horizon [s]
     dt             step [s]; it divides t_end
-    solver         the method, by its name; in Python also a Tableau. rk4 with dt; with a tolerance there is auto alone
-    tolerance      instead of dt: the error that a step may make of each state, relative to its largest magnitude so far
-    record_points  about how many instants of a trajectory are kept; figures are over every step all the same
-    fused          fused multiply-adds; without them a step takes longer, and has the same bits in exported C and in pages
+    solver         the method, by its name; in Python also a Tableau. rk4 with dt; with a tolerance only auto
+    tolerance      instead of dt: the error that a step may make in each state, relative to the state's largest magnitude so far
+    record_points  approximate number of recorded instants of a trajectory; figures are computed over every step
+    fused          use fused multiply-adds; without them a step takes longer, and exported C and pages agree bit for bit
 
-    Raises InputError where dt does not divide t_end, and where not one of dt and tolerance is given. With a tolerance ``dt`` is
+    Raises InputError if dt does not divide t_end, or unless exactly one of dt and tolerance is given. With a tolerance ``dt`` is
     None, and ``steps`` are those of ``grid``.
     """
 
     t_end: float
-    dt: float = None  # type: ignore[assignment]  # beside a tolerance alone; what needs steps asks ``require_steps`` first
+    dt: float = None  # type: ignore[assignment]  # None only with a tolerance; ``require_steps`` checks it
     _: KW_ONLY
     solver: Tableau = RK4
     tolerance: float | None = None
@@ -78,9 +78,9 @@ class Simulation(Settings):
     ) -> None:
         automatic = isinstance(solver, (str, Tableau)) and solver in (AUTO.name, AUTO)
         if tolerance is not None and not (solver is None or automatic):
-            raise InputError.of("simulation.solver", f"must be auto beside a tolerance, got {getattr(solver, 'name', solver)}")
+            raise InputError.of("simulation.solver", f"must be auto with a tolerance, got {getattr(solver, 'name', solver)}")
         if tolerance is None and automatic:
-            raise InputError.of("simulation.solver", "auto goes with simulation.tolerance, and dt is given: name another method")
+            raise InputError.of("simulation.solver", "auto needs simulation.tolerance, but dt is given: name another method")
         method = AUTO if tolerance is not None else RK4 if solver is None else solver_of("simulation.solver", solver)
         validate.freeze(self, t_end=t_end, dt=dt, solver=method, tolerance=tolerance, record_points=record_points, fused=fused)
         self.__post_init__()
@@ -120,7 +120,7 @@ class Simulation(Settings):
         tolerance = validate.number("simulation.tolerance", self.tolerance)
         dt: float | None = self.dt
         if dt is not None:
-            raise InputError.of("simulation.tolerance", f"stands instead of dt, but dt = {validate.show(self.dt)} is given too")
+            raise InputError.of("simulation.tolerance", f"replaces dt, but dt = {validate.show(self.dt)} is given too")
         if not LEAST_TOLERANCE <= tolerance <= LARGEST_TOLERANCE:
             raise InputError.of(
                 "simulation.tolerance", f"must be from {LEAST_TOLERANCE:g} to {LARGEST_TOLERANCE:g}, got {tolerance:g}"
@@ -134,15 +134,15 @@ class Simulation(Settings):
         )
 
     def require_steps(self, what: str) -> None:
-        """InputError where there are no fixed steps, and ``what`` takes nothing else."""
+        """InputError if there are no fixed steps; the message says that ``what`` needs them."""
         if self.tolerance is not None:
             raise InputError.of(
-                "simulation.tolerance", f"= {self.tolerance:g} fixes no step, and {what} needs one: give simulation.dt"
+                "simulation.tolerance", f"= {self.tolerance:g} does not fix a step, and {what} needs one: give simulation.dt"
             )
 
     @property
     def grid(self) -> Simulation:
-        """Beside a tolerance: the recorded instants as if they were those of fixed steps; the tail begins at one of them."""
+        """With a tolerance: the recorded instants as a grid of fixed steps; the tail begins at one of them."""
         return Simulation(self.t_end, self.t_end / self.steps, record_points=self.steps, fused=self.fused)
 
     @property
@@ -158,7 +158,7 @@ class Simulation(Settings):
         return f"with h = {self.dt:g} s" if self.tolerance is None else self.how
 
     def as_json(self) -> dict[str, str | float | bool | None]:
-        """The JSON contract's block for it; ``tolerance`` and ``fused`` stand in it only where they are given."""
+        """Its block in the JSON contract; ``tolerance`` and ``fused`` appear only if they are given."""
         said: dict[str, str | float | bool | None] = {"t_end": self.t_end, "dt": self.dt, "solver": self.solver.name}
         if self.tolerance is not None:
             said |= {"tolerance": self.tolerance}

@@ -40,7 +40,7 @@ class Tableau:
         signals: dict[float, Value],
         h: float,
     ) -> Value:
-        """One step. ``limit`` acts on every stage value and on the result: a limited integrator inside the method."""
+        """One step. ``limit`` acts on every stage value and on the result, so that a limited integrator is part of the method."""
         slopes = [derivative(state, signals[self.c[0]])]
         for row, node in zip(self.a[1:], self.c[1:], strict=True):
             slopes.append(derivative(limit(_combine(state, h, row, slopes)), signals[node]))
@@ -62,7 +62,7 @@ class Tableau:
         return np.asarray(np.polynomial.polynomial.polyval(np.asarray(z, dtype=complex), self.stability_polynomial))
 
     def growth(self, z: np.ndarray) -> np.ndarray:
-        """|R(z)|^2 - 1 without the cancellation against 1: its sign tells a faint decay from a faint growth."""
+        """|R(z)|^2 - 1 without cancellation, so that its sign distinguishes slow decay from slow growth."""
         z = np.asarray(z, dtype=complex)
         rest = z * np.polynomial.polynomial.polyval(z, self.stability_polynomial[1:])  # R - 1
         return np.asarray(2 * rest.real + np.abs(rest) ** 2)
@@ -88,7 +88,7 @@ class Tableau:
         along = self.stability_polynomial * direction ** np.arange(len(self.b) + 1)
         excess = np.polynomial.polynomial.polymul(along, along.conj()).real
         excess[0] -= 1
-        excess[np.abs(excess) < 1e-14] = 0.0  # |R|^2 - 1; terms that cancel in exact arithmetic leave a rounding
+        excess[np.abs(excess) < 1e-14] = 0.0  # |R|^2 - 1; terms that cancel in exact arithmetic leave a rounding error
         roots = np.polynomial.polynomial.polyroots(excess)
         real = np.sort(roots[(np.abs(roots.imag) < 1e-7 * np.abs(roots)) & (roots.real > 1e-7)].real)
         edges = np.concatenate([[0.0], real, [real[-1] + 1 if len(real) else 1.0]])
@@ -109,4 +109,4 @@ EULER = Tableau("euler", 1, ((),), (1.0,), (0.0,))
 HEUN = Tableau("heun", 2, ((), (1.0,)), (1 / 2, 1 / 2), (0.0, 1.0))
 RK4 = Tableau("rk4", 4, ((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6), (0.0, 1 / 2, 1 / 2, 1.0))
 AUTO = Tableau("auto", 8, ((),), (1.0,), (0.0,))
-"""What stands for the method of a run by tolerance, DOP853, whose coefficients ``order_eight`` has; it takes no fixed step."""
+"""Stands for the method of a run by tolerance, DOP853, whose coefficients are in ``order_eight``; it takes no fixed step."""

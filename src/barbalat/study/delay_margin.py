@@ -1,8 +1,8 @@
-"""The delay, or the error of the gain, that a loop bears, found by simulation: a scan, then bisection, for many loops and two
+"""The delay, or the error of the gain, that a loop tolerates in simulation: a scan, then bisection, for many loops and two
 criteria at once.
 
-Beside the exact margin of a linear loop this one holds for the adaptive loop in motion, but for the run that was made only:
-it is measured, not guaranteed.
+Unlike the exact margin of a linear loop, it applies to the adaptive loop in motion, but only for the run that was made: it is
+measured, not guaranteed.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LONGEST_DELAY, LONGEST_IN_STEPS = 2.0, 200
-"""The largest delay that is tried unless another is asked for [s], and what it is at least in solver steps: of a slow plant two
-seconds are no delay."""
+"""The largest delay that is tried by default [s], and its minimum in solver steps: for a slow plant two seconds are a
+negligible delay."""
 SCANNED_DELAYS = 12
-"""Delays up to that one, from the shortest on: a factor of 2 to 3 from one to the next."""
+"""Delays up to that one, from the shortest on: a factor of 2 to 3 between successive delays."""
 
 
 LARGEST_GAIN_ERROR = 15.0
 """The largest factor on the input's effectiveness that is tried is 16, and the smallest 1/16: 24 dB."""
 GAINS_SCANNED = 6
-"""Up to that one: a factor of 3 from one size to the next."""
+"""Sizes up to that one: a factor of 3 between successive sizes."""
 SMALLEST_GAIN_ERROR = 0.05
-"""A loop that bears less than half a decibel bears nothing that is known so well."""
+"""A loop that tolerates less than half a decibel tolerates nothing that can be resolved."""
 
 
 def gains_scanned() -> Array:
@@ -54,12 +54,12 @@ def gains_scanned() -> Array:
 
 
 def longest_delay(simulation: Simulation) -> float:
-    """The largest delay that is tried unless another is asked for [s]."""
+    """The largest delay that is tried by default [s]."""
     return max(LONGEST_DELAY, LONGEST_IN_STEPS * simulation.dt)
 
 
 def scanned(simulation: Simulation, longest: float, count: int) -> Array:
-    """The delays that are tried first, geometrically apart [s]."""
+    """The delays that are tried first, in geometric progression [s]."""
     return np.asarray(np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, count))
 
 
@@ -67,25 +67,25 @@ class DelaySearch:
     """The brackets of M members, (2, M): by the onset, by the loss."""
 
     def __init__(self, tracks: Array, begun: Array, scan: int, halvings: int) -> None:
-        """tracks (M,) and begun (M,): who follows the model, and whose onset lies at no modelling error at all."""
+        """tracks (M,) and begun (M,): which members follow the model, and which oscillate without any modelling error."""
         self.scans_left, self.halvings_left, self.runs = scan, halvings, 0
         self.bears = np.zeros((2, len(tracks)))
         self.loses = np.tile(np.where(tracks, np.inf, 0.0), (2, 1))
         self.loses[0, begun] = 0.0
 
     def open_members(self) -> Array:
-        """The members of which a criterion has not seen a losing delay yet."""
+        """The members for which one of the criteria has not yet seen a delay that loses."""
         return np.flatnonzero(np.isinf(self.loses).any(axis=0))
 
     def between(self) -> tuple[Array, Array]:
-        """(members, sizes): the middle of every bracket, once where both criteria have the same."""
+        """(members, sizes): the middle of every bracket, once if both criteria have the same."""
         middles = np.sqrt(self.bears * self.loses)
         asked = [(i, middles[c, i]) for c, i in np.argwhere((self.bears > 0) & np.isfinite(self.loses))]
         pairs = sorted(set(asked))
         return np.array([i for i, _ in pairs], dtype=int), np.array([size for _, size in pairs])
 
     def take(self, chosen: Array, added: Array, verdicts: tuple[Array, Array]) -> None:
-        """Narrow what members ``chosen`` lie within by their verdicts with errors of the sizes ``added``: onset, loss."""
+        """Narrow the brackets of members ``chosen`` by their verdicts with errors of the sizes ``added``: onset, loss."""
         for size in np.unique(added):  # from short to long: a member may have been run with several
             for c, lost in enumerate(verdicts):
                 within = (added == size) & (self.bears[c, chosen] < size) & (size < self.loses[c, chosen])
@@ -94,7 +94,7 @@ class DelaySearch:
         self.runs += len(chosen)
 
     def to_come(self) -> float:
-        """Runs that are expected still: as if the members that are open were lost evenly over the rest of the scan."""
+        """Expected number of further runs, as if the open members were lost evenly over the rest of the scan."""
         scans = len(self.open_members()) * (1 + self.scans_left / 2)
         inside = (self.loses > 0) & ~((self.bears == 0) & np.isfinite(self.loses))
         both = inside.all(axis=0) & (self.loses[0] == self.loses[1])
@@ -105,8 +105,8 @@ class DelaySearch:
 class Bracket:
     """The delay [s], or the size of another modelling error, at which each of M loops is lost, (M,) each.
 
-    bears  the largest that was tried below the first losing one; 0 where the first that was tried loses already
-    loses  the smallest that was tried and lost; infinite where none was, 0 where the loop is lost without any
+    bears  the largest size tried below the first losing one; 0 if the first one tried already loses
+    loses  the smallest size tried that loses; infinite if none does, 0 if the loop is lost without any
     """
 
     bears: Array
@@ -115,17 +115,17 @@ class Bracket:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class DelayMargins(Plotted):
-    """For M members; what is said of a delay holds of whatever modelling error was tried.
+    """For M members; statements about a delay apply to any modelling error that was tried.
 
-    onset, loss  where each begins to oscillate, and where it loses its motion, by ``Lost``: either may be first
-    tracks       (M,) whether the loop follows its model without a delay, with its noise and without; one that does not bears
+    onset, loss  where each begins to oscillate, and where it loses its motion, by ``Lost``: either may come first
+    tracks       (M,) whether the loop follows its model without a delay, with and without its noise; one that does not tolerates
                  nothing: 0 and 0
-    oscillates   (M,) whether it oscillates without a delay already, judged without noise; the onset of such a one is 0 and 0
-    fills        (M,) whether its estimates fill the range in which they are known to lie without a delay already, with the noise
+    oscillates   (M,) whether it already oscillates without a delay, judged without noise; its onset is then 0 and 0
+    fills        (M,) whether its estimates already fill their known range without a delay, with the noise
     noisy        whether the members have measurement noise
     undelayed    figures without an added delay, with the noise
-    runs         simulations made
-    ends         for each why the onset is where it is, in words; empty where nothing that was tried ends its margin
+    runs         number of simulations
+    ends         for each, why the onset is where it is, in words; empty if no size that was tried ends its margin
     """
 
     onset: Bracket
@@ -139,7 +139,7 @@ class DelayMargins(Plotted):
     ends: tuple[str, ...] = ()
 
     def of(self, chosen: Array) -> DelayMargins:
-        """The margins of the members ``chosen``, (J,); ``runs`` stays that of all."""
+        """The margins of the members ``chosen``, (J,); ``runs`` remains the total."""
         return DelayMargins(
             onset=Bracket(self.onset.bears[chosen], self.onset.loses[chosen]),
             loss=Bracket(self.loss.bears[chosen], self.loss.loses[chosen]),
@@ -159,14 +159,14 @@ class DelayMargins(Plotted):
         return f"<DelayMargins of {len(self.tracks)} loops: {least}; {self.runs} runs>"
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """Which share of the loops bears at least a delay, by both criteria, as a Matplotlib figure.
+        """The share of the loops that tolerate at least a given delay, by both criteria, as a Matplotlib figure.
 
-        shown  to a person at once, by pyplot where that is in use
+        shown  whether it is displayed at once, if pyplot is in use
         """
         from barbalat.pictures.shares import Shares, draw
 
         values = {"until it oscillates": self.onset.bears, "until it is lost": self.loss.bears}
-        panel = Shares(title="Delay borne", axis="delay at the plant's input [s]", values=values, at_least=True)
+        panel = Shares(title="Delay tolerated", axis="delay at the plant's input [s]", values=values, at_least=True)
         return draw([panel], "", shown=shown)
 
 
@@ -185,7 +185,7 @@ def delay_margins(
 ) -> dict[str, DelayMargins]:
     """The delay margins of each controller on the problem, by its name; its arrays have one entry.
 
-    The rest as of ``delay_margins_ensemble``.
+    Further arguments as in ``delay_margins_ensemble``.
     """
     simulation.require_steps("a measured margin")
     controllers, found = numbered(controllers), validate.Named[DelayMargins].of("controller", {})
@@ -212,18 +212,19 @@ def delay_margins_ensemble(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> DelayMargins:
-    """The delay, beside the one that the plant has, at which each loop begins to oscillate and at which it is lost.
+    """The delay, in addition to the plant's own, at which each loop begins to oscillate and at which it is lost.
 
     longest     largest delay tried [s]; by default that of ``longest_delay``
-    scan        delays tried first, geometrically from two solver steps (the shortest that can be simulated) to ``longest``:
-                a loop that is lost, saved and lost again as the delay grows is caught where the scan resolves it
+    scan        number of delays tried first, geometrically from two solver steps (the shortest that can be simulated) to
+                ``longest``: a loop that is lost, recovers and is lost again as the delay grows is detected if the scan resolves
+                it
     resolution  relative distance of ``bears`` and ``loses`` at which bisection ends
-    judge       what counts as lost and as a limit cycle; by default derived from the model's motion
-    lost        what counts as the loss of the motion
-    numbers     as for ``simulate_ensemble``: a member has one noise in all its runs, whoever runs beside it. All is judged
-                without noise, and again with it: see ``ideal_benchmark``
+    judge       the criteria for being lost and for a limit cycle; by default derived from the model's motion
+    lost        the criterion for the loss of the motion
+    numbers     as in ``simulate_ensemble``: a member has the same noise in all its runs, whatever the other members are.
+                Everything is judged without noise, and again with it: see ``ideal_benchmark``
 
-    Members have one structure, as for ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
+    Members have one structure, as in ``simulate_ensemble``; they advance together, and every run is judged by both criteria.
     Raises InputError.
     """
     simulation.require_steps("a measured margin")
@@ -279,13 +280,14 @@ def margins_ensemble(
 
 
 BESIDE_SCAN = 20 + 2 * SIZES_TRIED
-"""Runs of a member beside the scan, at most: halvings between two delays by two criteria, and those of loops that know theta."""
+"""Largest number of a member's runs in addition to the scan: bisections between two delays by two criteria, and runs of loops
+with known theta."""
 RUNS_AT_ONCE = 64
-"""Runs that are made at once rather than one size after the other: they fill the kernel's lanes."""
+"""Runs that are made at once instead of one size after the other: they fill the kernel's lanes."""
 
 
 def _advance(search: DelaySearch, judged: JudgedRuns, sizes: Array, progress: Progress | None) -> None:
-    """The scan over ``sizes`` and the halvings, round by round, every round one ensemble."""
+    """The scan over ``sizes`` and the bisections, round by round; every round is one ensemble."""
 
     def run(chosen: Array, added: Array) -> None:
         """One round: these members with errors of these sizes."""
@@ -298,7 +300,7 @@ def _advance(search: DelaySearch, judged: JudgedRuns, sizes: Array, progress: Pr
         search.take(chosen, added, judged.lost(chosen, added, progress=advanced))
 
     at_once = len(sizes) if len(judged.members) * len(sizes) <= RUNS_AT_ONCE else 1
-    for first in range(0, len(sizes), at_once):  # from small to large; a member that both criteria call lost is not run again
+    for first in range(0, len(sizes), at_once):  # from small to large; a member that is lost by both criteria is not run again
         chosen, some = search.open_members(), sizes[first : first + at_once]
         search.scans_left -= len(some)
         if len(chosen):

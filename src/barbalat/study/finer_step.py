@@ -1,6 +1,7 @@
-"""Is it the solver's? What a study reports, once more at a quarter of its step; and what the reported loops do without any delay.
+"""Does a result belong to the solver? Repeats what a study reports with a quarter of its step, and simulates the reported loops
+without any delay.
 
-A study judges thousands of runs by their figures alone. Those few that it reports are looked at closely here.
+A study judges thousands of runs only by their figures. The few that it reports are examined here.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ from barbalat.validate import Array
 FINER_BY = 4
 """The step is this many times smaller: the error of RK4 falls to 1/256, that of Euler's method to a quarter."""
 BESIDE_SHARE = 0.1
-"""To either side of a delay that was found, where the finer step is asked: the search itself stops within 2 %."""
+"""Relative distance to either side of a delay found at which the finer step is checked: the search itself stops within 2 %."""
 
 
 def refined(simulation: Simulation) -> Simulation:
-    """A simulation with a step that is FINER_BY times smaller; what is sampled keeps its sample time."""
+    """A simulation with a step that is FINER_BY times smaller; sample times are kept."""
     return replace(simulation, dt=simulation.dt / FINER_BY)
 
 
@@ -43,8 +44,8 @@ class PlainRun:
     label         *outside the region of stability from ...*, or None
     damping       what the solver's own damping may hide, as a sentence, or None
     verdict       the judge's
-    settles       whether a step that is FINER_BY times smaller stays inside the solver's region of stability; only then does what
-                  it says count
+    settles       whether a step that is FINER_BY times smaller stays inside the solver's region of stability; otherwise it
+                  decides nothing
     """
 
     h_lambda_max: float
@@ -56,7 +57,7 @@ class PlainRun:
 
     @classmethod
     def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, judge: Judge | None = None) -> PlainRun:
-        """Simulate it and look."""
+        """Simulate and examine it."""
         (run,) = simulate(quiet(problem), [controller], simulation, judge=judge).values()
         solver, settles = simulation.solver, True
         if run.label is not None:
@@ -74,13 +75,13 @@ class PlainRun:
 
     @property
     def sentences(self) -> list[str]:
-        """What of it deserves a second look."""
+        """Findings about it."""
         said = []
         if self.label is not None:
             imaginary, real = self.limits
             said.append(
                 f"the run without a delay is {self.label}: h |lambda| reaches {self.h_lambda_max:.3g}, and the solver's limit is "
-                f"{imaginary:.3g} on the imaginary axis and {real:.3g} on the real one; what oscillates may be the solver"
+                f"{imaginary:.3g} on the imaginary axis and {real:.3g} on the real one; an oscillation may be due to the solver"
                 f"{'' if self.settles else f'. A step {FINER_BY} times smaller leaves the region too and settles nothing'}"
             )
         return [*said, *filter(None, (self.damping,))]
@@ -101,12 +102,12 @@ VERDICTS = {
     (1, -1): "is lost already",
     (1, 1): "is not lost yet",
 }
-"""By the criterion and the side of the delay that was found, what the finer step says where it disagrees."""
+"""By the criterion and the side of the delay found, the text for a finer step that disagrees."""
 
 
 @dataclass(frozen=True)
 class Confirmed:
-    """What a finer step says of ``what`` one member tolerates: how much was asked, and what came out otherwise."""
+    """The result of a finer step for ``what`` one member tolerates: how many checks were made, and which disagreed."""
 
     what: str
     dt: float
@@ -115,7 +116,7 @@ class Confirmed:
 
     @property
     def sentence(self) -> str | None:
-        """The finding as a sentence; None where nothing was asked."""
+        """The finding as a sentence; None if nothing was checked."""
         if self.changes:
             return f"the step decides the simulated {self.what}: {'; '.join(self.changes)}. Make simulation.dt smaller"
         if not self.asked:
@@ -135,8 +136,8 @@ def delays_confirmed(
 ) -> list[Confirmed]:
     """Whether a finer step confirms the delays ``found`` for each of M members.
 
-    Where a little less is tolerated at the finer step too, and a little more is not; where it oscillates without a
-    delay, whether it does there too. Nothing is asked of delays that are too short to be simulated or longer than the longest.
+    A slightly smaller delay must be tolerated with the finer step too, and a slightly larger one must not; a loop that oscillates
+    without a delay must do so too. Delays that are too short to be simulated or longer than the longest are not checked.
     """
     longest = longest_delay(simulation) if longest is None else longest
     asking = _Asking("delays", SHORTEST_DELAY_STEPS * simulation.dt, longest, lambda size: f"{size:.3g} s")
@@ -149,7 +150,7 @@ def delays_confirmed(
 def gains_confirmed(
     members: Sequence[Member], simulation: Simulation, found: DelayMargins, error: GainError, *, numbers: Array, by: Judging
 ) -> list[Confirmed]:
-    """The same of factors on the input's effectiveness, upwards or downwards; none is asked beyond the largest that is tried."""
+    """The same for factors on the input's effectiveness, upwards or downwards, up to the largest that is tried."""
     asking = _Asking("gains", 0.0, LARGEST_GAIN_ERROR, lambda size: f"a gain of {error.factor(size):.3g}")
     beside = _beside(found)
     ideals = Ideals(refined(simulation), beside if len(beside) else gains_scanned(), error)
@@ -158,7 +159,7 @@ def gains_confirmed(
 
 @dataclass(frozen=True)
 class _Asking:
-    """What is confirmed, the sizes of the modelling error that can be asked, and how one is said."""
+    """What is checked: the sizes of the modelling error that can be simulated, and the text for a size."""
 
     what: str
     least: float
@@ -167,7 +168,7 @@ class _Asking:
 
 
 def _beside(found: DelayMargins) -> Array:
-    """All sizes to either side of those that were found."""
+    """All sizes to either side of those found."""
     both = np.concatenate([found.onset.bears, found.loss.bears])
     return np.unique(np.outer([1 - BESIDE_SHARE, 1 + BESIDE_SHARE], both[both > 0]))
 
@@ -199,5 +200,5 @@ def _confirmed(
 
 
 def different(coarse: float, fine: float) -> bool:
-    """Whether a figure is another one at the finer step."""
+    """Whether a figure differs at the finer step."""
     return not abs(fine - coarse) <= EQUAL_FIGURES_SHARE * max(abs(fine), abs(coarse))

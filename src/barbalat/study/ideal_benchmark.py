@@ -1,8 +1,8 @@
-"""Runs with a modelling error, judged on their noise-free twins, and again with the noise against the loop that knows theta.
+"""Runs with a modelling error, judged without noise, and again with noise relative to the loop with known theta.
 
-Noise moves estimates and controls as fast as an oscillation does, and no criterion tells the two apart. So the judge decides
-without it; with it a loop must not be lost, nor may the noise cost it more than it costs without the modelling error and than it
-costs the loop with known parameters under the same noise.
+Noise moves estimates and controls as fast as an oscillation does, and no criterion distinguishes the two. So the judge decides
+without noise; with noise a loop must not be lost, and the noise must not cost it more than without the modelling error and than
+it costs the loop with known parameters under the same noise.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ from barbalat.study.verdicts import Criterion, Lost, Member, Verdicts
 from barbalat.validate import Array
 
 SHORTEST_DELAY_STEPS = 2
-"""Solver steps: the shortest delay that can be simulated."""
+"""The shortest delay that can be simulated, in solver steps."""
 SIZES_TRIED = 16
-"""Sizes of a modelling error with which the loop that knows theta is run; in between what the noise costs it is interpolated."""
+"""Sizes of a modelling error at which the loop with known theta is run; in between, the cost of noise is interpolated."""
 NOISE_SENTENCE = (
     "oscillation is judged on the same run without the case's measurement noise, which moves controls as fast as an oscillation "
     "does; with the noise the loop must not be lost, nor may the noise add more to the run's RMS error than a third of the "
     "judge's band beyond what it adds without the modelling error and with theta known"
 )
 NOISE_BAND_SHARE = 1 / 3
-"""Of the judge's band, which is one of the largest error: a third of that is the RMS of what is as random as the noise. Largest
-errors are no measure of it: of a run that any change tells apart, as at a command's steps, two noises differ by more."""
+"""Share of the judge's band, which is for the largest error: a third of it is the RMS of an error as random as the noise.
+Largest errors are no measure of it: for a run in which any change matters, as at a command's steps, two noises differ by more."""
 
 
 def ideal(problem: Problem) -> Member:
-    """The problem, with every sample as it is, and the controller that knows its parameters."""
-    true = problem.true_parameters  # of a truth with other states there are none: then what the plant is designed with
+    """The problem, with every sample used as it is, and the controller that knows its parameters."""
+    true = problem.true_parameters  # a truth with other states has none: then those of the design plant
     return problem.nominal, KnownParameters(theta=problem.parameters if true is None else true)
 
 
 @dataclass(eq=False)
 class Ideals:
-    """What measurement noise costs the loop that knows theta, with modelling errors of some sizes; found once, where it is asked.
+    """The cost of measurement noise for the loop with known theta, with modelling errors of some sizes; computed on demand.
 
-    sizes  (K,) of the modelling error with which the loop is run; of a delay [s]
+    sizes  (K,) of the modelling error with which the loop is run; [s] for a delay
     """
 
     simulation: Simulation
@@ -63,9 +63,10 @@ class Ideals:
         return cls(simulation, np.geomspace(SHORTEST_DELAY_STEPS * simulation.dt, longest, SIZES_TRIED))
 
     def noise_costs(self, problems: Sequence[TrackingProblem], numbers: Array, sizes: Array, judge: Judge) -> Array:
-        """(J, n) what the noise of these streams adds to the RMS error with errors of these sizes; infinite without theta.
+        """(J, n) the increase of the RMS error due to the noise of these streams with errors of these sizes; infinite without
+        theta.
 
-        0 where the loop that knows theta oscillates itself: its own limit cycle explains nothing.
+        0 if the loop with known theta oscillates itself: its own limit cycle explains nothing.
         """
         if not isinstance(problems[0], Problem):
             return np.array(np.inf)
@@ -78,7 +79,7 @@ class Ideals:
         return np.array([[np.interp(a, x, row) for row in self.known[key][1].T] for key, a in zip(keys, at, strict=True)])
 
     def _found(self, problems: Sequence[Any], numbers: Sequence[int], judge: Judge) -> Array:
-        """(P, K, n) of problems of one structure, side by side."""
+        """(P, K, n) for problems of one structure, in one ensemble."""
         members = [ideal(problem) for problem in problems for _ in self.sizes]
         noisy = with_errors(members, self.error, np.tile(self.sizes, len(problems)))
         streams = np.repeat(np.array(numbers), len(self.sizes))
@@ -90,26 +91,26 @@ class Ideals:
 
 
 def quiet(problem: Any) -> Any:
-    """The problem without its measurement noise; itself where it has none."""
+    """The problem without its measurement noise; unchanged if it has none."""
     if problem.noise is None:
         return problem
     return problem.with_sensor(lambda sensor: None if sensor is None else replace(sensor, noise=None))
 
 
 def quiet_members(members: Sequence[Member]) -> list[Member]:
-    """Each member without noise; those that shared a problem still do."""
+    """Each member without noise; members that shared a problem still do."""
     made = {id(problem): problem for problem, _ in members}
     silent = {key: quiet(problem) for key, problem in made.items()}
     return [(silent[id(problem)], controller) for problem, controller in members]
 
 
 def with_error(problem: Any, error: ModellingError, size: float) -> Any:
-    """The problem with a modelling error at each input, beside what is there."""
+    """The problem with a modelling error added at each input."""
     return problem.with_inputs(lambda path: error.added(path, size))
 
 
 def with_errors(members: Sequence[Member], error: ModellingError, sizes: Array) -> list[Member]:
-    """Each member with an error of its size; those that shared a problem still do, which are then read faster."""
+    """Each member with an error of its size; members that shared a problem still do, and are then read faster."""
     made: dict[tuple[int, float], Any] = {}
     found = []
     for (problem, controller), size in zip(members, sizes, strict=True):
@@ -122,7 +123,7 @@ def with_errors(members: Sequence[Member], error: ModellingError, sizes: Array) 
 
 @dataclass(frozen=True, eq=False)
 class Judging:
-    """By what runs are judged: the case's bands, and what counts as the loss of the motion."""
+    """The criteria by which runs are judged: the case's bands, and the loss of the motion."""
 
     judge: Judge = field(default_factory=Judge)
     lost: Lost = field(default_factory=Lost)
@@ -130,7 +131,7 @@ class Judging:
 
 @dataclass(frozen=True, eq=False)
 class Undelayed:
-    """M members without a modelling error: as they stand, and without their noise, which is the same where they have none."""
+    """M members without a modelling error: with and without their noise; the two are equal without noise."""
 
     noisy: Verdicts
     quiet: Verdicts
@@ -146,19 +147,19 @@ class Undelayed:
         *,
         twin: bool = True,
     ) -> Undelayed:
-        """Simulate and judge both; without the ``twin`` the noisy runs alone, which then stand for both."""
+        """Simulate and judge both; without the ``twin`` only the noisy runs, which then stand for both."""
         noisy = Verdicts.run(members, simulation, judge, numbers=numbers, threads=threads)
         if members[0][0].noise is None or not twin:
             return cls(noisy, noisy)
         return cls(noisy, Verdicts.run(quiet_members(members), simulation, judge, threads=threads))
 
     def of(self, chosen: Array | slice) -> Undelayed:
-        """Those of some members."""
+        """The results for some members."""
         return Undelayed(self.noisy.of(chosen), self.quiet.of(chosen))
 
     @classmethod
     def together(cls, parts: Sequence[Undelayed]) -> Undelayed:
-        """All of these."""
+        """The results of all parts together."""
         return cls(Verdicts.together([one.noisy for one in parts]), Verdicts.together([one.quiet for one in parts]))
 
 
@@ -166,10 +167,10 @@ class Undelayed:
 class JudgedRuns:
     """M members of one structure, and the judge of their runs with a modelling error.
 
-    undelayed  their runs without one
+    undelayed  their runs without a modelling error
     numbers    (M,) of the members' noise
-    runs       simulations made so far, those behind ``undelayed`` left out
-    ends       why a member's margin ends by the onset at a size, in words, by both
+    runs       number of simulations so far, without those of ``undelayed``
+    ends       why a member's margin ends by the onset at a size, in words, for both criteria
     """
 
     members: Sequence[Member]
@@ -194,7 +195,7 @@ class JudgedRuns:
 
     @property
     def tracks(self) -> Array:
-        """(M,) whether a member follows its model without a modelling error, with its noise and without."""
+        """(M,) whether a member follows its model without a modelling error, with and without its noise."""
         return np.asarray(self.undelayed.noisy.tracks & self.undelayed.quiet.tracks)
 
     @property
@@ -214,8 +215,8 @@ class JudgedRuns:
     ) -> tuple[Array, Array]:
         """(J,) by the onset and by the loss: which of the members ``chosen`` are lost with errors of the sizes ``added``.
 
-        Where one criterion alone is ``asked``, the other's answer may be too good: what is decided without the noise is not run
-        with it.
+        If only one criterion is ``asked``, the other's answer may be too good: runs that are decided without noise are not
+        repeated with it.
         """
         if not len(chosen):
             return np.zeros(0, dtype=bool), np.zeros(0, dtype=bool)
@@ -239,12 +240,12 @@ class JudgedRuns:
         return begun, loss
 
     def _costs_more(self, noisy: Verdicts, without: Verdicts, chosen: Array, added: Array) -> Array:
-        """(J,) whether the noise adds more to the RMS error than without the modelling error and where theta is known."""
+        """(J,) whether the noise increases the RMS error by more than without the modelling error and than with known theta."""
         with np.errstate(invalid="ignore"):
             usual = np.maximum((self.undelayed.noisy.rms - self.undelayed.quiet.rms)[chosen], 0.0)
             more = noisy.rms - without.rms - usual - NOISE_BAND_SHARE * without.band
         beyond = np.asarray((more > 0).any(axis=1))
-        which = np.flatnonzero(beyond)  # the loop that knows theta is run for these alone
+        which = np.flatnonzero(beyond)  # the loop with known theta is run only for these
         if len(which):
             problems = [self.members[i][0] for i in chosen[which]]
             known = self.ideals.noise_costs(problems, self.numbers[chosen[which]], added[which], self.by.judge)

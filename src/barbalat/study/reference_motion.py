@@ -1,4 +1,4 @@
-"""What the reference model itself does along a run: the measure of errors, and of how fast anything may move."""
+"""The reference model's own motion along a run: the scale for errors, and for the speed of any motion."""
 
 from __future__ import annotations
 
@@ -11,22 +11,22 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
 
 REST_SHARE = 0.1
-"""Of the largest magnitude: the regressor's square, with which the law turns, is then a hundredth of what it was."""
+"""Share of the largest magnitude: the regressor's square, which drives the law, is then a hundredth of its maximum."""
 REST_SENTENCE = (
-    "in the last quarter, where the judge looks, the command asks for less than a tenth of the run's motion: what oscillates "
-    "only while the plant moves is not seen"
+    "in the last quarter, which the judge evaluates, the command requires less than a tenth of the run's motion: an "
+    "oscillation that occurs only while the plant moves is not detected"
 )
 
 
 @dataclass(frozen=True)
 class ReferenceMotion:
-    """What x_m does along a run, or y_m where the output is measured.
+    """The motion of x_m along a run, or of y_m with output feedback.
 
     largest    the largest magnitude of a component
-    of_each    the same of each component
+    of_each    the largest magnitude of each component
     rms        of |x_m|_2 over the run
-    crossings  how often a component crosses its own range [1/s]: by the run's variation, or by the model's fastest mode,
-               |lambda|/pi as of a sine, whichever is more
+    crossings  how often a component crosses its own range [1/s]: from the run's variation, or from the model's fastest mode,
+               |lambda|/pi as for a sine, whichever is larger
     in_tail    the largest magnitude in the last quarter of the run
     """
 
@@ -38,7 +38,8 @@ class ReferenceMotion:
 
     @property
     def comes_to_rest(self) -> bool:
-        """Whether the last quarter of the run asks for hardly any motion: there a regressor moves nothing."""
+        """Whether the command requires hardly any motion in the last quarter of the run, so that the regressor is negligible
+        there."""
         return self.in_tail < REST_SHARE * self.largest
 
     @classmethod

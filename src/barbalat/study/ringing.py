@@ -1,4 +1,4 @@
-"""Which runs have estimates that ring: a figure of sweeps, beside the judge's verdict, which does not look at estimates."""
+"""Oscillating estimates: a figure of sweeps in addition to the judge's verdict, which does not consider estimates."""
 
 from __future__ import annotations
 
@@ -13,15 +13,16 @@ from barbalat.run.kernel.metrics import Metrics
 from barbalat.validate import Array
 
 SPAN_SHARE = 0.1
-"""Of the range in which an estimate is known to lie, that it moves over in the tail where it rings."""
+"""Share of an estimate's known range over which it moves in the tail if it oscillates."""
 CROSSINGS_MULTIPLE = 2.0
-"""Times as fast as if it crossed that range whenever the model crosses its own: an estimate that moves faster rings."""
+"""Multiple of the speed at which the estimate would cross that range whenever the model crosses its own: a faster estimate
+oscillates."""
 
 
 def rings(metrics: Metrics, width: Array, crossings: float) -> Array:
-    """(M,) which runs have an estimate that rings in the tail.
+    """(M,) which runs have an estimate that oscillates in the tail.
 
-    width      (p,) of the range in which each estimate is known to lie; infinite where it is not known
+    width      (p,) of the known range of each estimate; infinite if it is unknown
     crossings  how often the model crosses its own range [1/s]
     """
     span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
@@ -30,11 +31,11 @@ def rings(metrics: Metrics, width: Array, crossings: float) -> Array:
 
 
 FILLED_SHARE = 0.9
-"""Of that range, that an estimate moves over in the tail where it is said to fill it."""
+"""Share of that range over which an estimate moves in the tail if it is said to fill it."""
 
 
 def fills(metrics: Metrics, width: Array) -> Array:
-    """(M,) which runs have an estimate that moves in the tail from end to end of the range in which it is known to lie."""
+    """(M,) which runs have an estimate that moves in the tail from end to end of its known range."""
     span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
     return np.asarray((span >= FILLED_SHARE * width).any(axis=1))
 
@@ -44,7 +45,7 @@ def known_width(problem: TrackingProblem, controller: Controller) -> Array:
     loop = ClosedLoop.of(problem, controller)
     theta, known_set = true_values(problem, loop), estimate_set(loop)
     if known_set is None and theta is not None and isinstance(problem.known, Projecting):
-        known_set = problem.known.estimate_set  # a network's weights, say, lie in no known set
+        known_set = problem.known.estimate_set  # for example, a network's weights have no known set
     if known_set is not None and known_set.bounds_theta:
         extents = [part.extent for part in (known_set.sphere, known_set.intervals) if part is not None]
         return np.concatenate([high - low for low, high in extents])[: loop.parameters]

@@ -1,5 +1,5 @@
-"""Certificates with the margins that the case itself has in simulation, with its limits, commands and noise, beside those of the
-linear loops, which know neither."""
+"""Certificates with the case's own margins in simulation, with its limits, commands and noise, in addition to those of the
+linear loops, which ignore these."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from barbalat.study.reference_motion import REST_SENTENCE, ReferenceMotion
 from barbalat.study.verdicts import Lost
 
 MEASURED_SENTENCE = (
-    "measured on the case's own run with its limits and commands, no guarantee: it ends where the judge calls the run lost or a "
-    "limit cycle, or where an oscillation grows for as long as it was looked at"
+    "measured on the case's own run with its limits and commands, not a guarantee: it ends when the judge calls the run "
+    "lost or a limit cycle, or when an oscillation grows throughout the observed time"
 )
 FILLED_SENTENCE = (
-    "its estimates already fill the known set without a delay: the noise drives one of them from end to end in the last quarter"
+    "its estimates already cover the known set without a delay: the noise drives one of them from end to end in the last quarter"
 )
 PARTS = 3
-"""Searches of each controller: the delay, the gain upwards and downwards."""
+"""Searches for each controller: the delay, the gain upwards and downwards."""
 
 
 def with_simulated_margins(
@@ -52,10 +52,9 @@ def with_simulated_margins(
     lost: Lost | None = None,
     progress: Progress | None = None,
 ) -> Certificates:
-    """The certificates with ``delay_margin_measured`` [s], ``gain_margin_measured``, and what was simulated for them.
+    """The certificates with ``delay_margin_measured`` [s], ``gain_margin_measured``, and the simulations for them.
 
-    Beside them ``delay_onset_simulated``, which is the measured one under its older name, and ``delay_margin_simulated`` [s], by
-    ``Lost``.
+    They also have ``delay_onset_simulated``, the older name of the measured one, and ``delay_margin_simulated`` [s], by ``Lost``.
     """
     simulation.require_steps("a measured margin")
     result, by = {}, Judging(judge or Judge(), lost or Lost())
@@ -69,7 +68,7 @@ def with_simulated_margins(
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """What was measured of one controller: margins, its run without a modelling error, and what a finer step says."""
+    """The measurements of one controller: margins, its run without a modelling error, and the check by a finer step."""
 
     controller: Controller
     by: Judging
@@ -105,11 +104,11 @@ class _Measured:
 
     @property
     def gain(self) -> float:
-        """By which the input's effectiveness may be multiplied and divided."""
+        """The factor by which the input's effectiveness may be multiplied and divided."""
         return 1 + float(min(one.onset.bears[0] for one in self.gains))
 
     def on(self, certificate: Certificate, problem: TrackingProblem, simulation: Simulation) -> Certificate:
-        """The certificate with all of it."""
+        """The certificate with these measurements."""
         said, verdict = f"{_run_of(problem, simulation)}: {self.plain.verdict}", self.plain.verdict.as_json()
         notes = [FILLED_SENTENCE] if self.delay.noisy and self.delay.fills[0] else []
         if not self.delay.tracks[0]:
@@ -131,7 +130,7 @@ class _Measured:
         loss = (
             "delay_margin_simulated was measured on the case's own run, no guarantee: the loop is taken to be lost when the "
             f"judge calls it so, or the error in the tail has grown by {self.by.lost.share:g} times the largest |x_m|, so that a "
-            f"smaller oscillation is borne{'; with the measurement noise and without' if self.delay.noisy else ''}"
+            f"smaller oscillation is tolerated{'; with the measurement noise and without' if self.delay.noisy else ''}"
             f"{_limit(self.delay.loss.bears[0], self.delay.loss.loses[0], simulation)}"
         )
         drawn = Draft()
@@ -149,8 +148,8 @@ class _Measured:
 
     @property
     def _begun(self) -> str:
-        """Why the margin ends at no delay."""
-        return "; it oscillates without a delay already, and without noise" if self.delay.oscillates[0] else ""
+        """Why the margin is zero."""
+        return "; it already oscillates without a delay and without noise" if self.delay.oscillates[0] else ""
 
     def _in_words(self, simulation: Simulation) -> str:
         if self.delay.oscillates[0]:
@@ -164,13 +163,13 @@ class _Measured:
         return f"{borne}{_until(ends)}, gain{' at least' * all_gains} {self.gain:.3g}{_until(first)}"
 
     def _beside(self, certificate: Certificate, longest: float) -> list[str]:
-        """Findings where the linear loop is said to bear more than twice what the case does."""
+        """Findings if the linear loop is said to tolerate more than twice as much as the case does."""
         values, delay = certificate.values, float(self.delay.onset.bears[0])
         keys = [key for key in ("delay_margin", "delay_margin_adapting") if key in values]
         larger = [f"{key}, {_of_linear(values[key])}" for key in keys if less_than_half(delay, values[key], longest)]
         said = [half_sentence(f"delay margin, {delay:.3g} s,", larger)] if larger else []
         up, down = values.get("gain_margin"), values.get("gain_reduction_margin")
-        known = "gain_margin" in values and "gain_reduction_margin" in values  # None there: no gain exhausts it
+        known = "gain_margin" in values and "gain_reduction_margin" in values  # None there: no gain destabilises it
         linear = min(up or np.inf, 1 / down if down else np.inf)
         if known and linear > 1 and less_than_half(np.log(self.gain), np.log(min(linear, 1 + LARGEST_GAIN_ERROR)), np.inf):
             said.append(
@@ -193,7 +192,7 @@ def _until(ends: str) -> str:
 
 
 def less_than_half(measured: float, linear: float | None, largest: float = LONGEST_DELAY) -> bool:
-    """Whether a margin measured up to ``largest`` is less than half of a linear loop's; None: nothing exhausts that one."""
+    """Whether a margin measured up to ``largest`` is less than half of a linear loop's; None stands for an infinite one."""
     return measured < 0.5 * (largest if linear is None else min(linear, largest))
 
 
@@ -207,7 +206,7 @@ def _of_linear(value: float | None) -> str:
 
 
 def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
-    """What is simulated, in a few words."""
+    """A few words on the simulation."""
     commands = ", ".join(dict.fromkeys(type(one).__name__.lower() for one in problem.commands))
     around = problem.surroundings
     parts = [f"{simulation.t_end:g} s of the case's own run, {commands} command"]
@@ -225,7 +224,7 @@ def _run_of(problem: TrackingProblem, simulation: Simulation) -> str:
 
 
 def _limit(bears: float, loses: float, simulation: Simulation) -> str:
-    """What the number alone does not say: that the search ended at its first or last delay."""
+    """The remark that the search ended at its first or last delay."""
     if np.isinf(loses):
         return "; it tolerates the longest delay that was tried"
     if bears == 0 and loses > 0:

@@ -1,7 +1,7 @@
-"""Theorem 2's trade-off by simulation: the robust MRAC's tau against the size of a modelling error, and the boundary in tau.
+"""Theorem 2's trade-off by simulation: the robust MRAC's tau and the size of a modelling error, with the boundary in tau.
 
-It is measured on the runs that are made, of the loop that adapts: no guarantee. The linear
-loop beside it is in ``certificates.linear_loops.frozen``.
+It is measured for the adapting loop in the runs that are made: no guarantee. The corresponding linear loop is in
+``certificates.linear_loops.frozen``.
 """
 
 from __future__ import annotations
@@ -29,18 +29,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 ROUNDING_SHARE = 1e-9
-"""Of the model's motion: an error below this may grow as rounding does."""
+"""Share of the model's motion: a smaller error may grow as rounding does."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grown:
-    """When a run counts as lost: it diverged, its error has grown late in the run, or has become as large as the model's motion.
+    """The criterion for a lost run: it diverged, its error has grown late in the run, or has become as large as the model's
+    motion.
 
-    growth  the largest |e| of the run's last quarter over that of the best quarter before, > 1. It catches an oscillation that
-            starts and stays bounded, and an unstable mode of rate sigma [1/s] once it leads the error and
-            sigma t_end/4 > ln(growth). Each quarter should see the same of the command, such as one or more whole periods
-    share   of the largest |x_m| of the run, for the largest |e| after the first quarter, which is left to the learning: catches
-            what oscillates within bounds, and bursts that pass
+    growth  the largest |e| of the run's last quarter relative to that of the best quarter before, > 1. It detects an oscillation
+            that starts and stays bounded, and an unstable mode of rate sigma [1/s] once it dominates the error and sigma t_end/4
+            > ln(growth). Each quarter should contain the same part of the command, such as one or more whole periods
+    share   of the largest |x_m| of the run, for the largest |e| after the first quarter, which is reserved for learning: detects
+            bounded oscillations and passing bursts
     """
 
     growth: float = 1.5
@@ -52,7 +53,7 @@ class Grown:
             raise InputError(f"growth must be above 1, got {self.growth:g}")
 
     def judge(self, quarters: Array, amplitude: float) -> Array:
-        """(M,) truth values from the largest |e| of each quarter, (M, 4, n), NaN where diverged, and the largest |x_m|."""
+        """(M,) truth values from the largest |e| of each quarter, (M, 4, n), NaN if diverged, and the largest |x_m|."""
         errors = quarters.max(axis=2)
         allowed = np.maximum(self.growth * errors[:, :-1].min(axis=1), ROUNDING_SHARE * amplitude)
         borne = (errors[:, -1] <= allowed) & (errors[:, 1:].max(axis=1) <= self.share * amplitude)  # NaN is lost
@@ -63,11 +64,11 @@ class Grown:
 class TauLimits(Plotted):
     """For S sizes of the modelling error and K values of tau.
 
-    tail     (S, K) max |e| in the run's last quarter; NaN where the run is lost
-    bears    (S,) the smallest tau found that is borne, every smaller one of the scan being lost; NaN where none is borne
-    loses    (S,) the largest tau found below it that is lost; 0 where the scan has none
-    at_bears (S,) max |e| in the last quarter of the run at ``bears``; NaN where none is borne
-    runs     simulations made
+    tail     (S, K) max |e| in the run's last quarter; NaN if the run is lost
+    bears    (S,) the smallest tau found that is tolerated, with every smaller one of the scan lost; NaN if none is tolerated
+    loses    (S,) the largest tau found below it that is lost; 0 if the scan has none
+    at_bears (S,) max |e| in the last quarter of the run at ``bears``; NaN if none is tolerated
+    runs     number of simulations
     """
 
     sizes: Array
@@ -80,14 +81,14 @@ class TauLimits(Plotted):
 
     def __repr__(self) -> str:
         borne = self.bears[np.isfinite(self.bears)]
-        least = f"tau from {borne.min():.4g} to {borne.max():.4g} borne" if len(borne) else "no tau borne"
+        least = f"tau from {borne.min():.4g} to {borne.max():.4g} tolerated" if len(borne) else "no tau tolerated"
         sizes = f"{len(self.sizes)} sizes of the modelling error, {len(self.taus)} of tau"
         return f"<TauLimits for {sizes}: {least}; {self.runs} runs>"
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """The smallest tau that is borne over the modelling error, and the error over tau, as a Matplotlib figure.
+        """The smallest tolerated tau over the modelling error, and the error over tau, as a Matplotlib figure.
 
-        shown  to a person at once, by pyplot where that is in use
+        shown  whether it is displayed at once, if pyplot is in use
         """
         return _drawn(self, shown=shown)
 
@@ -96,7 +97,7 @@ class TauLimits(Plotted):
 class TauStudy:
     """One problem with one robust MRAC, whose tau is varied, and one family of modelling errors.
 
-    Sizes must be such that the simulation can run them: a delay is at least two solver steps. Raises InputError.
+    The simulation must be able to represent the sizes: a delay is at least two solver steps. Raises InputError.
     """
 
     problem: Problem
@@ -114,7 +115,7 @@ class TauStudy:
     def tail_errors(
         self, sizes: Array, taus: Array, simulation: Simulation, *, threads: int | None = None, progress: Progress | None = None
     ) -> Array:
-        """(M,) max |e| in the last quarter of one run for each pair of ``sizes`` and ``taus``; NaN where it is lost."""
+        """(M,) max |e| in the last quarter of one run for each pair of ``sizes`` and ``taus``; NaN if it is lost."""
         members = [self._member(float(size), float(tau)) for size, tau in zip(sizes, taus, strict=True)]
         if not members:
             return np.zeros(0)
@@ -134,11 +135,11 @@ class TauStudy:
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> TauLimits:
-        """The map over all pairs, then at each size bisection between the smallest tau that is borne and the one below it.
+        """The map over all pairs, then at each size bisection between the smallest tolerated tau and the one below it.
 
         sizes, taus  ascending, above zero
-        near         how to simulate near the boundary; as the map unless given. A longer run sees slower growth: a tau that is
-                     borne on the map and lost there counts as lost, and the next one up is tried
+        near         simulation settings near the boundary; by default those of the map. A longer run detects slower growth: a tau
+                     that is tolerated on the map and lost there counts as lost, and the next one up is tried
         resolution   relative distance of ``bears`` and ``loses`` at which bisection ends
         """
         sizes, taus = _ascending("sizes", sizes), _ascending("taus", taus)
@@ -151,7 +152,7 @@ class TauStudy:
         search = _TauSearch(sizes, taus, tail)
         done = 0.5
         while len((chosen := search.open_members(rounds))[0]):
-            width = (1 - done) / max(to_come, 2)  # more rounds than one and the halvings come where a longer run disagrees
+            width = (1 - done) / max(to_come, 2)  # more rounds than one and the bisections if a longer run disagrees
             step = part_of(progress, done, width)
             search.take(chosen[0], self.tail_errors(sizes[chosen[0]], chosen[1], longer, threads=threads, progress=step))
             done, to_come = done + width, to_come - 1
@@ -173,12 +174,12 @@ class TauStudy:
 
 @lru_cache(maxsize=8)
 def _amplitude(problem: Problem, simulation: Simulation) -> float:
-    """The largest |x_m| of the run, once for all rounds of a search."""
+    """The largest |x_m| of the run, computed once for all rounds of a search."""
     return ReferenceMotion.of(problem, simulation).largest
 
 
 class _TauSearch:
-    """The brackets of S sizes: up the scan to a tau that is borne near the boundary too, then bisection below it."""
+    """The brackets of S sizes: up the scan to a tau that is also tolerated near the boundary, then bisection below it."""
 
     def __init__(self, sizes: Array, taus: Array, tail: Array) -> None:
         borne = ~np.isnan(tail)
@@ -189,7 +190,7 @@ class _TauSearch:
         self.halved, self.runs = np.zeros(len(sizes), dtype=int), 0
 
     def open_members(self, halvings: int) -> tuple[Array, Array]:
-        """Indices of the sizes that are not finished, and the tau that each is to try."""
+        """Indices of the unfinished sizes, and the tau to try for each."""
         climbing = np.isnan(self.bears) & (self.next < len(self.taus))
         between = (self.loses > 0) & (self.halved < halvings) & ~np.isnan(self.bears)
         chosen = np.flatnonzero(climbing | between)
@@ -198,7 +199,7 @@ class _TauSearch:
         return chosen, self.trial[chosen]
 
     def take(self, chosen: Array, tail: Array) -> None:
-        """What came of it."""
+        """Update the brackets by the results."""
         lost, trial = np.isnan(tail), self.trial[chosen]
         climbing = np.isnan(self.bears[chosen])
         self.next[chosen[climbing]] += 1
@@ -216,19 +217,19 @@ def _ascending(name: str, values: Any) -> Array:
 
 
 FIGURE_HEIGHT = 3.8
-"""Of the figure [in]."""
+"""Height of the figure [in]."""
 MOST_CURVES = 6
-"""Sizes of the modelling error whose curves can be told apart."""
+"""Largest number of sizes of the modelling error whose curves are distinguishable."""
 
 
 def _drawn(found: TauLimits, *, shown: bool) -> Figure:
-    """Two panels beside one another; ``shown`` as of ``new_figure``."""
+    """Two adjacent panels; ``shown`` as in ``new_figure``."""
     from barbalat.pictures.theme import WIDE, Theme, dash_of, new_figure
 
     figure = new_figure(WIDE, FIGURE_HEIGHT, shown=shown, layout="constrained")
     limits, errors = figure.subplots(1, 2)
     theme, lost = Theme.current(), found.loses > 0
-    limits.plot(found.sizes, found.bears, "o-", color=theme.colour(0), markersize=4, label="smallest tau borne")
+    limits.plot(found.sizes, found.bears, "o-", color=theme.colour(0), markersize=4, label="smallest tau tolerated")
     limits.plot(found.sizes[lost], found.loses[lost], "x", color=theme.colour(1), markersize=6, label="largest tau lost below it")
     _set_up(limits, "Lower limit of tau", "size of the modelling error", "tau")
     chosen = np.unique(np.linspace(0, len(found.sizes) - 1, min(len(found.sizes), MOST_CURVES)).round().astype(int))
@@ -237,7 +238,7 @@ def _drawn(found: TauLimits, *, shown: bool) -> Figure:
             found.taus, found.tail[i], linestyle=dash_of(k), marker="o", color=theme.colour(k), markersize=3,
             label=f"size {found.sizes[i]:.3g}",
         )  # fmt: skip
-    _set_up(errors, "Error where tau is borne", "tau", "largest |e| in the tail")
+    _set_up(errors, "Error where tau is tolerated", "tau", "largest |e| in the tail")
     return figure
 
 

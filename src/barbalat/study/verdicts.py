@@ -1,7 +1,7 @@
-"""What M runs of a study came to: their figures, and what the judge says of them. Two questions are asked of a run with a
-modelling error: does the loop begin to oscillate, and does it lose its motion.
+"""The results of M runs of a study: their figures, and the judge's verdicts. Two questions are asked about a run with a modelling
+error: does the loop begin to oscillate, and does it lose its motion?
 
-The ranking of adaptive schemes depends on which is asked: see docs/robustness.md.
+The ranking of adaptive schemes depends on the question: see docs/robustness.md.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ Member = tuple[TrackingProblem, Controller]
 
 
 class Criterion(Enum):
-    """Where a margin ends: where the loop begins to oscillate, or where it loses its motion."""
+    """Where a margin ends: at the onset of oscillation, or at the loss of the motion."""
 
     ONSET = "onset"
     LOSS = "loss"
 
     @classmethod
     def accept(cls, field: str, given: Criterion | str) -> Criterion:
-        """One of the two, given itself or by its name; InputError names the field."""
+        """The criterion for an object or a name; InputError names the field."""
         known = [one.value for one in cls]
         if not isinstance(given, cls) and given not in known:
             raise InputError.of(field, f"must be {' or '.join(known)}, got {show(given)}{hint(given, known)}")
@@ -49,11 +49,11 @@ class Verdicts:
 
     metrics     figures over every solver step
     lost        (M,) whether the judge's class is *lost*
-    oscillates  (M,) whether it is *lost* or *limit cycle*, or an oscillation still grows where the judge stops looking
-    error       (M, n) the tail's largest |e|; infinite where the run is lost
-    rms         (M, n) the root mean square of e over the run; infinite where it is lost
-    band        (M, n) within which the judge lets the tail's error be
-    scale       (M, n) the judge's scale of each component: the model's largest motion, where it moves
+    oscillates  (M,) whether it is *lost* or *limit cycle*, or an oscillation is still growing when the judge stops looking
+    error       (M, n) the tail's largest |e|; infinite if the run is lost
+    rms         (M, n) the root mean square of e over the run; infinite if it is lost
+    band        (M, n) the judge's band for the tail's error
+    scale       (M, n) the judge's scale of each component: the model's largest motion, if it moves
     """
 
     metrics: Metrics
@@ -75,7 +75,7 @@ class Verdicts:
         threads: int | None = None,
         progress: Progress | None = None,
     ) -> Verdicts:
-        """Simulate and judge these members, as ``simulate_ensemble`` does, all of them closely."""
+        """Simulate and judge these members, as ``simulate_ensemble`` does, each with a close search for limit cycles."""
         closely = replace(judge, closely=True)
         found = simulate_ensemble(
             members, simulation, numbers=numbers, judge=closely, frequencies=False, threads=threads, progress=progress
@@ -95,7 +95,7 @@ class Verdicts:
         )
 
     def of(self, chosen: Array | slice) -> Verdicts:
-        """Those of the runs ``chosen``."""
+        """The results of the runs ``chosen``."""
         rest = {name: values[chosen] for name, values in vars(self).items() if name != "metrics"}
         return Verdicts(metrics=self.metrics.of(chosen), **rest)
 
@@ -111,7 +111,8 @@ class Verdicts:
 
     @property
     def tracks(self) -> Array:
-        """(M,) whether a run follows its model at all: in the tail some component's error is not above the model's own motion."""
+        """(M,) whether a run follows its model at all: in the tail the error of some component is at most the model's own
+        motion."""
         return np.asarray((self.error <= self.scale).any(axis=1))
 
 
@@ -119,9 +120,9 @@ class Verdicts:
 class Lost(Settings):
     """The loss of the motion: the judge calls the run *lost*, or its error grew by ``share`` of the model's own motion.
 
-    share  of the largest |x_m| of the run, for the growth of the tail's largest |e| over that without the modelling error. 1 by
-           default: what the error adds has become as large as the motion that is asked for. It is no boundary of stability: an
-           oscillation that projection or saturation keeps smaller than that is borne
+    share  of the largest |x_m| of the run, for the increase of the tail's largest |e| over that without the modelling error. 1 by
+           default: the increase of the error has become as large as the commanded motion. It is no stability boundary: an
+           oscillation that projection or saturation keeps smaller than that is tolerated
     """
 
     share: float = 1.0

@@ -1,1 +1,1 @@
-"""Many runs of a case whose numbers vary, on a grid or drawn: their figures, what they are evidence of, and how they are kept."""
+"""Many runs of a case whose numbers vary, on a grid or at random: their figures, their evaluation, and their storage."""

@@ -1,4 +1,5 @@
-"""Is it the solver's? Some members of a finished sweep once more, each at half of the step that its verdict comes from."""
+"""Does a verdict belong to the solver? Repeats some members of a finished sweep, each with half of the step from which its
+verdict comes."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from barbalat import validate
+from barbalat.run.engine.by_tolerance import FINER
 from barbalat.run.results.step_comparison import EQUAL_FIGURES_SHARE
 from barbalat.sweeps.chunks import Columns, Rows
 from barbalat.sweeps.evidence import judged_by, largest_error
@@ -19,15 +21,16 @@ from barbalat.sweeps.study import OSCILLATED, RINGS, SETTLED, VERDICT, columns_o
 from barbalat.validate import Array, InputError
 
 AUDITED_SHARE, FEWEST_AUDITED = 0.02, 30
-"""Of the members, and members at least, that are run again: with 10 % of all verdicts the solver's, 96 of 100 audits find one."""
+"""Share of the members, and least number, that are repeated: if 10 % of all verdicts are due to the solver, 96 of 100 audits
+find one."""
 FINER_BY = 2
 AGAIN = "run again"
-"""A column of each controller while the audit lasts: of which members drawn a run at half the step could be had."""
+"""A column of each controller during the audit: which of the drawn members could be run with half the step."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Changed:
-    """How many audited members one verdict on one controller could be given, and how many of them lose or gain it."""
+    """The number of audited members for which one verdict on one controller is known, and how many of them lose or gain it."""
 
     changed: int
     judged: int
@@ -35,13 +38,14 @@ class Changed:
 
 @dataclass(frozen=True, kw_only=True)
 class Audit:
-    """What half the step says of a sweep's verdicts.
+    """The effect of half the step on a sweep's verdicts.
 
-    members    numbers of those that were run again with one controller at least; ``of`` how many the sweep has
-    drawn      how many were to be run again: what no step settled is not, nor what half the step refuses
-    changed    of ``members``, those with another verdict on any controller; None where nothing could be run, see ``why``
-    verdicts   by what is judged, and then by controllers
-    errors     by controllers, members whose largest |e| differs by more than a tenth
+    members    numbers of the members that were repeated with at least one controller; ``of`` is the sweep's number of members
+    drawn      number of members selected: unsettled ones can't be repeated, nor those that half the step refuses
+    changed    number of ``members`` with another verdict on any controller; None if none could be repeated, see ``why``
+    verdicts   by verdict, and then by controller
+    errors     by controller, members whose largest |e| differs by more than a tenth
+    tolerance  whether the members run by a tolerance, a 32nd of which then takes the place of half the step
     """
 
     members: tuple[int, ...] = ()
@@ -51,26 +55,34 @@ class Audit:
     verdicts: Mapping[str, Mapping[str, Changed]] = field(default_factory=dict)
     errors: Mapping[str, int] = field(default_factory=dict)
     why: str = ""
+    tolerance: bool = False
+
+    @property
+    def _finer(self) -> tuple[str, str]:
+        """What was made finer, in words, and the setting."""
+        return ("a 32nd of the tolerance", "simulation.tolerance") if self.tolerance else ("half the step", "simulation.dt")
 
     @property
     def share(self) -> Share | None:
-        """Of members with a changed verdict; None where nothing could be run."""
+        """The share of members with a changed verdict; None if none could be repeated."""
         return None if self.changed is None else Share(count=self.changed, judged=len(self.members))
 
     @property
     def sentences(self) -> list[str]:
         """The audit in sentences."""
         if self.share is None:
-            return [f"no member was run again at half its step, so that any share may be the solver's: {self.why}"]
+            finer = "a 32nd of its tolerance" if self.tolerance else "half its step"
+            return [f"no member was repeated at {finer}, so any share may be due to the solver: {self.why}"]
         low, high = self.share.interval
-        again = f"of {validate.counted(len(self.members), 'member')} run again at half the step"
+        again = f"of {validate.counted(len(self.members), 'member')} repeated at {self._finer[0]}"
         within = f"{100 * self.share.share:.3g} %, 95 % interval {100 * low:.3g} to {100 * high:.3g} %"
         if self.changed:
-            said = [f"{again}, {self.changed} changed a verdict ({within}; {self._changes}): a smaller simulation.dt is needed"]
+            smaller = f"a smaller {self._finer[1]} is needed"
+            said = [f"{again}, {self.changed} changed a verdict ({within}; {self._changes}): {smaller}"]
         else:
             said = [f"{again}, none changed a verdict ({within})"]
         if left := self.drawn - len(self.members):
-            said.append(f"{validate.counted(left, 'member')} drawn beside them could not be run again: no step settles them")
+            said.append(f"{validate.counted(left, 'member')} also drawn could not be repeated: no step settles them")
         if errors := {name: count for name, count in self.errors.items() if count}:
             counts = ", ".join(f"{count} of {name}" for name, count in errors.items())
             said.append(f"the largest |e| changed by more than {EQUAL_FIGURES_SHARE:.0%} in these members: {counts}")
@@ -90,7 +102,7 @@ class Audit:
         return {
             "members": list(self.members),
             "drawn": self.drawn,
-            "finer_by": FINER_BY,
+            "finer_by": round(1 / FINER) if self.tolerance else FINER_BY,
             "changed": self.changed,
             "share": None if self.share is None else self.share.share,
             "interval": None if self.share is None else list(self.share.interval),
@@ -108,15 +120,15 @@ def audit(
     members: int | None = None,
     run: Callable[[Work], Columns],
 ) -> Audit:
-    """Run some members again, each controller's at half of the step that settled it; those that are not settled stay as they are.
+    """Repeat some members, each controller's with half of the step that settled it; unsettled ones are left out.
 
-    They are drawn from all members by the plan's seed: what changes among them is a share of the sweep. ``members`` says how
-    many, by default AUDITED_SHARE of all and FEWEST_AUDITED at least; ``run`` does the work.
+    They are selected from all members by the plan's seed, so that the changed ones estimate a share of the sweep. ``members`` is
+    their number, by default AUDITED_SHARE of all and at least FEWEST_AUDITED; ``run`` does the work.
     """
-    study = settling.study
+    study, by_tolerance = settling.study, settling.study.example.simulation.tolerance is not None
     count = max(FEWEST_AUDITED, round(AUDITED_SHARE * len(study))) if members is None else members
     if count == 0:
-        return Audit(why="none was asked for", of=len(study))
+        return Audit(why="none was requested", of=len(study), tolerance=by_tolerance)
     generator = np.random.default_rng([study.plan.seed, FINER_BY])
     drawn = min(count, len(study))
     chosen = np.sort(generator.choice(len(study), drawn, replace=False))
@@ -124,15 +136,16 @@ def audit(
     try:
         after = _Chosen(run(_work(settling, before)))
     except InputError as error:
-        return Audit(why=str(error), of=len(study), drawn=drawn)
+        return Audit(why=str(error), of=len(study), drawn=drawn, tolerance=by_tolerance)
     if not any(after.column(f"{controller}/{AGAIN}").any() for controller in study.controllers):
-        return Audit(why=f"no step settles any of the {validate.counted(drawn, 'member')} drawn", of=len(study), drawn=drawn)
+        why = f"no step settles any of the {validate.counted(drawn, 'member')} drawn"
+        return Audit(why=why, of=len(study), drawn=drawn, tolerance=by_tolerance)
     return _compared(before, after, settling, requirements)
 
 
 @dataclass(frozen=True, eq=False)
 class _Chosen:
-    """Columns of some members, as a finished sweep can be asked."""
+    """The columns of some members, with the interface of a finished sweep."""
 
     columns: Columns
 
@@ -149,7 +162,7 @@ class _Chosen:
 
 
 def _work(settling: Settling, before: _Chosen) -> Work:
-    """The same columns, by half the steps, and which members have them."""
+    """The same columns with half the steps, and which members have them."""
     study, numbers, found = settling.study, before.column("member"), {name: v.copy() for name, v in before.columns.items()}
     reruns: list[Rerun] = []
     for i, controller in enumerate(study.controllers):
@@ -164,7 +177,7 @@ def _work(settling: Settling, before: _Chosen) -> Work:
         for rerun, (fine,) in zip(reruns, figures, strict=True):
             found[f"{study.controllers[rerun.controller]}/{AGAIN}"][rerun.places] = True
             (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
-            ring = RINGS if f"{study.controllers[rerun.controller]}/{RINGS}" in found else OSCILLATED  # of a store of old
+            ring = RINGS if f"{study.controllers[rerun.controller]}/{RINGS}" in found else OSCILLATED  # from an old store
             for name, values in (columns_of(fine.metrics) | {VERDICT: fine.kinds, ring: rings}).items():
                 if (column := f"{study.controllers[rerun.controller]}/{name}") in found:
                     found[column][rerun.places] = values
@@ -194,4 +207,5 @@ def _compared(before: _Chosen, after: _Chosen, settling: Settling, requirements:
         changed=int(changed.sum()),
         verdicts=found,
         errors=errors,
+        tolerance=settling.study.example.simulation.tolerance is not None,
     )

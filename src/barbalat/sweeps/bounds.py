@@ -1,4 +1,4 @@
-"""What is guaranteed of members before they run: a certificate's bound on the error, where one holds for all of them."""
+"""Guarantees for members before they run: a certificate's bound on the error, if one holds for all of them."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from barbalat.sweeps.study import Study
 from barbalat.validate import Array
 
 MOST_CERTIFIED = 64
-"""Combinations of what varies besides theta that are certified, each in about a second."""
+"""Largest number of combinations of varied numbers other than theta that are certified, each in about a second."""
 ERROR_BOUND = "error_bound"
-"""A controller's column: the guaranteed bound of every |e|; NaN where none is guaranteed of that member."""
+"""A controller's column: the guaranteed bound of every |e|; NaN if there is none for that member."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Certified:
-    """The bound of one controller's members that differ in theta alone, NaN for none, and where it holds."""
+    """The bound of one controller's members that differ only in theta, NaN for none, and its validity."""
 
     bound: float
     known: KnownSet | None
-    for_its_theta: bool  # theta is the same for all and was certified
+    for_its_theta: bool  # all members have the theta that was certified
 
     def holds(self, theta: Array) -> bool:
         return self.for_its_theta or (self.known is not None and self.known.contains(theta))
@@ -34,11 +34,11 @@ class _Certified:
 
 @dataclass(eq=False)
 class Bounds:
-    """The guaranteed ``error_bound`` of each member, over all of the known set where theta varies.
+    """The guaranteed ``error_bound`` of each member, over the whole known set if theta varies.
 
-    A physical parameter that varies within its range moves theta within the set derived from it. A member whose theta lies
-    outside of its own known set has none, nor has any where the plan has more than MOST_CERTIFIED
-    combinations of the other numbers that a controller depends on: that is known before anything runs, whoever runs what first.
+    A physical parameter that varies within its range moves theta within the set derived from it. A member whose theta is outside
+    its own known set has no bound; none has one if the plan contains more than MOST_CERTIFIED combinations of the other numbers
+    on which a controller depends: this is known before the sweep and independent of the order of the runs.
     """
 
     study: Study
@@ -53,26 +53,28 @@ class Bounds:
         self.parameters = [i for i, path in enumerate(paths) if apart and is_parameter(path)]
 
     def of(self, rows: Array) -> dict[str, Array]:
-        """(M,) by controllers; rows (M, d)."""
+        """(M,) by controller; rows (M, d)."""
         thetas = self._thetas(rows)
         return {name: self._of(place, rows, thetas) for place, name in enumerate(self.study.controllers)}
 
     @property
     def certificates(self) -> int:
-        """How many are made at most: one for each controller and combination of the numbers beside theta that it depends on."""
+        """The largest possible number of certificates: one for each controller and combination of the numbers other than theta
+        on which it depends."""
         counts = (self._combinations(self._others(place)) for place in range(len(self.study.controllers)))
         return sum(count for count in counts if count <= MOST_CERTIFIED)
 
     @property
     def notes(self) -> list[str]:
-        """Sentences on controllers whose errors are compared with no bound since too many numbers vary."""
+        """Sentences on controllers whose errors are compared with no bound, because too many numbers vary."""
         found = []
         for place, name in enumerate(self.study.controllers):
             count = self._combinations(self._others(place))
             if count > MOST_CERTIFIED:
                 found.append(
-                    f"{name}: no bound is compared, since each of {count} combinations of numbers beside theta would need a "
-                    f"certificate of its own, and at most {MOST_CERTIFIED} are made"
+                    f"{name}"
+                    f": no bound is compared, since each of {count} combinations of numbers other than theta would need its "
+                    f"own certificate, and at most {MOST_CERTIFIED} are made"
                 )
         return found
 
@@ -89,13 +91,13 @@ class Bounds:
         return bounds
 
     def _others(self, place: int) -> list[int]:
-        """Columns beside theta that this controller's loop depends on: not those of the other controllers."""
+        """Columns other than theta on which this controller's loop depends, without those of other controllers."""
         paths = self.study.plan.paths
         concerned = (path.keys[0] != "controller" or path.keys[1] == place for path in paths)
         return [i for i, concerns in enumerate(concerned) if concerns and i not in (*self.thetas, *self.parameters)]
 
     def _in_ranges(self, rows: Array) -> Array:
-        """(M,) whether the physical parameters that vary lie in the ranges from which the known set follows."""
+        """(M,) whether the varied physical parameters are in the ranges from which the known set follows."""
         problem = self.study.example.problem
         inside = np.ones(len(rows), dtype=bool)
         for column in self.parameters:
@@ -105,7 +107,7 @@ class Bounds:
         return inside
 
     def _combinations(self, others: list[int]) -> int:
-        """Draws count as different from each other."""
+        """Random draws count as distinct."""
         plan = self.study.plan
         varied = {plan.paths[i] for i in others}
         points = math.prod(axis.count for path, axis in plan.axes.items() if path in varied)
@@ -131,7 +133,7 @@ class Bounds:
         return _Certified(bound, known, for_its_theta=not self.thetas)
 
     def _thetas(self, rows: Array) -> Array:
-        """(M, n) each member's theta; n = 0 where none varies."""
+        """(M, n) each member's theta; n = 0 if it does not vary."""
         problem = self.study.example.problem
         if not self.thetas or not isinstance(problem, Problem):
             return np.zeros((len(rows), 0))

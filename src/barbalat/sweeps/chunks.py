@@ -1,5 +1,5 @@
-"""Members in pieces: what a store's files hold at most, what is run at once so that it takes a second or so, and where columns go
-that no store keeps: into memory, or into files where they would take too much of it.
+"""Divides members into chunks: the members in one file of a store, the members that run at once for about a second, and the place
+of columns without a store: in memory, or in files if they are too large.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ Columns = dict[str, Array]
 
 
 class Rows(Protocol):
-    """What a finished sweep can be asked."""
+    """The interface of a finished sweep's data."""
 
     @property
     def names(self) -> list[str]:
@@ -40,11 +40,11 @@ class Rows(Protocol):
 
 
 CHUNK_WORK = 2 * 10**8
-"""Solver steps of all members of a chunk: two seconds of one core, at some 10 ns for a small loop."""
+"""Solver steps of all members of a chunk: two seconds of one core, at some 10 ns per step of a small loop."""
 FEWEST_MEMBERS, MOST_MEMBERS = 32, 2**16
-"""Members of a chunk: two kernel calls at least, and at most some 30 MB of columns."""
+"""Members of a chunk: at least two kernel calls, and at most some 30 MB of columns."""
 MOST_CHUNKS = 4096
-"""Of a sweep: its index, some hundred bytes for each, is written after every one."""
+"""Largest number of chunks of a sweep: its index, some hundred bytes per chunk, is written after every one."""
 
 
 class Chunk(NamedTuple):
@@ -55,29 +55,29 @@ class Chunk(NamedTuple):
 
 
 def chunk_size(members: int, steps: int) -> int:
-    """Members of a chunk, for runs of so many steps."""
+    """Members of a chunk, for runs with this number of steps."""
     by_time = min(max(CHUNK_WORK // max(steps, 1), FEWEST_MEMBERS), MOST_MEMBERS)
     return max(by_time, -(-members // MOST_CHUNKS))
 
 
 def chunks_of(members: int, size: int) -> Iterator[Chunk]:
-    """All of them, the last one as long as what is left."""
+    """All chunks; the last one contains the remainder."""
     for first in range(0, members, size):
         yield Chunk(first, min(size, members - first))
 
 
 UNIT_SECONDS = 1.0
-"""What is run at once takes about that long: a kill costs that, beside what waits to be stored."""
+"""Approximate seconds of a unit of work: a kill loses this much, in addition to the unstored results."""
 GROWTH = 8
-"""Members that are run next, as a multiple of those before, at most: the first ones pay for compiling and tell little."""
+"""Largest growth of the number of members between units: the first ones include compilation and are not representative."""
 
 
 @dataclass(eq=False)
 class Pace:
-    """How many members are run at once, by how long those before took. No bit depends on it.
+    """The number of members that run at once, based on the duration of earlier units. No bit depends on it.
 
-    ahead   units that wait for each that runs: what is begun takes so many times longer than its own work
-    fewest  members that are run at once at least, so that kernels have work for all their lanes
+    ahead   units that wait for each that runs: a started unit takes longer than its own work by this factor
+    fewest  least number of members that run at once, so that kernels have work for all their lanes
     """
 
     ahead: int = 1
@@ -86,7 +86,7 @@ class Pace:
     begun: dict[int, float] = field(default_factory=dict)
 
     def units(self, chunks: Sequence[Chunk]) -> Iterator[Chunk]:
-        """All of these, in pieces of which each is begun when it is asked for; none reaches into two chunks."""
+        """These chunks divided into units, each of which starts when it is requested; no unit spans two chunks."""
         for chunk in chunks:
             done = 0
             while done < chunk.size:
@@ -96,7 +96,7 @@ class Pace:
                 done += unit.size
 
     def done(self, unit: Chunk) -> None:
-        """The next ones are sized by the time since this one was begun."""
+        """The next units are sized by the time since this one started."""
         seconds = (time.perf_counter() - self.begun.pop(unit.first)) / self.ahead
         wanted = unit.size * min(UNIT_SECONDS / max(seconds, 1e-9), GROWTH)
         self.size = int(max(wanted, self.fewest))
@@ -111,7 +111,7 @@ Made = Iterator[tuple[Chunk, Columns]]
 
 
 def in_order(made: Made) -> Made:
-    """Chunks in the order of their first members; what comes early waits in memory."""
+    """Chunks in the order of their first members; early ones wait in memory."""
     waiting: dict[int, tuple[Chunk, Columns]] = {}
     first = 0
     for chunk, columns in made:
@@ -124,9 +124,9 @@ def in_order(made: Made) -> Made:
 
 @dataclass(eq=False)
 class UnstoredChunks:
-    """Columns in memory, or in a folder of one file for each chunk, which goes when the sweep is forgotten.
+    """Columns in memory, or in a folder with one file for each chunk, which is deleted with the object.
 
-    Chunks are put here as into a ``Store``, but by their first members.
+    Chunks are added here as to a ``Store``, but in the order of their first members.
     """
 
     folder: Path | None
@@ -142,7 +142,7 @@ class UnstoredChunks:
 
     @classmethod
     def room_for(cls, chunks: list[Chunk], columns: int) -> UnstoredChunks:
-        """For so many; files of it are gone when it is."""
+        """Storage for these chunks; its files are deleted with it."""
         if sum(chunk.size for chunk in chunks) * columns * 8 <= MOST_IN_MEMORY:
             return cls(None, chunks)
         folder = Path(tempfile.mkdtemp(prefix="barbalat-sweep-"))
@@ -172,7 +172,7 @@ class UnstoredChunks:
             return np.concatenate([part[name] for part in self.parts])
         place, found = self.names.index(name), np.empty(self.members)
         for chunk, (start, stop) in enumerate(pairwise([*self.starts, self.members])):
-            found[start:stop] = np.load(self._file(chunk), mmap_mode="r")[place]  # one file is mapped at a time
+            found[start:stop] = np.load(self._file(chunk), mmap_mode="r")[place]  # only one file is mapped at a time
         return found
 
     def row(self, member: int) -> dict[str, float]:

@@ -1,8 +1,8 @@
-"""Chunks on Dask's workers, on this machine or on others: they may join and die, and what one took with it is made again.
+"""Chunks on Dask's workers, on this machine or on others: workers may join and die, and their lost work is repeated.
 
-Nothing that workers do depends on the processor or its C library. Numbers that LAPACK or the C library makes (P, inverses, matrix
-exponentials, a delay's weights, a sine's samples) are made once, where the sweep was started, and sent with the operation lists.
-A worker translates the lists and runs them.
+The workers' results do not depend on the processor or its C library. Numbers that LAPACK or the C library computes (P, inverses,
+matrix exponentials, a delay's weights, samples of a sine) are computed once, where the sweep was started, and sent with the
+operation lists. A worker translates the lists and runs them.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ if TYPE_CHECKING:
     from distributed import Client, Future, LocalCluster, as_completed
 
 COMPARED_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
-"""Packages on which a worker's bits may depend, beside Python's minor version and Barbalat's own."""
+"""Packages on which a worker's bits may depend, in addition to Barbalat's version and the minor version of Python."""
 SOURCES = "barbalat's sources"
-"""What the digest of this package's own sources is called: two states of it may have one version number."""
+"""The name of the digest of this package's sources: two states may have the same version number."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +64,7 @@ class Tabulated:
 
 @dataclass(frozen=True, eq=False)
 class WorkerTask:
-    """One part of a chunk, without its signals; ``made_by`` are the ``versions`` of the client."""
+    """A part of a chunk, without its signals; ``made_by`` are the ``versions`` of the client."""
 
     members: tuple[Members, ...]
     simulation: Simulation
@@ -86,7 +86,7 @@ def versions() -> dict[str, str]:
 
 
 def digest_of(package: Traversable) -> str:
-    """The first digits of the SHA-256 of all Python files of a package, whatever the ends of their lines are."""
+    """The first digits of the SHA-256 of all Python files of a package, independent of line endings."""
     found = hashlib.sha256()
     for name, file in sorted(_sources(package, "")):
         found.update(f"{name}\n".encode() + file.read_bytes().replace(b"\r\n", b"\n") + b"\0")
@@ -94,7 +94,7 @@ def digest_of(package: Traversable) -> str:
 
 
 def _sources(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable]]:
-    """Python files by their places in the package."""
+    """Python files by their paths in the package."""
     for one in folder.iterdir():
         name = f"{place}/{one.name}"
         if one.is_dir():
@@ -104,41 +104,43 @@ def _sources(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable
 
 
 def kept(tables: Tabulated) -> Tabulated:
-    """What a cluster holds for many chunks; made again from what its scheduler knows where a worker that held it is gone."""
+    """Data that a cluster stores for many chunks; the scheduler recreates it if its worker is lost."""
     return tables
 
 
 def figures(sent: WorkerTask, tables: Tabulated) -> list[Figured]:
-    """The figures of each controller, by one thread; InputError on a worker that would make other bits."""
+    """The figures of each controller, computed by one thread; InputError on a worker whose bits would differ."""
     own = versions()
     clients = sent.made_by
     names = [*clients, *(own.keys() - clients.keys())]
     if different := [f"{n} {own.get(n)}, not {clients.get(n)}" for n in names if own.get(n) != clients.get(n)]:
-        raise InputError(f"a worker has other versions than the client: {', '.join(different)}; install the client's there")
+        raise InputError(
+            f"a worker's versions differ from the client's: {', '.join(different)}; install the client's versions there"
+        )
     batches = [Batch.part(one, slice(0, len(one))) for one in sent.members]
     advance(batches, lambda segment: tables.samples[segment.start], lambda: tables.final, sent.simulation, threads=1)
     return [figured(batch, sent.simulation, sent.terms, 1) for batch in batches]
 
 
 ANSWER_SECONDS = 10.0
-"""Seconds until a scheduler that does not answer is given up."""
+"""Seconds after which the client gives up on a scheduler that does not answer."""
 CLOSING_SECONDS = 0.5
-"""Seconds for what is told to a cluster at the end: Ctrl-C is to be over within two."""
+"""Seconds for the final messages to a cluster: Ctrl-C must finish within two."""
 CHUNKS_AHEAD = 2
-"""Chunks for each thread of the workers that are under way or wait there, so that none is idle while its next one is sent."""
+"""Chunks per thread of the workers that run or wait there, so that no thread is idle while its next chunk is sent."""
 MOST_TABLES = 8
-"""Of signals that a cluster holds for chunks to come: some 10 MB each."""
+"""Number of signal tables that a cluster holds for later chunks: some 10 MB each."""
 MOST_DEATHS = 5
-"""Times that a chunk is given out anew after the scheduler gave it up, which it does when three workers died with it."""
+"""Number of times that a chunk is sent again after the scheduler gave it up, which happens when three workers died with it."""
 
 
 class SchedulerLostError(Exception):
-    """It does not answer any more: what was stored stays."""
+    """It no longer answers; stored rows stay."""
 
 
 @dataclass(frozen=True)
 class Scheduler:
-    """Where a cluster is: ``address`` of one that runs, or as many ``workers`` of its own on this machine."""
+    """The location of a cluster: the ``address`` of a running scheduler, or a number of ``workers`` started on this machine."""
 
     address: str | None = None
     workers: int | None = None
@@ -155,13 +157,13 @@ class Scheduler:
 
 @contextlib.contextmanager
 def connected(scheduler: Scheduler) -> Iterator[Client]:
-    """A client; InputError where no scheduler answers."""
+    """A client; InputError if no scheduler answers."""
     validate.require_extra("distributed", "study", "--scheduler")
     import logging
 
     from distributed import Client
 
-    for name in ("distributed", "distributed.client"):  # workers that die are said by what becomes of their chunks
+    for name in ("distributed", "distributed.client"):  # lost workers are reported by the state of their chunks
         logging.getLogger(name).setLevel(logging.CRITICAL)
     cluster = None
     if scheduler.address is not None:
@@ -179,7 +181,7 @@ def connected(scheduler: Scheduler) -> Iterator[Client]:
 
 
 def _local(workers: int | None) -> LocalCluster:
-    """Without Dask's profiler, which looks at every thread a hundred times a second."""
+    """Without Dask's profiler, which samples every thread a hundred times a second."""
     import logging
 
     import dask.config
@@ -192,19 +194,19 @@ def _local(workers: int | None) -> LocalCluster:
 
 
 def _close(cluster: LocalCluster) -> None:
-    """Workers in the middle of a chunk are killed: Dask would wait for them, ten seconds more at the end of this process."""
+    """Workers in the middle of a chunk are killed: Dask would wait for them, for ten more seconds at the end of this process."""
     workers = [nanny.pid for nanny in cluster.workers.values()]
     with contextlib.suppress(TimeoutError, OSError):
         cluster.close(timeout=CLOSING_SECONDS)
         return
-    cluster.shutdown_on_close = False  # it can't be closed a second time, and would be at the end of this process
+    cluster.shutdown_on_close = False  # it can't be closed twice, and would be at the end of this process
     for process in multiprocessing.active_children():
         if process.pid in workers:
             process.kill()
 
 
 def _require_answer(address: str) -> None:
-    """InputError where no scheduler says who it is; a client would wait for a port that is open but silent."""
+    """InputError if no scheduler identifies itself; a client would wait for a port that is open but silent."""
     from distributed.core import connect
     from distributed.security import Security
 
@@ -228,23 +230,23 @@ def _require_answer(address: str) -> None:
     def wait() -> None:
         with contextlib.suppress(
             Exception
-        ):  # what is no scheduler may answer anything: a web server's words ask for 3 EB of memory
+        ):  # another server may answer anything: a web server's text would be read as a request for 3 EB of memory
             asyncio.run(within())
             answered.set()
 
-    asking = Thread(target=wait, daemon=True)  # a notebook's own thread has a loop that runs already
+    asking = Thread(target=wait, daemon=True)  # a notebook's own thread already has a running loop
     asking.start()
-    asking.join()  # Ctrl-C leaves it behind
+    asking.join()  # Ctrl-C abandons it
     if not answered.is_set():
         raise InputError(
             f"the scheduler {address!r} does not answer within {ANSWER_SECONDS:g} s: start one there with 'dask scheduler', "
-            "or leave --scheduler out"
+            "or omit --scheduler"
         )
 
 
 @dataclass(eq=False)
 class _Given:
-    """A chunk that is under way: its work, the parts that this asked for, and the figures of those that have run."""
+    """A chunk in progress: its work, the parts that it requested, and the figures of those that have run."""
 
     chunk: Chunk
     work: Work
@@ -253,7 +255,7 @@ class _Given:
     deaths: int = 0
 
     def further(self) -> Columns | None:
-        """Hand the work the figures that it waits for: the columns where it is over, None where it asks for more."""
+        """Pass the figures to the work that waits for them: returns the columns when it is finished, None if it requests more."""
         figures = [self.found[i] for i in range(len(self.parts))]
         try:
             self.parts, self.found = (self.work.send(figures) if figures else next(self.work)), {}
@@ -273,7 +275,7 @@ class Workers:
     under_way: dict[Future, tuple[_Given, int, str | None]] = field(default_factory=dict)
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, Columns]]:
-        """Each with its columns as it is complete, in any order; SchedulerLostError."""
+        """Each chunk with its columns when complete, in any order; SchedulerLostError."""
         from distributed import as_completed
 
         waiting, done = iter(chunks), as_completed(loop=self.client.loop)
@@ -290,7 +292,7 @@ class Workers:
             self._give_more(waiting, done)
 
     def _give_more(self, waiting: Iterator[Chunk], done: as_completed) -> None:
-        """Until every thread has its work, and more waits."""
+        """Start work until every thread is busy and more is waiting."""
         room = CHUNKS_AHEAD * max(sum(self._threads().values()), 1)
         while len(self.under_way) < room:
             chunk = next(waiting, None)
@@ -299,7 +301,7 @@ class Workers:
             self._further(_Given(chunk, self.work(chunk)), done)
 
     def _further(self, given: _Given, done: as_completed) -> Columns | None:
-        """What the work of a chunk asks for is given out; its columns where it is over."""
+        """Submit what the work of a chunk requests; returns its columns when it is finished."""
         columns = given.further()
         if columns is None:
             for place in range(len(given.parts)):
@@ -309,7 +311,7 @@ class Workers:
     def _give(self, given: _Given, place: int, done: as_completed) -> None:
         part, worker = given.parts[place], self._least_busy()
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Sending large graph")  # the signals' tables, once for all chunks
+            warnings.filterwarnings("ignore", "Sending large graph")  # the signals' tables, sent once for all chunks
             future = self.client.submit(
                 figures,
                 WorkerTask.of(part),
@@ -330,7 +332,7 @@ class Workers:
         return self.tables[key][1]
 
     def _least_busy(self) -> str | None:
-        """The worker to go to where it lives on. Left alone, Dask prefers the one that holds the signals already."""
+        """The worker to use if it is alive. By itself Dask prefers the one that already has the signals."""
         busy = Counter(worker for _, _, worker in self.under_way.values())
         return min(threads := self._threads(), key=lambda one: busy[one] / threads[one], default=None)
 
@@ -342,7 +344,7 @@ class Workers:
             raise SchedulerLostError from error
 
     def _result(self, future: Future, given: _Given) -> list[Figured] | None:
-        """A part's figures; None where its workers died."""
+        """A part's figures; None if its workers died."""
         from concurrent.futures import CancelledError
 
         from distributed import KilledWorker

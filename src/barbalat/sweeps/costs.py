@@ -1,4 +1,5 @@
-"""What a sweep costs before it is run: a few members take the way of all, here, and every stage of it is timed and weighed."""
+"""The cost of a sweep before it is run: a few members are processed here like all others, with time and memory measured at
+each stage."""
 
 from __future__ import annotations
 
@@ -26,23 +27,24 @@ from barbalat.sweeps.stored import name_of, require_parquet
 from barbalat.sweeps.study import Figured, Study
 
 MEASURING_SECONDS = 3.0
-"""Seconds of the client's work that are measured."""
+"""Seconds of the client's work over which its speed is measured."""
 
 
 GROUP_SECONDS = 0.02
-"""Of members that share a kernel and signals, for each controller, beside their steps: 20 ms for a case and its tables."""
+"""Seconds per controller for members that share a kernel and signals, in addition to their steps: 20 ms for a case and its
+tables."""
 
 
 def require_members(settling: Settling, members: int, certificates: int = 0) -> None:
-    """InputError where so many members, those that a store lacks, are beyond the budget; before the first of them is made.
+    """InputError if this number of members, those that a store lacks, exceeds the budget; before the first of them is built.
 
-    Where the runs with finer steps could be too much, the plan's first members are run to see what these will take.
+    If the runs with finer steps could be too many, the plan's first members are run to estimate their cost.
 
-    certificates  that are made at most, for the bounds that the members' errors are compared with
+    certificates  largest number of certificates, for the bounds with which the members' errors are compared
     """
     study = settling.study
     loops = [ClosedLoop.of(study.example.problem, one) for one in study.example.controllers]
-    each, stored = study.steps / len(loops), Estimate(memory=MEMBER.memory * (len(study) - members))  # the evidence reads all
+    each, stored = study.steps / len(loops), Estimate(memory=MEMBER.memory * (len(study) - members))  # the evaluation reads all
 
     groups, structures = _apart(study, Kind.SIGNAL, Kind.STRUCTURE), _apart(study, Kind.STRUCTURE)
     alone = of_steps(study.example.problem, loops, each) + Estimate(seconds=GROUP_SECONDS * len(loops))
@@ -68,7 +70,7 @@ def require_members(settling: Settling, members: int, certificates: int = 0) -> 
 
 
 def _apart(study: Study, *kinds: Kind) -> int:
-    """Members, at most, that can't run together because of numbers of these kinds; 0 where none varies."""
+    """Largest number of members that can't run together because of numbers of these kinds; 0 if none varies."""
     if not any(kind in kinds for kind in study.kinds):
         return 0
     axes, draws = study.plan.axes.values(), study.kinds[len(study.plan.axes) :]
@@ -78,15 +80,15 @@ def _apart(study: Study, *kinds: Kind) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class Costs:
-    """What one member of a sweep costs, measured here: processor time, not the clock's, so that others at work count little.
+    """The cost of one member of a sweep, measured here: processor time, not elapsed time, so that other programs matter little.
 
-    steps     solver steps, those of all controllers
-    worker    processor time of whoever simulates it, with its part of compiling for a chunk of a second or two [s]
-    client    processor time of who hands it out, gets its figures and stores them [s]; one process does that for all workers
-    sent, returned, stored  bytes to a worker, from it, on the disk
-    tables    bytes of the signals' samples, which go to each worker once
+    steps     solver steps, summed over all controllers
+    worker    processor time of the worker that simulates it, including its share of compiling for a chunk of a second or two [s]
+    client    processor time for sending it, receiving and storing its figures [s]; one process does that for all workers
+    sent, returned, stored  bytes to a worker, from it, and on the disk
+    tables    bytes of the signals' samples, which are sent to each worker once
     reruns    evaluations with finer steps, as a multiple of the plain ones, each of which costs RERUN_COST times as much
-    settled   share of the plan's first members that their own step settles, or a finer one that is afforded
+    settled   share of the plan's first members that are settled by their own step, or by a finer one that is afforded
     """
 
     steps: int
@@ -101,8 +103,9 @@ class Costs:
 
     @classmethod
     def of(cls, study: Study) -> Costs:
-        """Measure a second's work on members of a study; InputError as of a sweep, and without the extra ``study``."""
+        """Measure a second's work on members of a study; InputError as in a sweep, and without the extra ``study``."""
         require_parquet()
+        study.example.simulation.require_steps("what is measured of a sweep's costs")
         settling = Settling(study)
         whole = min(chunk_size(len(study), study.steps), MOST_MEMBERS, len(study))
         count = min(chunk_size(1, study.steps), whole)
@@ -114,8 +117,8 @@ class Costs:
         simulated = time.process_time() - begun
         for _ in range(2):  # the first one imports what draws members and writes files
             client, size = _handled(study, count, found)
-        if client * whole < MEASURING_SECONDS and whole > count:  # what a chunk costs once is spread over as many as it has
-            client, _ = _handled(study, whole, found)  # repeated figures take less room than others
+        if client * whole < MEASURING_SECONDS and whole > count:  # fixed costs of a chunk are spread over all its members
+            client, _ = _handled(study, whole, found)  # repeated figures compress better than others
         return cls(
             steps=study.steps,
             worker=simulated / count,
@@ -130,16 +133,16 @@ class Costs:
 
     @property
     def most_workers(self) -> float:
-        """Cores that one client keeps at work."""
+        """The number of cores that one client can keep busy."""
         return self.worker * (1 + RERUN_COST * self.reruns) / self.client
 
     def chunk(self, members: int) -> int:
-        """Members of a chunk of a sweep of so many."""
+        """Members of a chunk for a sweep with this number of members."""
         return chunk_size(members, self.steps)
 
 
 def _handled(study: Study, count: int, found: Sequence[Sequence[Figured]]) -> tuple[float, float]:
-    """Seconds of the client and bytes on the disk for each of so many members, whose figures are some that were ``found``."""
+    """Seconds of the client and bytes on the disk per member, with figures repeated from those ``found``."""
     begun = time.process_time()
     parts = list(study.parts(0, count))
     for part in parts:

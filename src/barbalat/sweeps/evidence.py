@@ -1,4 +1,4 @@
-"""What many runs are evidence of: shares with intervals, extremes with the members that have them. Failures come first."""
+"""The evaluation of many runs: shares with intervals, and extremes with their members. Failures come first."""
 
 from __future__ import annotations
 
@@ -22,25 +22,25 @@ from barbalat.validate import Array, Named
 
 DIVERGED, OUT_OF_BOUND = "diverged", "above the guaranteed bound"
 RING, NOT_SETTLED = "estimates ring", "not settled"
-"""Shares of what finer steps say: ``oscillated``, split, and the members of which no step that was afforded settles a verdict."""
+"""Shares from finer steps: the parts of ``oscillated``, and the members whose verdict no affordable step settles."""
 VERDICTS = (*(str(kind) for kind in Class if kind is not Class.FOLLOWS), RING, NOT_SETTLED)
-"""Shares of the judge's."""
+"""Shares of the judge's classes."""
 FINDINGS = frozenset({DIVERGED, OSCILLATED, OUT_OF_BOUND, *VERDICTS})
-"""Names of shares; any other share is that of the members which broke the requirement that it is named after."""
-EXAMINED = "the estimates alone: a limit cycle of the control or of the state with estimates at rest is not counted"
-"""What ``oscillated`` looks at."""
-DIVERGES = "beyond 1e12 within the horizon: a run that is on its way there, or lost at a smaller size, is not counted"
-"""What ``diverged`` means; see ``run.kernel.metrics.DIVERGENCE_LIMIT``."""
+"""Names of shares; any other share has the name of a requirement and counts the members that violate it."""
+EXAMINED = "only the estimates: a limit cycle of the control or of the state with constant estimates is not counted"
+"""The signals of ``oscillated``."""
+DIVERGES = "beyond 1e12 within the horizon: a run that is still growing, or lost at a smaller size, is not counted"
+"""The meaning of ``diverged``; see ``run.kernel.metrics.DIVERGENCE_LIMIT``."""
 NO_FIGURES = (OSCILLATED, ERROR_BOUND, VERDICT, SETTLED, RINGS, FINER_BY)
-"""Columns of a controller that are no figures of a run."""
+"""Columns of a controller that are not figures of a run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Extremes:
     """The extremes and the median of a figure over the members that have it.
 
-    worst_member  the one with the largest value; of ``diverged_at`` the one with the smallest
-    finite        members that have the figure: those that did not diverge
+    worst_member  the one with the largest value; for ``diverged_at`` the one with the smallest
+    finite        number of members that have the figure: those that did not diverge
     """
 
     min: float
@@ -51,7 +51,7 @@ class Extremes:
 
     @classmethod
     def of(cls, values: Array, *, smallest: bool = False) -> Extremes | None:
-        """None where no member has a finite value."""
+        """None if no member has a finite value."""
         finite = np.isfinite(values)
         if not finite.any():
             return None
@@ -60,7 +60,7 @@ class Extremes:
         return cls(
             min=float(kept.min()),
             max=float(kept.max()),
-            median=float(np.median(kept, overwrite_input=True)),  # without another copy of 10^7 members
+            median=float(np.median(kept, overwrite_input=True)),  # avoids another copy of 10^7 numbers
             worst_member=int(worst),
             finite=len(kept),
         )
@@ -71,10 +71,10 @@ class Extremes:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """Shares, extremes and sensitivities, by what is judged, or by a figure, and then by controllers.
+    """Shares, extremes and sensitivities, by verdict or figure, and then by controller.
 
-    unexamined  why ``oscillated`` is said of no member, by the controllers of which it is not
-    filled  median and largest max |e| as a part of the guaranteed bound: how much of what is promised a run can use up
+    unexamined  by controller, why ``oscillated`` is unknown for every member
+    filled  median and largest max |e| relative to the guaranteed bound: how much of the guarantee a run can use up
     """
 
     shares: dict[str, dict[str, Share]]
@@ -94,7 +94,7 @@ def evidence(
     notes: Sequence[str] = (),
     unexamined: Mapping[str, str] | None = None,
 ) -> Evidence:
-    """Read off the columns, one after another; ``notes`` are what is known beforehand to be missing."""
+    """Computed from the columns, one after another; ``notes`` are known gaps."""
     shares: dict[str, dict[str, Share]] = {DIVERGED: {}, OSCILLATED: {}}
     metrics: dict[str, dict[str, Extremes]] = {}
     filled: dict[str, Extremes] = {}
@@ -129,17 +129,17 @@ T = TypeVar("T")
 
 
 def _named(kind: str, found: Mapping[str, Mapping[str, T]]) -> dict[str, dict[str, T]]:
-    """A dictionary by names and then by controllers; a name that there is not is told with the one that is meant."""
+    """A dictionary by names and then by controllers; the error for an unknown name suggests the closest one."""
     return Named.of(kind, {name: Named.of("controller", by) for name, by in found.items()})
 
 
 class Verdict(NamedTuple):
-    """What is judged of M members.
+    """A verdict on M members.
 
-    counted  (M,) of whom it holds
-    judged   (M,) of whom it can be said
-    settled  (M,) of whom it is the plant's and not the solver's
-    split    whether the share tells them apart: those of ``diverged`` and ``oscillated`` are of the runs as they are
+    counted  (M,) for which members it is true
+    judged   (M,) for which members it is known
+    settled  (M,) for which members it belongs to the plant and not to the solver
+    split    whether the share distinguishes these: ``diverged`` and ``oscillated`` are about the runs as they are
     """
 
     name: str
@@ -150,7 +150,7 @@ class Verdict(NamedTuple):
 
     @property
     def share(self) -> Share:
-        """Of whom it holds; split where that is told apart."""
+        """The share for which it is true; split if settled members are distinguished."""
         if not self.split:
             return Share.of(self.counted, self.judged)
         count, unsettled = int((self.counted & self.judged & self.settled).sum()), int((self.judged & ~self.settled).sum())
@@ -158,7 +158,7 @@ class Verdict(NamedTuple):
 
 
 def judged_by(rows: Rows, controller: str, requirements: Sequence[Requirement]) -> Iterator[Verdict]:
-    """All that is judged of the members with one controller; a member that diverged breaks every requirement."""
+    """All verdicts on the members with one controller; a member that diverged violates every requirement."""
     names, diverged = list(rows.names), np.isfinite(rows.column(f"{controller}/diverged_at"))
     everyone, split = np.ones(len(diverged), dtype=bool), f"{controller}/{SETTLED}" in names
     known = rows.column(f"{controller}/{SETTLED}") == 1 if split else everyone
@@ -185,12 +185,12 @@ def judged_by(rows: Rows, controller: str, requirements: Sequence[Requirement]) 
 
 
 def largest_error(rows: Rows, controller: str) -> Array:
-    """(M,) of all components; NaN where a member diverged."""
+    """(M,) the largest over all components; NaN if a member diverged."""
     return reduce(np.maximum, (rows.column(name) for name in rows.names if name.startswith(f"{controller}/max_abs_e[")))
 
 
 def _fill(filled: dict[str, Extremes], rows: Rows, controller: str) -> None:
-    """Against what is guaranteed of each member, where something is."""
+    """Compare with the guaranteed bound of each member, if there is one."""
     if f"{controller}/{ERROR_BOUND}" not in rows.names:
         return
     bound = rows.column(f"{controller}/{ERROR_BOUND}")
@@ -201,28 +201,32 @@ def _fill(filled: dict[str, Extremes], rows: Rows, controller: str) -> None:
 
 
 def _without_bound(rows: Rows, controller: str) -> list[str]:
-    """Why fewer members than all are held against a bound, as a sentence; none where all are, or no member is."""
+    """Why only some members are compared with a bound, as a sentence; none if all are, or none is."""
     if f"{controller}/{ERROR_BOUND}" not in rows.names:
         return []
     bounded = np.isfinite(rows.column(f"{controller}/{ERROR_BOUND}"))
     if bounded.all() or not bounded.any():
         return []
     return [
-        f"{controller}: {int((~bounded).sum())} of {len(bounded)} members have no guaranteed bound to be above: "
-        "their parameters lie outside the known set, or the certificate's conditions do not hold on their plant"
+        f"{controller}: {int((~bounded).sum())} of {len(bounded)} "
+        "members have no guaranteed bound for comparison: their parameters lie outside the known set, or the certificate's "
+        "conditions do not hold on their plant"
     ]
 
 
 def _meaning(plan: Plan) -> str:
-    """What the intervals say, by how the members came about."""
+    """The meaning of the intervals, which depends on how the members were chosen."""
     kind = {
         Design.RANDOM: "exact: the members are independent draws",
-        Design.LATIN: "those of as many independent draws; a Latin hypercube's share varies by n/(n - 1) of theirs at most",
-        Design.SOBOL: "those of as many independent draws, for orientation: points of a Sobol sequence are not independent",
-        Design.SALTELLI: "those of as many independent draws, for orientation: rows of Saltelli's design share their numbers",
+        Design.LATIN: "those of the same number of independent draws; a Latin hypercube's share varies by n/(n - 1) of "
+        "theirs at most",
+        Design.SOBOL: "those of the same number of independent draws, for orientation: points of a Sobol sequence are not "
+        "independent",
+        Design.SALTELLI: "those of the same number of independent draws, for orientation: rows of Saltelli's design share "
+        "their numbers",
     }[plan.design]
     if not plan.draws:
-        return "those of as many independent draws, for orientation: a grid is no sample"
+        return "those of the same number of independent draws, for orientation: a grid is not a random sample"
     if plan.axes:
-        return "those of as many independent draws, for orientation: at each point of the grid the draws are the same"
+        return "those of the same number of independent draws, for orientation: at each point of the grid the draws are the same"
     return kind

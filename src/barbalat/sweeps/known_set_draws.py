@@ -1,4 +1,4 @@
-"""Draws over a case's known set: a vector that lies evenly in its box or ball, an input gain in its interval."""
+"""Draws over a case's known set: a vector uniform in its box or ball, an input gain uniform in its interval."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ from barbalat.validate import InputError
 KNOWN_SET, BETWEEN = "known-set", "between"
 """In place of a distribution: over the known set, or over the range of a physical parameter."""
 GAIN = "gain"
-"""Of an input, the last key of its path."""
+"""The last key of the path of an input's gain."""
 
 
 def over_known_set(case: Case, path: FieldPath, stands_there: object) -> Mapping[FieldPath, Distribution]:
-    """A distribution for each entry of the vector at ``path``, or for the input gain there; InputError where none fits."""
+    """A distribution for each entry of the vector at ``path``, or for the input gain there; InputError if none fits."""
     problem = case.problem
     if path.keys[:2] == ("plant", "input") and path.keys[-1] == GAIN:
         return {path: _of_gain(problem, path)}
     if stands_there is None:
-        vector = "a vector of parameters that are estimated, as plant.theta"
-        raise InputError(f"the case has no {path}; {KNOWN_SET} goes with {vector}")
+        vector = "a vector of estimated parameters, as plant.theta"
+        raise InputError(f"the case has no {path}; {KNOWN_SET} needs {vector}")
     known = problem.uncertainty if isinstance(problem, Problem) else None
     shape = np.shape(stands_there) if isinstance(stands_there, (list, tuple, np.ndarray)) else ()
     if known is None or not shape or int(np.prod(shape)) != known.size:
@@ -50,7 +50,7 @@ def over_known_set(case: Case, path: FieldPath, stands_there: object) -> Mapping
         center = tuple(map(float, known.center))
         return {entry: InBall(center, known.radius, k) for k, entry in enumerate(entries)}
     ends = zip(entries, map(float, known.lower), map(float, known.upper), strict=True)
-    return {entry: Uniform(low, high) for entry, low, high in ends if low < high}  # the others are known
+    return {entry: Uniform(low, high) for entry, low, high in ends if low < high}  # the others are known exactly
 
 
 def _of_gain(problem: object, path: FieldPath) -> Uniform:
@@ -59,7 +59,7 @@ def _of_gain(problem: object, path: FieldPath) -> Uniform:
         raise InputError(f"{path} = {KNOWN_SET} needs the interval of the input's gain: give uncertainty.input_gain")
     which = path.keys[2] if isinstance(path.keys[2], int) else 0
     if which >= gains.size:
-        raise InputError(f"{path} names no field: the plant has {gains.size} inputs, counted from 0")
+        raise InputError(f"{path} does not name a field: the plant has {gains.size} inputs, counted from 0")
     return Uniform(float(gains.lower[which]), float(gains.upper[which]))
 
 
@@ -98,7 +98,7 @@ def _new(found: Mapping[FieldPath, Distribution], drawn: Mapping[FieldPath, Dist
 
 
 def over_ranges(case: Case, path: FieldPath) -> dict[FieldPath, Distribution]:
-    """A distribution for the parameter at ``path``, or at ``parameters`` for each that is uncertain; InputError for others."""
+    """A distribution for the parameter at ``path``, or for ``parameters`` one for each uncertain one; InputError for others."""
     physical = case.problem.plant.physical if isinstance(case.problem, Problem) else None
     known = {} if physical is None else {one.name: one for one in physical.parameters}
     if path.keys == (PARAMETERS,):
@@ -107,7 +107,7 @@ def over_ranges(case: Case, path: FieldPath) -> dict[FieldPath, Distribution]:
             raise InputError(f"{path}={BETWEEN} needs [parameters] with ranges, and the case has none")
         return {one: spread_of(parameter) for one, parameter in uncertain.items()}
     if not is_parameter(path):
-        raise InputError(f"{BETWEEN} goes with a physical parameter, such as parameters.k={BETWEEN}, or with all: got {path}")
+        raise InputError(f"{BETWEEN} needs a physical parameter, such as parameters.k={BETWEEN}, or all of them: got {path}")
     require_parameter(path, known)
     if known[str(path.keys[1])].is_exact:
         raise InputError(f"{path}={BETWEEN} needs a range: the parameter is known exactly")

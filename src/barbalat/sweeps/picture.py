@@ -27,23 +27,23 @@ if TYPE_CHECKING:
     from barbalat.sweeps.result import SweepResult
 
 FEWEST_BINS, MOST_BINS = 10, 60
-"""Of a histogram; between them twice the cube root of the members, Rice's rule."""
+"""Least and largest number of bins of a histogram; in between twice the cube root of the members (Rice's rule)."""
 HATCHES = ("", "///", "...", "xxx")
-"""Of bars of close colours."""
+"""Hatches of bars with similar colours."""
 MOST_BARS = 12
-"""Numbers in a chart of what a variance is due to, those with the largest shares."""
+"""Largest number of inputs in a chart of variance shares, those with the largest shares."""
 DECADES_FOR_LOG = 1.3
-"""From a factor of 20 between the smallest and the largest value on, an axis is logarithmic."""
+"""An axis is logarithmic if the largest value is at least 20 times the smallest."""
 
 
 MARKED = {Class.FOLLOWS: ".", Class.OFF: "^", Class.CYCLE: "o", Class.LOST: "x"}
-"""How members of the judge's classes are marked, in the order in which they are drawn; open where they are not settled."""
+"""The markers of the judge's classes, in drawing order; open if not settled."""
 MOST_MARKED = 2000
-"""Members in a panel: of more, as many are taken at equal distances of their numbers."""
+"""Largest number of members in a panel: of more, an evenly spaced subset is drawn."""
 MOST_SHOWN = 4
-"""Controllers with a panel and a run beside it."""
+"""Largest number of controllers with a panel and a run."""
 BINS_OF_DECIDING = 8
-"""Of equal numbers of members, into which a varied number is cut to see what it decides."""
+"""Number of equally large groups into which a varied number is divided to show its effect."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +161,7 @@ def _histogram(axes: Axes, found: SweepResult, name: str, theme: Theme) -> None:
         )
         bound = _largest_bound(found, controller)
         if bound is not None:
-            text = f"guaranteed of {controller}: {bound:.4g}"
+            text = f"guaranteed for {controller}: {bound:.4g}"
             axes.axvline(bound, color=theme.colour(k), linestyle=":", linewidth=1.3, label=text)
     if logarithmic:
         axes.set_xscale("log")

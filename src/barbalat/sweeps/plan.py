@@ -1,4 +1,5 @@
-"""Which numbers each member has: a grid, draws, or every draw at every point of a grid. Its own number tells them all."""
+"""The numbers of each member: on a grid, drawn, or every draw at every point of a grid. They follow from the member's number
+alone."""
 
 from __future__ import annotations
 
@@ -16,13 +17,13 @@ from barbalat.sweeps.spread import LARGEST_SHARE, SMALLEST_SHARE, Axis, Distribu
 from barbalat.validate import Array, InputError
 
 BLOCK_DRAWS = 2**16
-"""Draws that are made together: each block is a Latin hypercube of its own, so that one member costs a block and not all."""
+"""Draws that are made together: each block is a separate Latin hypercube, so that a single member needs only its block."""
 MOST_SOBOL = 2**30
-"""Points of SciPy's Sobol sequence with its 30 bits."""
+"""Largest number of points of SciPy's Sobol sequence, which has 30 bits."""
 
 
 class Design(Enum):
-    """How draws fill their space."""
+    """How draws cover their space."""
 
     LATIN = "latin"
     SOBOL = "sobol"
@@ -31,20 +32,20 @@ class Design(Enum):
 
 
 DEFAULT_MEMBERS = dict.fromkeys(Design, 1000) | {Design.SALTELLI: 1024}
-"""Draws: a share of a few percent then has an interval of about one. Saltelli's are powers of two."""
+"""Number of draws: a share of a few percent then has an interval of about one percent. Saltelli's are powers of two."""
 MOST_MEMBERS = 10**10
-"""Of a sweep: a chunk, one of 4096, then has some 2.5 million, half a gigabyte of columns."""
+"""Largest number of members of a sweep: each of 4096 chunks then has some 2.5 million, half a gigabyte of columns."""
 
 
 def members_of(given: int | None, design: Design, *, drawn: bool) -> int:
-    """The draws at each point of a grid: as given, or the design's default where something is drawn."""
+    """The draws at each point of a grid: the given number, or the design's default if anything is drawn."""
     if given is not None:
         return given
     return DEFAULT_MEMBERS[design] if drawn else 1
 
 
 def design_of(name: str | Design) -> Design:
-    """The design with this name; InputError for one that is not known."""
+    """The design with this name; InputError for an unknown one."""
     try:
         return Design(name)
     except ValueError:
@@ -55,9 +56,10 @@ def design_of(name: str | Design) -> Design:
 
 @dataclass(frozen=True)
 class Plan:
-    """axes and draws by the paths of what they vary; both together give every draw at every point of the grid.
+    """axes and draws by the paths of the varied numbers; with both, every draw occurs at every point of the grid.
 
-    members  draws; of Saltelli's design those of its first matrix, a power of two, and d + 2 times as many are made of d numbers
+    members  number of draws; for Saltelli's design the number in its first matrix, a power of two, from which d + 2 times as many
+             follow for d numbers
     seed     of the draws
     """
 
@@ -71,19 +73,17 @@ class Plan:
         validate.whole("members", self.members, least=1, most=MOST_MEMBERS)
         validate.whole("seed", self.seed, least=0)
         if not self.axes and not self.draws:
-            raise InputError(
-                "a sweep needs something that varies: give --vary PATH=START:STOP:COUNT or --sample PATH=uniform:A:B"
-            )
+            raise InputError("a sweep needs a number to vary: give --vary PATH=START:STOP:COUNT or --sample PATH=uniform:A:B")
         if twice := [str(path) for path in self.axes if path in self.draws]:
             raise InputError(f"{twice[0]} is both varied and sampled; choose one of them")
         if not self.draws and self.members != 1:
-            raise InputError(f"members = {self.members} needs something to draw: give --sample PATH=uniform:A:B, or leave it out")
+            raise InputError(f"members = {self.members} needs a number to draw: give --sample PATH=uniform:A:B, or omit it")
         if self.design is Design.SALTELLI and self.axes:
-            raise InputError("Saltelli's design goes without a grid: leave --vary out")
+            raise InputError("Saltelli's design cannot have a grid: omit --vary")
         if self.design is Design.SALTELLI and (not self.draws or self.members & (self.members - 1)):
-            raise InputError(f"Saltelli's design needs something to draw and a power of two of members, got {self.members}")
+            raise InputError(f"Saltelli's design needs a number to draw and a power of two of members, got {self.members}")
         if self.design is Design.SALTELLI and any(isinstance(one, InBall) for one in self.draws.values()):
-            raise InputError("Saltelli's design needs numbers that are independent of each other, which those of a ball are not")
+            raise InputError("Saltelli's design needs independent numbers, but those of a ball are not independent")
         if self.design in (Design.SOBOL, Design.SALTELLI) and self.members > MOST_SOBOL:
             raise InputError(f"a Sobol sequence has at most {MOST_SOBOL} points, got members = {self.members}")
         if self.count > MOST_MEMBERS:
@@ -119,7 +119,7 @@ class Plan:
 
     @property
     def keeps_its_first(self) -> bool:
-        """Whether the first members stay what they are when further ones are asked for."""
+        """Whether the first members are unchanged if more are requested."""
         return self.design in (Design.RANDOM, Design.SOBOL) and not self.axes
 
     def values(self, first: int, count: int) -> Array:
@@ -143,7 +143,8 @@ class Plan:
         return np.column_stack(columns)
 
     def streams(self, first: int, count: int) -> Array:
-        """(count,) numbers of the members' noise: of its draw, so that one draw has the same noise all over the grid."""
+        """(count,) noise numbers of the members: those of their draws, so that one draw has the same noise at every point of
+        the grid."""
         return self.streams_for(np.arange(first, first + count))
 
     def streams_for(self, numbers: Array) -> Array:
@@ -151,7 +152,7 @@ class Plan:
         return np.asarray(numbers % self.draws_each)
 
     def _shares(self, draw: Array) -> Array:
-        """(K, draws) for these numbers of draws, which may begin anew where the grid goes on."""
+        """(K, draws) for these numbers of draws, which may restart where the grid continues."""
         found, dimensions = np.empty((len(draw), len(self.draws))), len(self.draws)
         if self.design is Design.SALTELLI:
             return self._saltelli(draw, dimensions)
@@ -175,11 +176,12 @@ class Plan:
         if first:
             sequence.fast_forward(first)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # that the balance needs a power of two: the documentation says so
+            # the warning that the balance needs a power of two: the documentation says so
+            warnings.simplefilter("ignore", UserWarning)
             return np.asarray(sequence.random(count))
 
     def _saltelli(self, draw: Array, dimensions: int) -> Array:
-        """Rows of A, of B, then of A with one column of B, for each of the numbers that are drawn."""
+        """Rows of A, of B, then of A with one column from B, for each of the drawn numbers."""
         matrix, row = np.divmod(draw, self.members)
         both = np.empty((len(draw), 2 * dimensions))
         for block in np.unique(row // BLOCK_DRAWS):
@@ -191,7 +193,7 @@ class Plan:
         return np.where(from_b, both[:, dimensions:], both[:, :dimensions])
 
     def as_json(self) -> dict[str, object]:
-        """All that the members follow from."""
+        """Everything from which the members follow."""
         return {
             "vary": {str(path): str(axis) for path, axis in self.axes.items()},
             "sample": {str(path): str(one) for path, one in self.draws.items()},
@@ -203,7 +205,7 @@ class Plan:
 
 @lru_cache(maxsize=2)
 def _hypercube(seed: int, block: int, count: int, dimensions: int) -> Array:
-    """A block's draws, kept for the next chunk of it: one of a thousand members would else wait longest for them."""
+    """A block's draws, cached for its next chunk: for a chunk of a thousand members they would otherwise dominate the time."""
     from scipy.stats import qmc
 
     return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng([seed, block])).random(count))

@@ -1,4 +1,4 @@
-"""What is asked of every member, as ``max_abs_e[0] < 2``: a figure, a comparison, a number, and nothing else."""
+"""A requirement on every member, such as ``max_abs_e[0] < 2``: a figure, a comparison and a number."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ _FORM = re.compile(r"\s*(?P<figure>[^<>=]*?)\s*(?P<sign><=|>=|<|>)\s*(?P<limit>[
 
 @dataclass(frozen=True)
 class Requirement:
-    """``figure`` may be one controller's, as ``L1/max_abs_e[0]``, else it is every one's; without brackets all components."""
+    """``figure`` may belong to one controller, as ``L1/max_abs_e[0]``, or else to every one; without brackets all components
+    are meant."""
 
     figure: str
     sign: str
@@ -31,7 +32,7 @@ class Requirement:
 
     @classmethod
     def parse(cls, text: str) -> Requirement:
-        """InputError for what can't be parsed."""
+        """Parse a requirement; InputError for an invalid text."""
         found = _FORM.match(text)
         limit = None if found is None else _number(found["limit"])
         if found is None or not found["figure"] or limit is None:
@@ -42,7 +43,7 @@ class Requirement:
         return f"{self.figure} {self.sign} {self.limit:g}"
 
     def columns(self, names: list[str], controller: str) -> list[str]:
-        """The columns of a controller that are judged; none where the requirement is another controller's."""
+        """The columns of a controller that are judged; none if the requirement is about another controller."""
         own = [name for name in names if name.startswith(f"{controller}/")]
         figure = self.figure.removeprefix(f"{controller}/")
         return [name for name in own if name.removeprefix(f"{controller}/").split("[")[0] == figure] or [
@@ -50,13 +51,13 @@ class Requirement:
         ]
 
     def require_known(self, names: list[str], controllers: tuple[str, ...]) -> None:
-        """InputError where no controller has the figure."""
+        """InputError if no controller has the figure."""
         if not any(self.columns(names, controller) for controller in controllers):
             figures = sorted({name.split("/", 1)[1] for name in names if "/" in name})
-            raise InputError(f"the requirement {validate.show(str(self))} names no figure; known are {', '.join(figures)}")
+            raise InputError(f"the requirement {validate.show(str(self))} does not name a figure; known are {', '.join(figures)}")
 
     def broken(self, values: Array) -> Array:
-        """(M,) where a column does not meet it; a figure that a run does not have, since it diverged, does not."""
+        """(M,) whether a column violates it; a figure that is missing because the run diverged does."""
         with np.errstate(invalid="ignore"):
             return np.asarray(~COMPARISONS[self.sign](values, self.limit))
 

@@ -1,4 +1,4 @@
-"""A finished sweep: its columns, and what they are evidence of."""
+"""A finished sweep: its columns, and their evaluation."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 
 DID = {str(Class.CYCLE): "in a limit cycle"}
-"""Of classes whose names don't read well after a number."""
+"""Verbs for classes whose names do not read well after a number."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class SweepResult:
-    """Figures of all members, and their evidence.
+    """Figures of all members, and their evaluation.
 
-    resumed     members that were found in the store
-    seconds     of all that was simulated now
-    redesigned  what is designed anew for each member, by the paths from which it follows
-    redesign    whether that was asked for
-    audit       what a finer step says of the verdicts on some of the members
-    member_steps  solver steps of all members that were simulated now, those of every controller
+    resumed     number of members found in the store
+    seconds     time for everything that was simulated now
+    redesigned  what is designed again for each member, by the paths from which it follows
+    redesign    whether that was requested
+    audit       the effect of a finer step on the verdicts of some members
+    member_steps  solver steps of all members simulated now, over all controllers; 0 with a tolerance
     """
 
     case: str
@@ -61,12 +61,13 @@ class SweepResult:
 
     @property
     def judged(self) -> bool:
-        """Whether its members have verdicts: those of a store that was begun before runs were judged have none."""
+        """Whether its members have verdicts: a store that was started before runs were judged has none."""
         return f"{self.controllers[0]}/{VERDICT}" in self.rows.names
 
     @property
     def sentences(self) -> dict[str, str]:
-        """What the members did, by controllers: "of 100 members 58 follow, 40 in a limit cycle, 2 off"; none without verdicts."""
+        """The results of the members, by controller: "of 100 members 58 follow, 40 in a limit cycle, 2 off"; empty without
+        verdicts."""
         found, shares = {}, self.evidence.shares
         for name in self.controllers if self.judged else ():
             counts = {str(kind): shares[kind][name].count for kind in Class if name in shares.get(kind, {})}
@@ -79,16 +80,16 @@ class SweepResult:
 
     @property
     def unsettled(self) -> dict[str, str]:
-        """Why members are not settled, by the controllers of which some are not."""
+        """Why members are not settled, by controller, if some are not."""
         found = {}
         for name in self.controllers if self.judged else ():
             needed = self.column(f"{name}/{FINER_BY}")[self.column(f"{name}/{SETTLED}") != 1]
             finite = needed[np.isfinite(needed)]
             factors = " to ".join(f"{factor:g}" for factor in np.unique([finite.min(), finite.max()])) if len(finite) else ""
             why = {
-                f"need a step {factors} times smaller, which was not afforded, or settled nothing either": len(finite),
-                "have an oscillation that no step that is tried resolves": int(np.isinf(needed).sum()),
-                "have too many states for their oscillations to be watched": int(np.isnan(needed).sum()),
+                f"need a step {factors} times smaller, which was too expensive or did not settle them": len(finite),
+                "have an oscillation that no step tried resolves": int(np.isinf(needed).sum()),
+                "have too many states for monitoring their oscillations": int(np.isnan(needed).sum()),
             }
             if len(needed):
                 found[name] = ", ".join(f"{count} {one}" for one, count in why.items() if count)
@@ -100,25 +101,26 @@ class SweepResult:
 
     @property
     def redesign_notes(self) -> list[str]:
-        """For people, which designs are not kept."""
+        """Sentences on which designs change between members."""
         by_design: dict[tuple[str, ...], list[str]] = {}
         for path, designs in self.redesigned.items():
             by_design.setdefault(designs, []).append(path)
         return [
             f"{', '.join(designs)} {'are' if len(designs) > 1 else 'is'} designed anew for each member, from its own "
-            f"{', '.join(paths)}: this sweep tries many designs, each on the plant that it was made for, and not one design on "
-            f"many plants{'; without --redesign what is simulated varies alone' if self.redesign else ''}"
+            f"{', '.join(paths)}"
+            f": this sweep tries many designs, each on its own plant, and not one design on many "
+            f"plants{'; without --redesign what is simulated varies alone' if self.redesign else ''}"
             for designs, paths in by_design.items()
         ]
 
     def column(self, name: str) -> Array:
-        """(M,) by the members' numbers, under its name in a store: ``plant.theta[0]``, ``L1/max_abs_e[0]``."""
+        """(M,) by the members' numbers, by its name in a store: ``plant.theta[0]``, ``L1/max_abs_e[0]``."""
         if name not in self.rows.names:
             raise validate.unknown_name("column", name, self.rows.names)
         return self.rows.column(name)
 
     def to_pandas(self) -> pd.DataFrame:
-        """A row for each member; NaN for a figure that a run does not have."""
+        """A row for each member; NaN for a missing figure."""
         validate.require_extra("pandas", "tables", "to_pandas")
         import pandas as pd
 

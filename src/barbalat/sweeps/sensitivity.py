@@ -17,15 +17,15 @@ from barbalat.sweeps.statistics import CONFIDENCE_LEVEL
 from barbalat.validate import Array, counted
 
 MOST_DRAWS = 2**14
-"""Draws that an estimate is made of: its interval is then about a hundredth wide, and it takes a tenth of a second."""
+"""Largest number of draws of an estimate: its interval is then about a hundredth wide, and it takes a tenth of a second."""
 FEWEST_DRAWS = 128
-"""Below them RBD-FAST's spectrum has too few points for its ten harmonics."""
+"""Least number of draws: with fewer, RBD-FAST's spectrum has too few points for its ten harmonics."""
 RESAMPLES = 50
 """Of the bootstrap."""
 SMALLEST_SHARE_OF_VARIANCE = 1e-20
-"""Below it lies what rounding leaves of no effect: the square of a sum's, of 10^6 numbers."""
+"""A share below this is rounding: the square of that of a sum of 10^6 numbers."""
 FIGURES = ("max_abs_e", "rms_e", "tail_max_abs_e", "max_abs_u", "max_abs_y")
-"""Figures, without their components, that are looked at."""
+"""The evaluated figures, without their components."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,9 +64,9 @@ def sensitivities(rows: Rows, controllers: Sequence[str], plan: Plan) -> tuple[l
     notes: list[str] = []
     if plan.draws and plan.design is not Design.SALTELLI:
         if plan.members < FEWEST_DRAWS:
-            notes.append(f"sensitivity to what is drawn needs {FEWEST_DRAWS} draws at least, and there are {plan.members}")
+            notes.append(f"sensitivity to drawn numbers needs at least {FEWEST_DRAWS} draws, and there are {plan.members}")
         elif find_spec("SALib") is None:
-            notes.append("sensitivity to what is drawn needs the package SALib: pip install 'barbalat[study]'")
+            notes.append("sensitivity to drawn numbers needs the package SALib: pip install 'barbalat[study]'")
     if any(isinstance(one, InBall) for one in plan.draws.values()):
         notes.append("entries of a ball are not independent: their shares of a variance overlap and need not add up to the whole")
     for controller in controllers:
@@ -91,7 +91,7 @@ def _cut(share: float) -> float:
 
 
 Made = Callable[..., Sensitivity]
-"""Of one figure of one controller; it takes the rest."""
+"""A function of one figure of one controller and the remaining arguments."""
 
 
 def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:

@@ -1,6 +1,7 @@
-"""The plant or the solver? Members whose step may damp or excite what it does not resolve are run again with one that does.
+"""Does a result belong to the plant or to the solver? Members whose step may damp or excite unresolved oscillations are repeated
+with a step that resolves them.
 
-What is then known of a member, its figures as well as its verdict, is what that step says.
+The member's figures and verdict are then those with that step.
 """
 
 from __future__ import annotations
@@ -16,39 +17,43 @@ from barbalat.budget import Progress, part_of
 from barbalat.cases.build import Case
 from barbalat.open_numbers.path import FieldPath
 from barbalat.open_numbers.varied import Varied
+from barbalat.run.engine.by_tolerance import FINER
 from barbalat.run.engine.refining import Refining
 from barbalat.run.kernel import delay
+from barbalat.solvers.simulation import LEAST_TOLERANCE
 from barbalat.sweeps.chunks import Columns
 from barbalat.sweeps.study import FINER_BY, RINGS, SETTLED, VERDICT, Figured, Study, StudyPart, columns_of, run_here
 from barbalat.validate import Array, InputError
 
 PILOTS = 32
-"""Of a plan's members, by which it is decided what steps can be afforded."""
+"""Number of a plan's members from which the affordable steps are determined."""
 RERUN_COST = 4.6
-"""Of an evaluation in runs with finer steps, in processor time, as a multiple of one of the plain sweep: with the judge, the look
-for limit cycles and the audit. Measured where most members are suspects; the look for limit cycles is more than half of it."""
+"""Processor time of an evaluation in runs with finer steps, as a multiple of one of the plain sweep: it includes the judge,
+the search for limit cycles and the audit. Measured with mostly suspect members; the search for limit cycles is more than
+half of it."""
 MOST_RERUN = 9.0 / RERUN_COST
-"""Times the evaluations of the plain sweep that runs with finer steps may take in all: with it they take ten times its time."""
+"""Largest total number of evaluations of runs with finer steps, as a multiple of the plain sweep's: together they take ten
+times its time."""
 ALWAYS_RERUN = 3 * 10**8
-"""Solver steps, by their evaluations, that they may take in a small sweep too: some ten seconds of one core, which nobody trades
-for an open answer."""
+"""Solver steps that they may always take, even in a small sweep: some ten seconds of one core."""
 
 GOLDEN = (5**0.5 - 1) / 2
-"""Its multiples lie evenly in [0, 1) modulo 1: those of any run of numbers are a sample of the members."""
+"""Its multiples are evenly distributed in [0, 1) modulo 1: any sequence of them samples the members."""
 
 Work = Generator[list[StudyPart], list[list[Figured]], Columns]
-"""Yields parts to be run, wherever that is, takes their figures, and comes to columns."""
+"""Yields parts to be run anywhere, receives their figures, and returns columns."""
 
 
 class Step(NamedTuple):
-    """How much smaller a step is, and whether it is one of the method that resolves more, see ``Refining``, or the case's own."""
+    """The factor by which a step is smaller, and whether it uses the method that resolves more, see ``Refining``, or the
+    case's own."""
 
     factor: int
     refined: bool
 
 
 class Afforded(NamedTuple):
-    """Which members run again: all whose step need be smaller by ``finest`` at most, and a share of those who need up to
+    """The members that are repeated: all that need a factor of at most ``finest``, and a share of those that need up to
     ``beyond``."""
 
     finest: float
@@ -59,7 +64,8 @@ class Afforded(NamedTuple):
         return str(self.finest) + (f" and {self.share:.17g} up to {self.beyond:g}" if self.share else "")
 
     def admits(self, numbers: Array, factor: float) -> Array:
-        """(K,) which members with these numbers run again with a step smaller by ``factor``; by number, whoever runs beside."""
+        """(K,) which members with these numbers are repeated with a step smaller by ``factor``; the answer depends only on
+        their numbers."""
         if factor <= self.finest or factor > self.beyond:
             return np.full(len(numbers), factor <= self.finest)
         return np.asarray((numbers * GOLDEN) % 1.0 < self.share)
@@ -67,14 +73,17 @@ class Afforded(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Finer(Varied):
-    """The cases of a study with another step. A sampled controller keeps its sample time, and a sampled law its own steps."""
+    """The cases of a study with another step. A sampled controller keeps its sample time, and a sampled law its own steps.
+
+    With a tolerance it is the finer one by which runs are measured, whatever the step.
+    """
 
     varied: Varied
     step: Step
 
     @property
     def paths(self) -> tuple[FieldPath, ...]:  # type: ignore[override]
-        """The paths of what is refined."""
+        """The paths of the refined settings."""
         return self.varied.paths
 
     @property
@@ -84,13 +93,16 @@ class Finer(Varied):
     def at(self, values: Sequence[float] | Array) -> Case:
         case = self.varied.at(values)
         own = case.simulation
+        if own.tolerance is not None:
+            return replace(case, simulation=replace(own, tolerance=max(FINER * own.tolerance, LEAST_TOLERANCE)))
         solver = Refining.of(own.solver, delayed=case.problem.delay > 0).solver if self.step.refined else own.solver
         return replace(case, simulation=replace(own, dt=own.dt / self.step.factor, solver=solver))
 
 
 @dataclass(frozen=True, eq=False)
 class Rerun:
-    """Members with one controller and another step: ``places`` among those that were asked for, ``part`` what is run."""
+    """Members with one controller and another step: ``places`` are their indices among those requested, ``part`` is what is
+    run."""
 
     controller: int
     places: Array
@@ -100,9 +112,9 @@ class Rerun:
 
 @dataclass(eq=False)
 class Settling:
-    """A study whose members are run again where their own step does not settle what became of them, if it ``settles``.
+    """A study whose members are repeated if their own step does not settle their result, if it ``settles``.
 
-    kernels  among how many, about, the members were spread that were run last: by their own step, and by finer ones
+    kernels  approximate numbers of kernels of the members that ran last: with their own step, and with finer ones
     """
 
     study: Study
@@ -118,7 +130,7 @@ class Settling:
         return self._finer[step]
 
     def work(self, numbers: Array) -> Work:
-        """All columns of the members with these numbers, (K,); InputError, with its number, for one that makes no case."""
+        """All columns of the members with these numbers, (K,); InputError, with its number, for one that gives no valid case."""
         parts = list(self.study.parts_for(numbers))
         found = self.study.columns_for(numbers, parts, (yield parts))
         reruns = list(self._reruns(found)) if self.settles else []
@@ -131,7 +143,7 @@ class Settling:
         return found
 
     def run(self, numbers: Array, *, threads: int | None = None, progress: Progress | None = None) -> Columns:
-        """The same, in threads of this process; ``progress`` expects reruns as many as the members before had."""
+        """The same, in threads of this process; ``progress`` expects as many repetitions as for earlier members."""
         own = 1 / (1 + (1.0 if self._expected is None else self._expected))
         shares = part_of(progress, 0.0, own), part_of(progress, own, 1 - own)
         return done_here(self.work(numbers), threads=threads, progress=shares)
@@ -145,16 +157,18 @@ class Settling:
                     yield from self.again(found["member"], places, i, Step(int(factor), refined=True))
 
     def again(self, numbers: Array, places: Array, controller: int, step: Step) -> Iterator[Rerun]:
-        """The members at these places with another step; without those that this step refuses, or that have no room with it.
+        """These members with another step, without those that this step refuses or whose cost is too high.
 
-        A delay that varies may be a whole number of the finer steps wherever it was tried: its weights then pass for constants.
-        Such members stay unsettled, whoever else runs with them.
+        A varied delay may be a whole number of the finer steps at every tried value: its weights then look constant. Such members
+        stay unsettled, whichever other members run with them.
         """
         study = self.finer(step)
         try:
             parts = [replace(one, members=one.members[controller : controller + 1]) for one in study.parts_for(numbers[places])]
             for part in parts:
                 (one,) = part.members
+                if one.attempts is not None:
+                    continue
                 delay.require_memory(one.longest_delay, one.loop.inputs, len(one), part.setting.simulation.dt)
         except InputError:
             if len(places) > 1:
@@ -165,7 +179,7 @@ class Settling:
             yield Rerun(controller, places[part.which], part, study)
 
     def _settle(self, found: Columns, rerun: Rerun, fine: Figured) -> None:
-        """Take what the finer step says; whether estimates oscillate at the case's own step stays beside it."""
+        """Use the results of the finer step; whether estimates oscillate with the case's own step is kept as well."""
         name, resolved = self.study.controllers[rerun.controller], fine.finer_by == 0
         (rings,) = rerun.study.oscillated(rerun.part.setting, [fine.metrics], rerun.controller)
         columns = columns_of(fine.metrics) | {VERDICT: fine.kinds, RINGS: rings, SETTLED: np.ones(len(resolved))}
@@ -174,9 +188,9 @@ class Settling:
 
     @cached_property
     def afforded(self) -> Afforded:
-        """Who runs again, so that all reruns together stay below MOST_RERUN plain sweeps.
+        """The limits for repeated members, so that all repetitions together cost less than MOST_RERUN plain sweeps.
 
-        By what the plan's first members need, so that it does not depend on which members run together.
+        They follow from the plan's first members, so that they don't depend on which members run together.
         """
         within = max(MOST_RERUN, ALWAYS_RERUN / (len(self.study) * self.study.steps))
         tried = sorted({factor for factor, _ in self._needed})
@@ -188,7 +202,7 @@ class Settling:
         return Afforded(finest, beyond, (within - taken) / (self.expected(beyond) - taken))
 
     def cost(self, columns: Callable[[str], Array]) -> str | None:
-        """What the runs that settled members took beside the plain sweep, as a sentence; None where there are none."""
+        """The cost of the repetitions compared with the plain sweep, as a sentence; None if there are none."""
         case, found = self.study.example, 0.0
         refining = Refining.of(case.simulation.solver, delayed=case.problem.delay > 0)
         for controller in self.study.controllers:
@@ -197,25 +211,26 @@ class Settling:
         if not found:
             return None
         return (
-            f"runs with finer steps took {found:.2g} times the evaluations of the sweep's own step, and up to "
-            f"{RERUN_COST * found:.2g} times its processor time; allowed are nine times, or some ten seconds of a core where "
-            "that is more"
+            f"runs with finer steps took {found:.2g} times the evaluations of the sweep'"
+            f"s own step, and up to {RERUN_COST * found:.2g} times its processor time"
+            "; the limit is nine times, or some ten seconds of a core if that is more"
         )
 
     def expected(self, finest: float) -> float:
-        """Evaluations that all reruns with factors up to ``finest`` take, as a multiple of the plain sweep's."""
+        """Evaluations of all repetitions with factors up to ``finest``, as a multiple of the plain sweep's."""
         each = len(self.study.controllers) * self._pilots
         return sum(work for factor, work in self._needed if factor <= finest) / each
 
     @property
     def reruns(self) -> float:
-        """Evaluations that the reruns are expected to take, as a multiple of the plain sweep's."""
+        """Expected evaluations of the repetitions, as a multiple of the plain sweep's."""
         finest, beyond, share = self.afforded
         return (1 - share) * self.expected(finest) + share * self.expected(beyond)
 
     @property
     def settled(self) -> float:
-        """Share of the plan's first members, those of all controllers, that their own step settles, or one that is afforded."""
+        """The share of the plan's first members, over all controllers, that are settled by their own step, or by one that is
+        afforded."""
         finest, beyond, share = self.afforded
         each = len(self.study.controllers) * self._pilots
         left = sum(1.0 if factor > max(finest, beyond) else (1.0 - share) * (factor > finest) for factor, _ in self._needed)
@@ -227,12 +242,12 @@ class Settling:
 
     @property
     def _needed(self) -> list[tuple[float, float]]:
-        """Of the plan's first members and each controller that needs one a factor, and the evaluations it takes."""
+        """For each of the plan's first members and each controller that needs one, a factor and the evaluations that it takes."""
         return [one for one in self._looked_at if 0 < one[0] < np.inf]
 
     @property
     def _unknown(self) -> int:
-        """Of how many of them no factor is enough, or nobody knows."""
+        """The number of them for which no factor is sufficient, or none is known."""
         return sum(not np.isfinite(factor) for factor, _ in self._looked_at)
 
     @cached_property
@@ -251,12 +266,12 @@ class Settling:
 
 
 def settled_by(columns: Callable[[str], Array], controller: str) -> Array:
-    """(K,) the factor with which each member was settled: 0 at its own step, NaN where it is not settled, or nobody looked."""
+    """(K,) the factor by which each member was settled: 0 for its own step, NaN if it is not settled or was not examined."""
     return np.where(columns(f"{controller}/{SETTLED}") == 1, columns(f"{controller}/{FINER_BY}"), np.nan)
 
 
 def done_here(work: Work, *, threads: int | None = None, progress: Sequence[Progress | None] = ()) -> Columns:
-    """Do the work in threads of this process; ``progress`` has one for each time that it asks for parts."""
+    """Do the work in threads of this process; ``progress`` has one entry for each request for parts."""
     told = iter(progress)
     try:
         parts = next(work)

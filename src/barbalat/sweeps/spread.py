@@ -13,9 +13,9 @@ from barbalat import validate
 from barbalat.validate import Array, InputError
 
 SMALLEST_SHARE, LARGEST_SHARE = 2.0**-54, 1 - 2.0**-53
-"""Of what lies below a drawn value: 0 and 1 themselves would be the infinite ends of a normal distribution."""
+"""Limits of the probability below a drawn value: 0 and 1 would be the infinite ends of a normal distribution."""
 MOST_VALUES = 10**7
-"""Of an axis: all of them are kept, 80 MB."""
+"""Largest number of values of an axis: all are kept, 80 MB."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class InBall:
 
 
 SHARE_OF_RADIUS = 1 - 2.0**-40
-"""Of a ball's radius: with all roundings every draw lies inside."""
+"""Share of a ball's radius: every draw is inside despite rounding."""
 
 DISTRIBUTIONS: dict[str, type[Uniform] | type[LogUniform] | type[Normal]] = {
     "uniform": Uniform,
@@ -182,8 +182,8 @@ def parse_distribution(text: str) -> Distribution:
     name, *numbers = text.split(":")
     if name not in DISTRIBUTIONS or len(numbers) != 2:
         raise InputError(
-            "a distribution must be uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B, or for plant.theta and the like "
-            f"known-set, or for parameters between, got {validate.show(text)}"
+            "a distribution must be uniform:A:B, normal:MEAN:DEVIATION or loguniform:A:B, "
+            f"or known-set for plant.theta and similar, or between for parameters, got {validate.show(text)}"
         )
     try:
         first, second = map(float, numbers)

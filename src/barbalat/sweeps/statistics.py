@@ -1,6 +1,6 @@
-"""What many runs say, with intervals that assume no distribution: shares, medians, and who is better beyond chance.
+"""Statistics of many runs, with intervals that assume no distribution: shares, medians, and significant differences.
 
-A run that failed has an infinite figure: it is one run on the worse side and no more, and nobody is left out.
+A failed run has an infinite figure: it counts as one run on the worse side, and is never left out.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ CONFIDENCE_LEVEL = 0.95
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """How many of the members that could be judged; the interval is Clopper and Pearson's.
+    """The share of the members that could be judged; the interval is Clopper and Pearson's.
 
-    judged  members; what is not known of a member is not counted as met
+    judged  number of members judged; unknown verdicts are not counted as met
     """
 
     count: int
@@ -30,7 +30,7 @@ class Share:
 
     @classmethod
     def of(cls, counted: Array, judged: Array | None = None) -> Share:
-        """The share of the true values among all, or among those that are ``judged``."""
+        """The share of the true values among all, or among the ``judged`` ones."""
         return cls(count=int(counted.sum()), judged=len(counted) if judged is None else int(judged.sum()))
 
     @property
@@ -46,7 +46,7 @@ class Share:
 
     @property
     def chance(self) -> float:
-        """How likely a share so far from one half, or farther, is where both ways are equally likely: the exact sign test."""
+        """The probability of a share at least this far from one half if both outcomes are equally likely: the exact sign test."""
         from scipy.stats import binomtest
 
         return float(binomtest(self.count, self.judged).pvalue)
@@ -63,17 +63,17 @@ class Share:
 
 @dataclass(frozen=True, kw_only=True)
 class SplitShare(Share):
-    """A share of which some members are not settled: each of them may or may not belong to it.
+    """A share with members that are not settled, each of which may or may not belong to it.
 
-    count      members of which it is settled that they do
-    unsettled  members of which nothing is settled
+    count      number of members that belong to it with a settled verdict
+    unsettled  number of members without a settled verdict
     """
 
     unsettled: int = 0
 
     @property
     def interval(self) -> tuple[float, float]:
-        """From where no unsettled member belongs to the share to where all of them do."""
+        """The interval from no unsettled member belonging to the share to all of them belonging to it."""
         least = Share(count=self.count, judged=self.judged, confidence=self.confidence).interval
         most = Share(count=self.count + self.unsettled, judged=self.judged, confidence=self.confidence).interval
         return least[0], most[1]
@@ -87,10 +87,10 @@ Compared = TypeVar("Compared", bound=Hashable)
 
 
 def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
-    """1 where a share is above one half beyond chance, -1 where it is below, 0 where neither is known.
+    """1 if a share is significantly above one half, -1 if it is below, 0 otherwise.
 
-    Holm's correction (Scandinavian Journal of Statistics 6, 1979) holds for however many comparisons, dependent or not: where all
-    shares are one half, any is called otherwise with a probability of 1 - CONFIDENCE_LEVEL at most.
+    Holm's correction (Scandinavian Journal of Statistics 6, 1979) is valid for any number of comparisons, dependent or not: if
+    all shares are one half, the probability that any is called otherwise is at most 1 - CONFIDENCE_LEVEL.
     """
     found = dict.fromkeys(shares, 0)
     for left, name in zip(range(len(shares), 0, -1), sorted(shares, key=lambda one: shares[one].chance), strict=True):
@@ -104,9 +104,9 @@ def beyond_chance(shares: Mapping[Compared, Share]) -> dict[Compared, int]:
 class Median:
     """The median of a figure, whose values may be infinite, with its interval.
 
-    value     the mean of the two in the middle where their number is even; the lower one of an infinity and its opposite
-    interval  from the k-th smallest to the k-th largest value, exact by the binomial distribution of how many are below
-              (Conover, Practical Nonparametric Statistics, section 3.2); without an end where there are too few values for one
+    value     the mean of the two middle values if their number is even; the lower one for an infinity and its opposite
+    interval  from the k-th smallest to the k-th largest value, exact by the binomial distribution of the number below (Conover,
+              Practical Nonparametric Statistics, section 3.2); an end is missing if there are too few values
     """
 
     value: float
@@ -115,7 +115,7 @@ class Median:
 
     @classmethod
     def of(cls, values: Array) -> Median:
-        """The median of these values; NaN, of a run that has no figure, counts as infinite."""
+        """The median of these values; NaN, for a run without the figure, counts as infinite."""
         from scipy.stats import binom
 
         ordered = np.sort(np.where(np.isnan(values), np.inf, values))

@@ -1,8 +1,8 @@
-"""A sweep on disk: a folder of Parquet files, each of a chunk or a part of one, and an index. What is stored stays.
+"""A sweep on disk: a folder of Parquet files, each with a chunk or a part of one, and an index. Stored rows are never changed.
 
-Everything in the folder of a sweep at rest is Parquet, so that pandas, Polars and DuckDB read the folder as one table: the index
-is a file without rows, and its JSON stands in the file's metadata. While a sweep is written a lock and a folder for what is not
-complete yet lie there too, both hidden.
+When no sweep is running, every file in the folder is Parquet, so that pandas, Polars and DuckDB read the folder as one table: the
+index is a file without rows, and its JSON is in the file's metadata. While a sweep is written, the folder also contains a lock
+and a folder for incomplete data, both hidden.
 """
 
 from __future__ import annotations
@@ -50,9 +50,9 @@ LOCK_FILE, WRITING_DIR = ".lock", ".writing"
 
 @dataclass(eq=False)
 class Store:
-    """A folder that this process alone writes; see ``opened``.
+    """A folder that only this process writes; see ``opened``.
 
-    damaged  names of files that are not what was stored, or are gone: their chunks are made again
+    damaged  names of files that are missing or differ from what was stored: their chunks are computed again
     """
 
     folder: Path
@@ -63,12 +63,12 @@ class Store:
 
     @property
     def chunks(self) -> list[Chunk]:
-        """All of the sweep's."""
+        """All chunks of the sweep."""
         return list(chunks_of(self.index.members, self.index.chunk))
 
     @property
     def missing(self) -> list[Chunk]:
-        """The chunks that are not there yet; of a chunk that is there in part what it lacks."""
+        """The chunks that are missing, or the missing parts of incomplete ones."""
         holes, here = [], 0
         for first, count in sorted((file["first"], file["count"]) for file in self.index.files.values()):
             holes.append((here, first))
@@ -88,11 +88,11 @@ class Store:
         return sum(file["count"] for file in self.index.files.values())
 
     def add(self, chunk: Chunk, columns: Columns) -> None:
-        """A chunk's columns: on disk when this returns, or not at all."""
+        """Add a chunk's columns: they are on disk when this returns, or not at all."""
         self.add_all([(chunk, columns)])
 
     def add_all(self, made: Sequence[tuple[Chunk, Columns]]) -> None:
-        """Store several chunks, each in a file of its own, with one index after them."""
+        """Store several chunks, each in its own file, and then one index."""
         before = dict(self.index.files)
         try:
             schemas = [self._add(chunk, columns) for chunk, columns in made]
@@ -115,9 +115,9 @@ class Store:
         return table.schema
 
     def remove_unlisted(self) -> None:
-        """Files of members that the index does not name: a writer was killed before it wrote the index.
+        """Remove files of members that the index does not list, because a writer was killed before it wrote the index.
 
-        Their members are run again, in other pieces perhaps, and who reads the folder as one table would have them twice.
+        Their members are run again, perhaps in other pieces, and would occur twice if the folder were read as one table.
         """
         for file in self.folder.iterdir():
             if _ours(file) and file.name not in self.index.files:
@@ -133,7 +133,7 @@ class Store:
         self._write(INDEX_FILE, buffer.getvalue())
 
     def _write(self, name: str, content: bytes) -> None:
-        """Under another name first, and under its own when it is on the disk: nobody ever sees half of it."""
+        """Write under another name first, and rename once it is on the disk: no reader ever sees an incomplete file."""
         temporary = self.folder / WRITING_DIR / name
         temporary.parent.mkdir(exist_ok=True)
         try:
@@ -148,7 +148,7 @@ class Store:
 
     @property
     def names(self) -> list[str]:
-        """The columns that its rows have, and go on to have; none where nothing is stored yet."""
+        """The columns of its rows, which later rows must have too; none if nothing is stored yet."""
         return names_in(self.folder)
 
     def rows(self) -> StoredRows:
@@ -156,16 +156,18 @@ class Store:
 
 
 STORED_EVERY = 3.0
-"""Seconds after which what is complete is stored: what a kill costs, beside what is being run."""
+"""Seconds between stores of completed chunks: a kill loses this much, in addition to the running chunks."""
 MANY_FILES, FILES_FOR_DOUBLE = 1024, 512
-"""A store of so many files is written less often, and with so many more again half as often: 4096 files are a day's."""
+"""Number of files above which a store is written less often, and half as often again with this many more: 4096 files
+correspond to a day."""
 MOST_WAITING = 4
-"""Chunks that wait in memory, in parts, at most: workers complete them in any order."""
+"""Largest number of chunks that wait in memory, in parts: workers complete them in any order."""
 
 
 @dataclass(eq=False)
 class Waiting:
-    """What is complete and not stored yet; a chunk is stored as soon as nothing of it is missing, all else every few seconds."""
+    """Results that are complete but not yet stored; a chunk is stored as soon as it is complete, everything else every few
+    seconds."""
 
     store: Store
     made: list[tuple[Chunk, Columns]] = field(default_factory=list)
@@ -175,7 +177,7 @@ class Waiting:
         self.stored_at = time.perf_counter()
 
     def add(self, chunk: Chunk, columns: Columns) -> None:
-        """Take up what is complete, and store what is due."""
+        """Add complete results, and store what is due."""
         self.made.append((chunk, columns))
         waiting = sum(one.size for one, _ in self.made)
         if time.perf_counter() - self.stored_at >= self.pause or waiting >= MOST_WAITING * self.store.index.chunk:
@@ -194,14 +196,14 @@ class Waiting:
         return float(STORED_EVERY * 2.0 ** max((len(self.store.index.files) - MANY_FILES) / FILES_FOR_DOUBLE, 0.0))
 
     def put(self) -> None:
-        """Store what waits; what could not be stored is forgotten."""
+        """Store what is waiting; what could not be stored is dropped."""
         runs, self.made = self._runs(), []
         if runs:
             self.store.add_all([_joined(several) for several in runs])
         self.stored_at = time.perf_counter()
 
     def _runs(self) -> list[list[tuple[Chunk, Columns]]]:
-        """What goes into one file each: members of a chunk that follow one another."""
+        """The contents of single files: consecutive members of a chunk."""
         together: list[list[tuple[Chunk, Columns]]] = []
         for one in sorted(self.made, key=lambda one: one[0]):
             first = one[0].first
@@ -232,11 +234,11 @@ def opened(
     *,
     grows: bool = False,
 ) -> Iterator[Store]:
-    """A new store, or one to go on with, of this process alone; of one that is complete nothing is written.
+    """A new store, or one to continue, locked for this process; a complete one is not written.
 
-    grows  it may have fewer members than are asked for now, the first ones of the same plan
+    grows  it may have fewer members than are now requested, the first ones of the same plan
 
-    InputError for a folder that can't be written, that another process writes, or that holds another sweep or other things.
+    InputError for a folder that can't be written, that another process writes, or that contains another sweep or other files.
     """
 
     folder = validate.local_path("the store", folder)
@@ -268,10 +270,9 @@ def opened(
 
 
 def require_place(folder: Path) -> None:
-    """InputError for a folder that ``opened`` would refuse whatever is to be stored, and without what a store needs.
+    """InputError for a folder that ``opened`` would refuse in any case, and if a store's dependencies are missing.
 
-    A command asks this before it computes anything. Nothing is left of the attempt, and of a store that is complete nothing is
-    written.
+    A command calls this before it computes anything. The test leaves nothing behind, and does not write a complete store.
     """
     require_parquet()
     folder = validate.local_path("the store", folder)
@@ -283,7 +284,7 @@ def require_place(folder: Path) -> None:
 
 
 def _require_empty(folder: Path) -> None:
-    """InputError where others' files lie there."""
+    """InputError if the folder contains other files."""
     ours = (LOCK_FILE, WRITING_DIR)
     if foreign := sorted(one.name for one in folder.iterdir() if one.name not in ours and not _ours(one)):
         raise InputError(f"the store {str(folder)!r} holds other files, such as {foreign[0]!r}: choose another folder")
@@ -299,7 +300,7 @@ def _ours(file: Path) -> bool:
 
 @contextlib.contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """The folder, made if need be, of this process alone; it goes again where it stays empty."""
+    """The folder, made if necessary and locked for this process; it is removed if it stays empty."""
     from filelock import FileLock, Timeout
 
     refusal = f"the store {str(folder)!r} cannot be written"
@@ -316,13 +317,14 @@ def _locked(folder: Path) -> Iterator[None]:
             yield
         finally:
             shutil.rmtree(folder / WRITING_DIR, ignore_errors=True)
-            with contextlib.suppress(OSError):  # while it is held: who waits for it sees that it is gone, and makes a new one
+            # while it is locked: a process that waits for it sees that it is gone, and makes a new one
+            with contextlib.suppress(OSError):
                 (folder / LOCK_FILE).unlink()
             lock.release()
 
 
 def _sync(folder: Path) -> None:
-    """Have the folder's own entries on the disk; Windows has no handle for that, and does it by itself."""
+    """Flush the folder's own entries to the disk; Windows has no handle for that, and does it by itself."""
     if sys.platform == "win32":
         return
     handle = os.open(folder, os.O_RDONLY)
@@ -333,7 +335,7 @@ def _sync(folder: Path) -> None:
 
 
 def _table(columns: Columns) -> pa.Table:
-    """A figure that a member does not have is null."""
+    """A missing figure is null."""
     import pyarrow as pa
 
     found = {}

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 INDEX_FILE = "_index.parquet"
 INDEX_KEY = b"barbalat"
-"""Of the index in its file's metadata; its ``checksum`` stands under ``KEY + b".sha256"``."""
+"""The key of the index in its file's metadata; its ``checksum`` is under ``KEY + b".sha256"``."""
 READ_AT_ONCE = 2**27
-"""Bytes of columns that are read together."""
+"""Bytes of columns read at once."""
 NAMES_OF_DIFFERENCES = {
     "case": "another case file",
     "plan": "other --vary, --sample, --members, --design or --seed",
@@ -34,7 +34,7 @@ NAMES_OF_DIFFERENCES = {
     "judge": "the verdicts of another judge",
     "bounds": "the other choice of --no-bounds",
 }
-"""What differs, by the keys of ``Study.identity``."""
+"""The difference, by the keys of ``Study.identity``."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ def require_parquet(purpose: str = "a store") -> None:
 
 
 def read_index(folder: Path) -> StoreIndex | None:
-    """None where there is none; InputError where it can't be read."""
+    """None if there is none; InputError where it can't be read."""
     from pyarrow import ArrowException
 
     try:
@@ -92,7 +92,7 @@ def read_index(folder: Path) -> StoreIndex | None:
         return StoreIndex(**json.loads(text))
     except (ArrowException, OSError, ValueError, LookupError, TypeError):
         raise InputError(
-            f"the index of the store {str(folder)!r} is damaged: delete {INDEX_FILE} there; the same command then begins anew"
+            f"the index of the store {str(folder)!r} is damaged: delete {INDEX_FILE} there; the same command then starts again"
         ) from None
 
 
@@ -121,7 +121,7 @@ def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, flo
     """A member's row, also of a store that is being written; InputError where it is another sweep's or lacks the member."""
     index = read_index(folder)
     if index is None:
-        raise InputError(f"the store {str(folder)!r} holds no sweep")
+        raise InputError(f"the store {str(folder)!r} does not contain a sweep")
     require_same(folder, index, identity)
     return StoredRows(folder, index).row(member)
 

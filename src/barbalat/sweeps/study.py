@@ -1,4 +1,5 @@
-"""A sweep ready to run: any of its members are simulated by their numbers alone, alike whoever else is with them."""
+"""A sweep that is ready to run: any members can be simulated from their numbers alone, with results that don't depend on the
+other members."""
 
 from __future__ import annotations
 
@@ -17,6 +18,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
+from barbalat.run.engine.by_tolerance import run_members
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import Terms, judged
 from barbalat.run.engine.refining import FACTORS, NEGLIGIBLE, ORDER_EIGHT_FACTORS, finer_by, needed_by_modes
@@ -32,20 +34,20 @@ from barbalat.sweeps.plan import Plan
 from barbalat.validate import Array, InputError
 
 REFERENCE_MODEL = "the reference model"
-"""Beside the names of controllers, what a member's own numbers may have been used for."""
+"""Uses of a member's numbers, in addition to the names of controllers."""
 OF_THE_DESIGN = ("controller", "reference_model", "uncertainty", "reference", "simulation")
-"""First keys of what a designer chooses or knows: whoever varies these asks for other designs. All else is the plant's."""
+"""First keys of a designer's choices and knowledge: varying them means other designs. All other keys belong to the plant."""
 OF_NO_DESIGN = (("plant", "x0"),)
-"""The state is measured, so that a predictor begins at its initial value: that designs nothing."""
+"""The state is measured, so a predictor begins at its initial value, which is not a design choice."""
 DESIGN_ROUNDING = 1e-9
-"""Of the largest number of an array: far above what rounding leaves of a matrix that does not depend on what varies."""
+"""Share of the largest number of an array: far above the rounding of a matrix that does not depend on the varied numbers."""
 
 
 def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
-    """What is made anew for each member, by the paths of the plant's numbers from which it follows.
+    """What is designed again for each member, by the paths of the plant's numbers from which it follows.
 
-    A gain or a reference model that is computed from the plant is no longer that of the case: such a sweep tries many designs,
-    each on the plant that it was made for, and not one design on many plants.
+    A gain or a reference model computed from the plant is no longer that of the case: such a sweep tries many designs, each on
+    its own plant, and not one design on many plants.
     """
     found: dict[str, tuple[str, ...]] = {}
     base = varied.at(tried.middle)
@@ -61,7 +63,7 @@ def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
 
 
 def _designs(base: Case, cases: Sequence[Case]) -> list[list[tuple[Array, ...]]]:
-    """The arrays of the reference model, then those of each controller's equations: of the base and of the others."""
+    """The arrays of the reference model, then those of each controller's equations: for the base and for the others."""
     designs = [[template.Columns(case.problem.model.matrices).leaves for case in (base, *cases)]]
     for i in range(len(base.controllers)):
         loops = [ClosedLoop.of(case.problem, case.controllers[i]) for case in (base, *cases)]
@@ -80,18 +82,19 @@ def _alike(one: Sequence[Array], other: Sequence[Array]) -> bool:
 
 
 OSCILLATED = "oscillated"
-"""A controller's column: whether its estimates ring; NaN where it has none, or where their range is not known."""
+"""A controller's column: whether its estimates oscillate; NaN if it has none, or if their range is unknown."""
 VERDICT, SETTLED, RINGS, FINER_BY = "verdict", "settled", "rings", "finer_by"
-"""A controller's columns: the number of the judge's class; 1 where that class is settled, 0 where it is not, NaN where nobody
-looked; as ``oscillated``, but by a finer step where one was needed; and what step the member needs, see ``judging.finer_by``."""
+"""A controller's columns: the number of the judge's class; 1 if that class is settled, 0 if not, NaN if unchecked;
+``oscillated`` by a finer step if one was needed; and the step that the member needs, see ``judging.finer_by``."""
 TRIED_SHARES = (0.03, 0.4, 0.97)
-"""Of a distribution, from one end to the other without its far tails, which may lie beyond what a constructor takes."""
+"""Quantiles of a distribution, without its far tails, which a constructor may reject."""
 MOST_SETTINGS = 64
-"""Kernels that are kept for members to come."""
+"""Number of kernels kept for later members."""
 
 
 class Figured(NamedTuple):
-    """What M runs of one controller came to: figures, (M,) numbers of the judge's classes, how much finer a step they need."""
+    """The results of M runs of one controller: figures, (M,) numbers of the judge's classes, and how much finer a step they
+    need."""
 
     metrics: Metrics
     kinds: Array
@@ -100,7 +103,7 @@ class Figured(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StudyPart:
-    """Members with one set of signals: their places among those asked for, and what each controller's kernel is given."""
+    """Members with one set of signals: their indices among those requested, and the arguments of each controller's kernel."""
 
     which: Array
     setting: Setting
@@ -108,7 +111,7 @@ class StudyPart:
 
     @property
     def work(self) -> int:
-        """Evaluations of the equations, those of all its members and controllers."""
+        """Evaluations of the equations, over all members and controllers."""
         simulation = self.setting.simulation
         return len(self.which) * len(self.members) * simulation.steps * len(simulation.solver.b)
 
@@ -118,7 +121,8 @@ class Study:
     """The members of a plan on a case.
 
     varied   the case, with other numbers at the plan's paths
-    motions  of settings' models, by the settings' numbers and instants: studies of the same case with other steps may share them
+    motions  motions of settings' models, by the settings' numbers and instants: studies of the same case with other steps may
+             share them
     """
 
     varied: Varied
@@ -143,7 +147,7 @@ class Study:
 
     @property
     def steps(self) -> int:
-        """The solver steps of a member's run, the most that any has among the ends of what varies; all controllers counted."""
+        """The solver steps of a member's run, the maximum over the ends of what varies; summed over all controllers."""
         found = [self.example]
         for column, kind in enumerate(self.kinds):
             if kind is Kind.STRUCTURE:
@@ -151,16 +155,17 @@ class Study:
         return max(case.simulation.steps for case in found) * len(self.example.controllers)
 
     def values(self, first: int, count: int) -> Array:
-        """(count, paths) what varies, of the members from number ``first`` on."""
+        """(count, paths) the varied numbers of the members from number ``first`` on."""
         return self.plan.values(first, count)
 
     def run(self, first: int, count: int, *, threads: int | None = None, progress: Progress | None = None) -> Columns:
-        """All columns of these members, each at the case's own step; InputError, with its number, for one that makes no case."""
+        """All columns of these members, each with the case's own step; InputError, with its number, for one that gives no
+        valid case."""
         parts = list(self.parts(first, count))
         return self.columns(first, count, parts, run_here(parts, threads=threads, progress=progress))
 
     def parts(self, first: int, count: int) -> Iterator[StudyPart]:
-        """Members that run together, ready for their kernels; InputError, with its number, for one that makes no case."""
+        """Members that run together, ready for their kernels; InputError, with its number, for one that gives no valid case."""
         return self.parts_for(np.arange(first, first + count))
 
     def parts_for(self, numbers: Array) -> Iterator[StudyPart]:
@@ -174,11 +179,12 @@ class Study:
                 raise InputError(f"member {int(numbers[which[error.place]])}: {error}") from None
 
     def columns(self, first: int, count: int, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
-        """All columns of members whose parts have run, by each part's figures of each controller."""
+        """All columns of members whose parts have run, from each part's figures of each controller."""
         return self.columns_for(np.arange(first, first + count), parts, figures)
 
     def columns_for(self, numbers: Array, parts: Sequence[StudyPart], figures: Sequence[Sequence[Figured]]) -> Columns:
-        """All columns of the members with these numbers, (K,), whose parts have run, at the case's own step; see ``columns``."""
+        """All columns of the members with these numbers, (K,), whose parts have run, with the case's own step; see
+        ``columns``."""
         rows, count = self.plan.values_for(numbers), len(numbers)
         found: Columns = {"member": numbers}
         found |= {str(path): rows[:, i] for i, path in enumerate(self.plan.paths)}
@@ -204,7 +210,7 @@ class Study:
         yield from np.split(order, np.flatnonzero(np.diff(group.reshape(-1)[order])) + 1)
 
     def setting(self, row: Array, *, windows: int = 1) -> Setting:
-        """The one to which a member belongs; ``windows`` as of ``Members``."""
+        """The setting to which a member belongs; ``windows`` as in ``Members``."""
         base = self.tried.middle.copy()
         structural = [column for column, kind in enumerate(self.kinds) if kind is Kind.STRUCTURE]
         driven = [column for column, kind in enumerate(self.kinds) if kind is Kind.SIGNAL]
@@ -232,7 +238,7 @@ class Study:
         return self.motions[key]
 
     def oscillated(self, setting: Setting, metrics: Sequence[Metrics], first: int = 0) -> list[Array]:
-        """Of controllers from number ``first`` on (M,): 1 where estimates swing, NaN where nothing says what is much."""
+        """For controllers from number ``first`` on (M,): 1 if estimates oscillate, NaN if it is unknown what is large."""
         problem, motion = setting.example.problem, self._motion(setting)
         found = []
         controllers = setting.example.controllers[first : first + len(metrics)]
@@ -245,7 +251,8 @@ class Study:
 
     @cached_property
     def _needed_by_modes(self) -> list[float]:
-        """For each controller, the largest of the middle member and of the ends of what varies of the plant and its step."""
+        """For each controller, the refinement needed at most by the middle member and by the ends of the varied plant numbers
+        and step."""
         rows = [self.tried.middle]
         for column, path in enumerate(self.plan.paths):
             if path.keys[0] in ("plant", "parameters", "simulation"):
@@ -263,20 +270,22 @@ class Study:
 
     @cached_property
     def unexamined(self) -> dict[str, str]:
-        """Why nobody can say whether a controller's estimates swing, by its name; without those of which it is said."""
+        """Why it can't be decided whether a controller's estimates oscillate, by its name; controllers for which it can are
+        left out."""
         widths = (known_width(self.example.problem, one) for one in self.example.controllers)
         found = {}
         for name, width in zip(self.controllers, widths, strict=True):
             if len(width) == 0:
                 found[name] = "it has no estimates"
             elif not np.isfinite(width).all():
-                found[name] = "the range in which its estimates lie is not known"
+                found[name] = "the range of its estimates is not known"
         return found
 
     def equations(self) -> str:
         """SHA-256 of the operation lists, numbers and signals of the middle member: the version of the equations.
 
-        Without the judge, on which no bit of a run depends: what was stored before runs were judged has the same.
+        The judge is not included, because no bit of a run depends on it: stores from before runs were judged have the same
+        version.
         """
         setting = Setting.of(self.varied, self.kinds, self.tried, self.tried.middle)
         digest = hashlib.sha256(_programs(setting))
@@ -294,7 +303,7 @@ class Study:
         return hashlib.sha256(_programs(self.setting(self.tried.middle)) + terms).hexdigest()
 
     def identity(self) -> dict[str, object]:
-        """What a store must have been made with to be gone on with."""
+        """The data that a store must have been made with in order to be continued."""
         return {
             "case": self.varied.source,
             "plan": self.plan.as_json(),
@@ -305,12 +314,14 @@ class Study:
 
 def _programs(setting: Setting) -> bytes:
     """The operation lists of all controllers' kernels."""
-    programs = [family.members.program for family in setting.families]
-    return "".join(repr((one.program, one.sample, one.shape)) for one in programs).encode()
+    members = [family.members for family in setting.families]
+    attempts = "".join(repr(one.attempts.lists) for one in members if one.attempts is not None)
+    programs = [one.program for one in members]
+    return ("".join(repr((one.program, one.sample, one.shape)) for one in programs) + attempts).encode()
 
 
 def _tried(plan: Plan) -> Tried:
-    """Values of what varies in a plan that are tried to see what each number does."""
+    """Values of a plan's varied numbers that are tried to find the effect of each."""
     found, drawn = [axis.values for axis in plan.axes.values()], list[Array]()
     for one in plan.draws.values():
         found.append(one.at(np.array(TRIED_SHARES), drawn))
@@ -328,8 +339,12 @@ def batches_run(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> list[Batch]:
-    """The members of each controller after their run."""
+    """The members of each controller after their run; members with a tolerance are not recorded."""
     simulation = setting.simulation
+    if simulation.tolerance is not None:
+        shares = [(i / len(members), 1 / len(members)) for i in range(len(members))]
+        told = [part_of(progress, *share) for share in shares]
+        return [run_members(one, slice(0, len(one)), threads=threads, progress=p) for one, p in zip(members, told, strict=True)]
     for one in members:
         delay.require_memory(one.longest_delay, one.loop.inputs, len(one) * len(members), simulation.dt)
     batches = [Batch.part(one, slice(0, len(one)), record=record) for one in members]
@@ -338,7 +353,7 @@ def batches_run(
 
 
 def run_here(parts: Sequence[StudyPart], *, threads: int | None = None, progress: Progress | None = None) -> list[list[Figured]]:
-    """What became of the members of each part, by controllers, in threads of this process."""
+    """The results of the members of each part, by controller, in threads of this process."""
     found, done, whole = [], 0, sum(one.work for one in parts)
     for one in parts:
         told = part_of(progress, done / whole, one.work / whole)
@@ -349,13 +364,16 @@ def run_here(parts: Sequence[StudyPart], *, threads: int | None = None, progress
 
 
 def figures_of(setting: Setting, batches: Sequence[Batch], threads: int | None = None) -> list[Figured]:
-    """What became of the members of each controller, after their run."""
+    """The results of the members of each controller, after their run."""
     return [figured(batch, setting.simulation, setting.terms, threads) for batch in batches]
 
 
 def figured(batch: Batch, simulation: Simulation, terms: Terms, threads: int | None = None) -> Figured:
-    """What became of a batch's members, after their run; limit cycles are looked for where the step resolves the run."""
-    needed = finer_by(batch, simulation)
+    """The results of a batch's members, after their run; limit cycles are searched for if the step resolves the run."""
+    if simulation.tolerance is None:
+        needed = finer_by(batch, simulation)
+    else:  # with a tolerance, which resolves every oscillation
+        simulation, needed = simulation.grid, np.zeros(batch.states.shape[1])
     resolved = ~(needed > 0)
     return Figured(
         batch.metrics(simulation),

@@ -1,4 +1,4 @@
-"""Run a sweep from its first member to its last, and say what it is evidence of; or one of its members again, recorded."""
+"""Runs a sweep from its first member to its last, and evaluates it; or repeats one of its members with a record."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.path import FieldPath, by_index
 from barbalat.open_numbers.varied import Varied, VariedCase, VariedObjects
 from barbalat.protocols import Controller
+from barbalat.run.engine.by_tolerance import Observation
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import tail_is_short
 from barbalat.run.engine.simulate import result_of
@@ -53,7 +54,7 @@ from barbalat.sweeps.study import SETTLED, VERDICT, Study, batches_run
 from barbalat.validate import Array
 
 Told = Callable[[str], None]
-"""Takes a sentence for the person who waits."""
+"""Receives a sentence for the waiting user."""
 
 
 def sweep(
@@ -78,18 +79,19 @@ def sweep(
     case     a case file or a bundled case's name, whose keys ``vary`` and ``sample`` name; or a ``Case`` with a problem,
              controllers and a simulation, whose fields they name: ``plant.theta[0]``, ``controller[0].gamma``, ``simulation.dt``
     vary     by paths "START:STOP:COUNT" or "START:STOP:COUNT:log"
-    sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector of a case file;
-             "between" for "parameters.NAME", or "parameters" for all, over their ranges
-    members  draws at each point of the grid, by default 1000 where something is drawn
+    sample   by paths "uniform:A:B", "normal:MEAN:DEVIATION", "loguniform:A:B"; "known-set" for a vector of a case file; "between"
+             for "parameters.NAME", or "parameters" for all, over their ranges
+    members  draws at each point of the grid, by default 1000 if anything is drawn
     design   of the draws: "latin", "sobol", "random" (exact intervals), "saltelli" (Sobol indices)
-    require  such as "max_abs_e[0] < 2"; counted where broken
-    store    a folder that keeps every row and from which the same call goes on
-    scheduler  "tcp://HOST:PORT" of a Dask scheduler, or "local:N" for N processes here; the same bits as in threads, the default
-    bounds   certify what can be certified and hold the errors against it
-    audit    members that are run again at half of the step that their verdict comes from, 0 for none; by default 2 % of them,
-             and 30 at least
-    redesign  designs reference model and controllers anew for each member's plant.A, plant.b and parameters, instead of varying
-             what is simulated alone
+    require  such as "max_abs_e[0] < 2"; violations are counted
+    store    a folder that keeps every row, and from which a repeated call continues
+    scheduler  "tcp://HOST:PORT" of a Dask scheduler, or "local:N" for N processes here; the results are bit for bit those of
+               threads, the default
+    bounds   certify what can be certified and compare the errors with it
+    audit    number of members that are repeated with half the step of their verdict, 0 for none; by default 2 % of them, and at
+             least 30
+    redesign  design reference model and controllers again for each member's plant.A, plant.b and parameters, instead of varying
+              only the simulated plant
     Raises InputError.
     """
     folder = None if store is None else validate.local_path("store", store)
@@ -130,17 +132,19 @@ def run_study(
     progress: Progress | None = None,
     told: Told | None = None,
 ) -> SweepResult:
-    """All members; with a store those that it lacks.
+    """Run all members; with a store only those that it lacks.
 
-    chunk   members of a new store's files at most, by default as many as take about a second; no bit depends on it
-    scheduler  of the workers that run them; by default threads here
-    bounds  certify what can be certified, a second for each controller, and hold the errors against it
-    audit   members that are run again at half of their step; see ``audit.audit``
-    told    what happened to the store, what is waited for
-    Raises InputError for members beyond the budget, and for one that makes no case, with its number; what was stored stays.
+    chunk   largest number of members in a file of a new store, by default as many as take about a second; no bit depends on it
+    scheduler  of the workers that run them; by default threads of this process
+    bounds  certify what can be certified, a second for each controller, and compare the errors with it
+    audit   number of members that are repeated with half of their step; see ``audit.audit``
+    told    receives sentences on the store and on what is waited for
+    Raises InputError for members beyond the budget, and, with its number, for one that gives no valid case; stored rows stay.
     """
     if audit is not None:
         validate.whole("audit", audit, least=0)
+    if scheduler is not None:
+        study.example.simulation.require_steps("a sweep on other computers")
     judged = Bounds(study) if bounds else None
     if store is not None:
         require_place(store)
@@ -153,7 +157,7 @@ def run_study(
     started = time.perf_counter()
     with _sink(settling, store, chunk, list(first)) as sink:
         if told is not None and sink.damaged:
-            told(f"damaged in the store and made again: {', '.join(sink.damaged)}")
+            told(f"damaged in the store and repeated: {', '.join(sink.damaged)}")
         resumed = done = sink.stored
         names = sink.names or list(first)
         settling.settles = f"{study.controllers[0]}/{SETTLED}" in names
@@ -173,6 +177,7 @@ def run_study(
         rows = sink.rows()
     seconds = time.perf_counter() - started
     notes = [*(judged.notes if judged is not None else ()), *_of_the_judge(settling, rows)]
+    by_tolerance = study.example.simulation.tolerance is not None
     return SweepResult(
         case=study.example.name,
         controllers=study.controllers,
@@ -184,7 +189,7 @@ def run_study(
         audit=audited(settling, rows, requirements, members=audit, run=_runner(scheduler, threads)),
         resumed=resumed,
         seconds=seconds,
-        member_steps=float(study.steps) * (len(study) - resumed),
+        member_steps=0.0 if by_tolerance else float(study.steps) * (len(study) - resumed),
     )
 
 
@@ -202,18 +207,19 @@ def _of_the_judge(settling: Settling, rows: Rows) -> Iterator[str]:
 
 
 SAME_FAULTS = (
-    "all members have the same faults at the same instants: shares and intervals are for this one pattern, and say nothing of "
-    "other ones; --vary faults[0].seed=0:99:100 runs other patterns"
+    "all members have the same faults at the same instants"
+    ": shares and intervals hold only for this pattern; --vary faults[0].seed=0:99:100 runs other patterns"
 )
 SHORT_TAIL = (
-    "the tail, the last quarter of the run, has less than three periods of the model's slowest mode: of limit cycles as slow as "
-    "that not all are counted; a longer run has them, or judge.closely = true, which takes up to three and a half times as long"
+    "the tail, the last quarter of the run, has less than three periods of the model's slowest mode"
+    ": not all limit cycles of this period are counted; use a longer run, or judge.closely = true, which takes up to three "
+    "and a half times as long"
 )
 UNJUDGED = (
-    "this store was begun before runs were judged: its members have neither verdicts nor finer steps; another --store, or none, "
-    "makes them"
+    "this store is older than the verdicts on runs: its members have neither verdicts nor finer steps; use another --store, "
+    "or none, to obtain them"
 )
-"""Of a store without the judge's columns: what it has is read, and it goes on with the same columns."""
+"""A store without the judge's columns: its rows are read, and new rows have the same columns."""
 
 
 @contextlib.contextmanager
@@ -224,10 +230,10 @@ def _sink(settling: Settling, store: Path | None, chunk: int | None, columns: Se
         yield UnstoredChunks.room_for(list(chunks_of(len(study), size)), len(columns))
         return
     bounded = any(name.endswith(f"/{ERROR_BOUND}") for name in columns)
-    # which bounds are computed depends on how many members there are
+    # which bounds are computed depends on the number of members
     grows = study.plan.keeps_its_first and not bounded
     identity = study.identity() | {"bounds": bounded}
-    if study.plan.keeps_its_first:  # which finer steps are afforded depends on how many members there are
+    if study.plan.keeps_its_first:  # which finer steps are afforded depends on the number of members
         identity["finest"] = str(settling.afforded)
     with opened(store, identity, len(study), size, grows=grows) as found:
         yield found
@@ -269,7 +275,7 @@ def _elsewhere(settling: Settling, units: Iterator[Chunk], scheduler: Scheduler,
     if first is not None:
         with connected(scheduler) as client:
             if told is not None and not client.nthreads():
-                told(f"no worker at {scheduler.address} yet: the sweep begins when one joins, 'dask worker {scheduler.address}'")
+                told(f"no worker at {scheduler.address} yet: the sweep starts when one joins, 'dask worker {scheduler.address}'")
             yield from Workers(lambda chunk: settling.work(_numbers(chunk)), client).run(chain([first], units))
 
 
@@ -355,6 +361,10 @@ def _recorded(
     case, setting = study.varied.at(row[0]), study.setting(row[0], windows=MOST_WINDOWS)
     members = setting.members(row, study.plan.streams(member, 1))[number]
     (plain,) = batches_run(study.setting(row[0]), [study_members(study, member)[number]], threads=threads)
+    if members.attempts is not None:
+        seen = Observation.of(case.problem, controller, case.simulation, None, number=int(members.numbers[0]))
+        seen.run(progress)
+        return replace(seen.result(None, measured=False), metrics=plain.metrics(case.simulation.grid))
     batch = Batch.part(replace(members, loop=ClosedLoop.of(case.problem, controller)), slice(0, 1), record=True)
     run([batch], setting.signals, case.simulation, threads=threads, progress=progress)
     found = result_of(case.problem, controller, case.simulation, batch)

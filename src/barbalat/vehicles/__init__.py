@@ -1,1 +1,2 @@
-"""Vehicles, each a folder, that sampled controllers fly: simulated by others, each flight in a process of its own."""
+"""Vehicles, each in a folder, flown by sampled controllers: their simulators are other packages, and each flight has its own
+process."""

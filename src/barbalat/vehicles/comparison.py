@@ -1,4 +1,4 @@
-"""Flights of some controllers through some failures, side by side: figures, rankings, pictures and films."""
+"""Flights of several controllers through several failures: figures, rankings, pictures and films."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HELD_BLANK = "\0"
-"""In the place of a blank at which no line ends."""
+"""Stands for a non-breaking space."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class FlightComparison:
     """All flights of some controllers through some failures.
 
-    vehicle   what flew
-    model     where it was trimmed, with its linear model: an ``Axis`` of the F-16, the ``Axes`` of the quadrotor
+    vehicle   the vehicle
+    model     the trimmed flight condition with its linear model: an ``Axis`` of the F-16, the ``Axes`` of the quadrotor
     version   of its simulator
-    flights   for each controller those through all failures, in their order
-    delays    the largest added delay that each kept control with [s], by name; None where nobody asked
-    exported  whether what flew was the exported C
+    flights   for each controller its flights through all failures, in their order
+    delays    the largest added delay with which each kept control [s], by name; None if it was not requested
+    exported  whether the exported C was flown
     """
 
     vehicle: Vehicle[Any, Any, Any]
@@ -47,15 +47,15 @@ class FlightComparison:
 
     @property
     def headline(self) -> str:
-        """What flew, and which error is ranked."""
+        """What flew, and by which error flights are ranked."""
         return self.vehicle.headline(self.model)
 
     def facts(self) -> list[tuple[str, str]]:
-        """Where it flew, what its linear model is, how it was computed."""
+        """The flight condition, the linear model, and the computation."""
         return self.vehicle.facts(self.model, self.version)
 
     def details(self) -> dict[str, Any]:
-        """Where it flew, its linear model and how it was computed, for the document of ``--json``."""
+        """The flight condition, the linear model and the computation, for the document of ``--json``."""
         return self.vehicle.details(self.model, self.version)
 
     @property
@@ -64,13 +64,14 @@ class FlightComparison:
         return self.vehicle.delays.most * self.vehicle.delays.step
 
     def figure(self, failure: Failing, *, narrow: bool = False, shown: bool = False) -> Figure:
-        """Time histories of all controllers through a failure; what lost ones do stands as far as the others' ranges reach."""
+        """Time histories of all controllers through a failure; those of lost ones are drawn as far as the others' ranges
+        reach."""
         from barbalat.vehicles.picture import figure_of
 
         return figure_of(self.vehicle, self.all_through(failure), narrow=narrow, shown=shown)
 
     def scene(self, failure: Failing, controllers: Sequence[str]) -> Scene | None:
-        """The flights of these controllers through a failure in space; None where none of them got away from the start."""
+        """The flights of these controllers through a failure in space; None if none of them left the start."""
         chosen = [
             (i, one) for i, one in enumerate(self.all_through(failure)) if one.controller in controllers and len(one.record) > 1
         ]
@@ -92,7 +93,8 @@ class FlightComparison:
 
     @cached_property
     def agreements(self) -> dict[str, Agreement] | None:
-        """Each controller's exported C against the simulated list, over all its flights; None where the list itself flew."""
+        """The agreement of each controller's exported C with the simulated list, over all its flights; None if the list itself
+        flew."""
         if not self.exported:
             return None
         return {several[0].controller: Agreement.together(one.agreement for one in several) for several in self.flights}
@@ -114,13 +116,14 @@ class FlightComparison:
         return self.figure(self.failure_of(failure), shown=True)
 
     def plot_paths(self, failure: str | None = None) -> Figure:
-        """Where all controllers flew through one failure, in space; InputError where the records have no path."""
+        """The paths of all controllers through one failure, in space; InputError if the records have no path."""
         from barbalat.vehicles.picture import paths_figure
 
         return paths_figure(self._scene(self.failure_of(failure), self.controllers), shown=True)
 
     def film(self, failure: str | None = None) -> bytes:
-        """A GIF of the first controller beside the best of the others; by default through the failure that parts them most."""
+        """A GIF of the first controller and the best of the others; by default through the failure with the largest
+        difference."""
         from barbalat.vehicles.film import film
 
         chosen = self.most_telling if failure is None else self.failure_of(failure)
@@ -129,11 +132,13 @@ class FlightComparison:
     def _scene(self, failure: Failing, controllers: Sequence[str]) -> Scene:
         found = self.scene(failure, controllers)
         if found is None:
-            raise InputError(f"{self.name} has no path through {failure.name}: there is nothing to be drawn in space")
+            raise InputError(
+                f"{self.name} has no flight path for the failure {failure.name}, so there is nothing to draw in space"
+            )
         return found
 
     def failure_of(self, name: str | None) -> Failing:
-        """The failure of a name, the last one for None; InputError for one that was not flown."""
+        """The failure with this name, the last one for None; InputError for one that was not flown."""
         found = [one for one in self.failures if name in (None, one.name)]
         if not found:
             raise InputError(
@@ -146,7 +151,8 @@ class FlightComparison:
         return [flight for several in self.flights for flight in several if flight.failure == failure]
 
     def through(self, failure: Failing) -> Sequence[Flight]:
-        """The flights of all controllers through one failure: lost ones last, the sooner the later; the others by error."""
+        """The flights of all controllers through one failure: ordered by error, with lost ones last, the earliest loss at the
+        end."""
         return sorted(
             self.all_through(failure),
             key=lambda flight: (bool(flight.lost), -flight.duration if flight.lost else flight.rms_error),
@@ -154,18 +160,19 @@ class FlightComparison:
 
     @cached_property
     def losses(self) -> dict[str, int]:
-        """How many of its flights each controller lost, the best first."""
+        """The number of lost flights of each controller, the best first."""
         counted = {several[0].controller: sum(bool(flight.lost) for flight in several) for several in self.flights}
         return dict(sorted(counted.items(), key=lambda item: item[1]))
 
     def pair(self, failure: Failing) -> list[str]:
-        """The first controller, and the best of the others through the failure: what a film shows side by side."""
+        """The first controller, and the best of the others through the failure, which a film shows together."""
         first = self.controllers[0]
         return [first, *[one.controller for one in self.through(failure) if one.controller != first][:1]]
 
     @property
     def most_telling(self) -> Failing:
-        """The failure through which these two differ most: one that the first lost and the other kept, or the largest ratio."""
+        """The failure with the largest difference between these two: one that the first lost and the other kept, or the
+        largest ratio."""
 
         def told(failure: Failing) -> tuple[bool, float]:
             several = {one.controller: one for one in self.through(failure)}

@@ -261,7 +261,7 @@ class Pairing:
 
     better   draws on which it had the smaller error, of those on which they differ: both lost says nothing;
              None where there are none
-    spared   draws on which the other alone was lost, of those on which one of them was lost alone; None where there are none
+    spared   draws on which the other alone was lost, of those on which one of them was lost alone; None if there are none
     follows  1 where its error is less beyond chance, -1 where it is more, else 0, all comparisons together
     keeps    the same of its losses: 1 where they are fewer
     """

@@ -1,4 +1,4 @@
-"""One flight as it was flown: what is recorded of it at each sample, why it was lost, and its figures."""
+"""One flight: its record at each sample, why it was lost, and its figures."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from barbalat.run.kernel.sampled_controller import Agreement
 from barbalat.validate import Array, Named
 from barbalat.vehicles.verdicts import Followed, verdict_of
 
-NO_NUMBER = "its controller gave a command that is no number"
-"""Why control was lost, where a flight's controller overflowed and its simulator did not."""
+NO_NUMBER = "its controller gave a command that is not a number"
+"""The reason for a loss of control if a flight's controller overflowed but its simulator did not."""
 
 
 class Failing(Protocol):
-    """What fails in a flight: a frozen dataclass with a name and a meaning in words. The one called "none" fails nothing."""
+    """A failure in flight: a frozen dataclass with a name and a meaning in words. The failure called "none" has no effect."""
 
     @property
     def name(self) -> str: ...
@@ -30,7 +30,7 @@ class Failing(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """How long a flight is, and when what fails does so [s]."""
+    """The duration of a flight and the time of its failure [s]."""
 
     duration: float
     fails_at: float
@@ -40,9 +40,9 @@ class Timing:
 class Flight(ABC):
     """A flight of some vehicle.
 
-    record     (K, columns), a row for each sample, its time [s] first; up to where control was lost
-    lost       why control was lost, empty where it was not
-    agreement  of the exported C that flew with the simulated list; None where that list flew
+    record     (K, columns), a row for each sample, beginning with its time [s]; up to the loss of control
+    lost       why control was lost, empty if it was not
+    agreement  of the exported C that flew with the simulated list; None if the list itself flew
     """
 
     controller: str
@@ -55,7 +55,7 @@ class Flight(ABC):
     @property
     @abstractmethod
     def columns(self) -> dict[str, str]:
-        """What the record holds, in this order, with units."""
+        """The columns of the record, in this order, with units."""
 
     @property
     @abstractmethod
@@ -65,16 +65,16 @@ class Flight(ABC):
     @property
     @abstractmethod
     def error(self) -> Array:
-        """(K,) what is to be small, at the samples."""
+        """(K,) the error to be kept small, at the samples."""
 
     @abstractmethod
     def measured(self, after: Array) -> tuple[float, ...]:
-        """Its figures in the order of ``units``, of the samples (K,) for which ``after`` is true."""
+        """Its figures in the order of ``units``, from the samples (K,) for which ``after`` is true."""
 
     @property
     @abstractmethod
     def path(self) -> Array:
-        """(K, 3): where it was, forward, left and up, in the unit of its vehicle's lengths."""
+        """(K, 3): its position, forward, left and up, in the vehicle's unit of length."""
 
     @property
     @abstractmethod
@@ -83,23 +83,23 @@ class Flight(ABC):
 
     @property
     def target(self) -> Array | None:
-        """(K, 3): where it should have been; None where no place is commanded."""
+        """(K, 3): the commanded position; None if none is commanded."""
         return None
 
     @property
     def followed_by_judge(self) -> Followed | None:
-        """What the judge sees of it; None where its class says nothing."""
+        """The signals for the judge; None if its class provides none."""
         return None
 
     @cached_property
     def verdict(self) -> Verdict | None:
-        """What the judge says of it, the vehicle's own reasons for being lost included; None where it sees nothing."""
+        """The judge's verdict on it, including the vehicle's own criteria for being lost; None without signals."""
         seen = self.followed_by_judge
         return None if seen is None else verdict_of(seen, self.record[:, 0], self.timing.duration, self.lost)
 
     @property
     def since(self) -> float:
-        """When it began to fail [s]."""
+        """The time at which the failure began [s]."""
         return self.timing.fails_at
 
     def column(self, name: str) -> Array:
@@ -114,7 +114,7 @@ class Flight(ABC):
 
     @property
     def lost_at(self) -> float | None:
-        """When control was lost [s]; None where it was not."""
+        """The time at which control was lost [s]; None if it was not."""
         return self.duration if self.lost else None
 
     @property
@@ -124,7 +124,7 @@ class Flight(ABC):
 
     @property
     def figures(self) -> dict[str, float | None]:
-        """From the failure on, by the names of the JSON; null where control was lost."""
+        """From the failure on, by the names of the JSON; null if control was lost."""
         after, names = self._after, self.units
         if self.lost or not after.any():
             return Named.of("figure", {"lost_at": self.lost_at, **dict.fromkeys(names)})

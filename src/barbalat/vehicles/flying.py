@@ -1,4 +1,4 @@
-"""``fly``: controllers through failures on one vehicle, each in a process of its own."""
+"""``fly``: controllers through failures on one vehicle, each in its own process."""
 
 from __future__ import annotations
 
@@ -32,21 +32,22 @@ def fly(
     software_in_the_loop: Maker | None = None,
     progress: Progress | None = None,
 ) -> FlightComparison:
-    """Fly controllers on a flight model, each through every failure; the extra ``flight`` has JSBSim and MuJoCo.
+    """Fly controllers on a flight model, each through every failure; JSBSim and MuJoCo come with the extra ``flight``.
 
     name         "f16-pitch": JSBSim's F-16 follows a pitch-rate command; "f16-roll": a roll-rate command; "quadrotor": a figure
-                 of eight in MuJoCo, by a geometric controller and what schemes add to it; or another vehicle that is installed
-    schemes      of ``vehicles.registry.vehicles()[name].schemes``; all by default, "hinf" where the extra ``robust`` is installed
-    controllers  sampled ones of one's own beside them, bound to the ``adaptive_problem`` of the F-16's axis, or of the
+                 of eight in MuJoCo, by a geometric controller and the schemes' additions to it; or another installed vehicle
+    schemes      from ``vehicles.registry.vehicles()[name].schemes``; all by default, "hinf" if the extra ``robust`` is installed
+    controllers  sampled controllers of your own in addition, bound to the ``adaptive_problem`` of the F-16's axis, or of the
                  quadrotor's roll, pitch and yaw
-    failures     of ``vehicles.registry.vehicles()[name].failures``; all by default
+    failures     from ``vehicles.registry.vehicles()[name].failures``; all by default
     condition    a ``FlightCondition``, where the F-16's level flight is trimmed; 10013 ft, Mach 0.525 by default
-    equipment    an ``Equipment``, what lies between controller and surface of the F-16; the axis's own by default
-    delays       whether the delay is raised, too, until control is lost: some ten flights more for each controller
-    software_in_the_loop  ``exported_c``: each controller flies as its exported C, compiled by this machine's compiler, beside
-                 the simulated list, with which u and state are compared in every bit; by default that list flies alone
+    equipment    an ``Equipment``, the hardware between controller and surface of the F-16; the axis's own by default
+    delays       whether the delay is also raised until control is lost: some ten more flights for each controller
+    software_in_the_loop  ``exported_c``: each controller flies as its exported C, compiled by this machine's compiler, in
+                          parallel with the simulated list, with which u and state are compared bit for bit; by default only the
+                          list flies
 
-    Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks before any flight.
+    Raises InputError for what can't be flown, and SimulatorFailed if the simulator fails before any flight.
     """
     vehicle, maker = vehicle_of(name), software_in_the_loop
     if maker is not None and not callable(maker):
@@ -75,14 +76,14 @@ def fly(
 
 
 def chosen_schemes(vehicle: AnyVehicle, names: Sequence[str] | None) -> list[str]:
-    """Each once, by default all that can be designed here; InputError for what the vehicle does not offer."""
+    """Each scheme once, by default all that can be designed here; InputError for one that the vehicle does not offer."""
     wanted = list(dict.fromkeys(available(vehicle.schemes) if names is None else names))
     require_offered(wanted, vehicle.schemes)
     return wanted
 
 
 def chosen_failures(vehicle: AnyVehicle, names: Sequence[str] | None) -> tuple[Failing, ...]:
-    """All by default; InputError for what is none of the vehicle's."""
+    """All failures by default; InputError for one that the vehicle does not have."""
     known = {one.name: one for one in vehicle.failures}
     unknown = [one for one in names or () if one not in known]
     if unknown:
@@ -102,7 +103,7 @@ def aboard(
     controllers: Sequence[Controller] = (),
     maker: Maker = SampledList.of,
 ) -> list[Aboard]:
-    """Schemes, then controllers of one's own, as what flies; InputError for what does not fit the vehicle's computer."""
+    """Schemes, then your own controllers, as what flies; InputError for what does not fit the vehicle's computer."""
     found = [
         *(scheme_aboard(vehicle, model, name, maker) for name in schemes),
         *(_own(vehicle, model, one, maker) for one in controllers),
@@ -121,7 +122,7 @@ def scheme_aboard(vehicle: AnyVehicle, model: Any, name: str, maker: Maker = Sam
 
 
 def _own(vehicle: AnyVehicle, model: Any, controller: Controller, maker: Maker) -> Aboard:
-    """Somebody's own on its loops; the others are left to the vehicle's plain feedback."""
+    """A user's own controller on its loops; the others use the vehicle's plain feedback."""
     loops = list(vehicle.loops(model))[: vehicle.own_loops]
     own = tuple(maker(loop.adaptive_problem, controller) for loop in loops)
     for loop, one in zip(loops, own, strict=True):
@@ -136,12 +137,12 @@ def _own(vehicle: AnyVehicle, model: Any, controller: Controller, maker: Maker) 
 def flown(
     vehicle: AnyVehicle, model: Any, one: Aboard, failures: Sequence[Failing], timing: Timing | None = None
 ) -> list[Flight]:
-    """One controller through the failures, in this process; for as long as the vehicle's flights are by default."""
+    """Fly one controller through the failures, in this process, for the default duration of the vehicle's flights."""
     return list(vehicle.fly(model, vehicle.pilot(model, one), failures, vehicle.dispersion(), timing or vehicle.timing))
 
 
 def _flown(vehicle: AnyVehicle, model: Any, one: Aboard, failures: Sequence[Failing]) -> list[Flight]:
-    """All in one process; where that breaks, each in its own, so that only what breaks is lost."""
+    """All flights in one process; if that fails, each in its own, so that only the failing one is lost."""
     try:
         return isolated(STARTING_SECONDS + SECONDS_PER_FLIGHT * len(failures), flown, vehicle, model, one, failures)
     except SimulatorFailed as error:
@@ -153,8 +154,8 @@ def _flown(vehicle: AnyVehicle, model: Any, one: Aboard, failures: Sequence[Fail
 def delay_borne(vehicle: AnyVehicle, model: Any, one: Aboard, timing: Timing | None = None) -> float:
     """The largest added delay [s] with which control is kept to the end: by trials upwards, then by bisection.
 
-    A stride of the vehicle's ``DelaySearch`` at least, or 0.0, lies between it and a delay that lost control;
-    it is the longest one tried where none did.
+    It is at least one stride of the vehicle's ``DelaySearch`` below a delay that lost control, or 0.0; it is the longest one
+    tried if none did.
     """
     pilot, search = vehicle.pilot(model, one), vehicle.delays
 

@@ -33,7 +33,7 @@ class Scene:
 
     unit    of all lengths
     t       (K,) [s]
-    target  (K, 3), where the vehicle should be; None where no place is commanded
+    target  (K, 3), where the vehicle should be; None if no place is commanded
     movers  the vehicles
     wire    lines (P, 3) in the body's axes, of size 1: the vehicle's frame
     fails   [s], when the failure comes

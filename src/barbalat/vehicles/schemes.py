@@ -1,6 +1,6 @@
-"""The project's schemes on the loops of vehicles: how each is made from a loop and its numbers, and which a vehicle offers.
+"""The package's schemes on the loops of vehicles: how each is made from a loop and its numbers, and which ones a vehicle offers.
 
-What is written here is the same on all vehicles; what a vehicle has of its own, above all linear designs, stands in its folder.
+This file contains what is the same on all vehicles; a vehicle's own parts, above all linear designs, are in its folder.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from barbalat.validate import Array, InputError, show
 ROBUST = "hinf"
 """The scheme whose synthesis takes packages of the extra ``robust``, by its name on every vehicle."""
 Numbers = Mapping[str, float]
-"""Of a scheme, by the names of its knobs, in units of the loop."""
+"""The numbers of a scheme, by the names of its knobs, in units of the loop."""
 
 
 class Loop(Protocol):
@@ -33,11 +33,11 @@ class Loop(Protocol):
     like              the loop on whose linear model the schemes' numbers were found
     linear_problem    phi(x) = x
     adaptive_problem  phi(x) = (1, x)
-    time_unit         [s]: bandwidths are so many over it
-    frequency_unit    [rad/s]: adaptation frequencies are so many times it
-    met               (1 + n,), how large (1, x) is in flight: an adaptive gain is scaled by it
-    known_gain        (n,) of the feedback that a predictor knows; None where A_m has it already
-    theta_hat0        (1 + n,), at which adaptive schemes begin; None for zero
+    time_unit         [s]: bandwidths are multiples of its inverse
+    frequency_unit    [rad/s]: adaptation frequencies are multiples of it
+    met               (1 + n,), typical magnitudes of (1, x) in flight, by which adaptive gains are scaled
+    known_gain        (n,) feedback gains that a predictor knows; None if A_m already contains them
+    theta_hat0        (1 + n,), initial estimates of adaptive schemes; None for zero
     """
 
     @property
@@ -69,7 +69,7 @@ class Loop(Protocol):
 
 
 class OnLoop(NamedTuple):
-    """A controller and what it reads."""
+    """A controller and the problem that it reads."""
 
     problem: Problem
     controller: Controller
@@ -79,9 +79,9 @@ class OnLoop(NamedTuple):
 class Scheme:
     """A scheme that a vehicle offers.
 
-    make         from a loop and the scheme's numbers to what flies
-    knobs        the numbers that are tuned, each with the range in which it is sought
-    counterpart  what other vehicles call the scheme that does the same there, where they do not call it alike
+    make         from a loop and the scheme's numbers to the flown controller
+    knobs        the tuned numbers, each with the range of the search
+    counterpart  the name of the corresponding scheme on other vehicles, if it differs
     """
 
     make: Callable[[Any, Numbers], OnLoop]
@@ -90,7 +90,8 @@ class Scheme:
 
 
 def adaptive_gain(loop: Loop, numbers: Numbers) -> Array:
-    """Gamma, (1 + n,): each estimate swings at ``adaptation`` against a regressor of the size met, Gamma_i phi_i^2 b'Pb."""
+    """Gamma, (1 + n,): each estimate oscillates at ``adaptation`` with a regressor of the typical magnitude, Gamma_i phi_i^2
+    b'Pb."""
     known, frequency = loop.adaptive_problem.known, numbers["adaptation"] * loop.frequency_unit
     return np.asarray(frequency**2 / (known.b @ known.P @ known.b * loop.met**2))
 
@@ -146,8 +147,8 @@ def _piecewise(loop: Loop, numbers: Numbers, name: str, as_flown: AsFlown | None
 
 
 def protected(loop: Loop, linear: LinearFeedback, crossover: float) -> OnLoop:
-    """A linear controller, sampled, its integral protected against windup: what a missing control weighs is its own gain at the
-    crossover [rad/s]."""
+    """A linear controller, sampled, with its integral protected against windup: the weight of a missing control is the
+    controller's own gain at the crossover [rad/s]."""
     K = StateSpace.accept("controller", linear.controller)
     gain = float(abs(K.response(np.array([crossover]))[0]))
     return OnLoop(loop.linear_problem, Sampled(replace(linear, anti_windup=gain), loop.sample_time))
@@ -157,7 +158,7 @@ Range = Mapping[str, tuple[float, float]]
 
 
 def on_every_vehicle(mrac: Callable[[Any, Numbers], OnLoop], *, bandwidth: Range, adaptation: Range) -> dict[str, Scheme]:
-    """The schemes that all vehicles offer: an MRAC of the vehicle's own, and what is made alike from any loop."""
+    """The schemes that all vehicles offer: the vehicle's own MRAC, and those that are made from any loop in the same way."""
     return {
         "adrc": Scheme(adrc, bandwidth),
         "mrac": Scheme(mrac, adaptation),
@@ -174,7 +175,7 @@ def available(offered: Iterable[str]) -> list[str]:
 
 
 def require_offered(names: Sequence[str], offered: Mapping[str, Scheme]) -> None:
-    """InputError for a scheme that is none of these, with the one that may be meant."""
+    """InputError for a scheme that is not offered, with the one that may be meant."""
     unknown = [name for name in names if name not in offered]
     if unknown:
         name = unknown[0]

@@ -1,4 +1,4 @@
-"""What a vehicle says of itself, so that the engine flies it, draws others like it, and shows what came out."""
+"""The declaration of a vehicle, by which the engine flies it, draws random variations of it, and shows the results."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from barbalat.vehicles.schemes import Loop, Numbers, Scheme
 
 SEED = 2013
 Draw = Mapping[str, float]
-"""What is drawn of one vehicle, by names."""
+"""The random numbers of one vehicle, by name."""
 Model = TypeVar("Model")
-"""A vehicle where it is trimmed, with its linear model."""
+"""A trimmed vehicle with its linear model."""
 Pilot = TypeVar("Pilot")
 """A whole controller in the process in which it flies."""
 Flew = TypeVar("Flew", bound=Flight)
@@ -29,7 +29,7 @@ Flew = TypeVar("Flew", bound=Flight)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Aboard:
-    """A scheme on a vehicle: what closes each of the vehicle's loops, in their order."""
+    """A scheme on a vehicle: the controllers that close the vehicle's loops, in their order."""
 
     name: str
     loops: tuple[Flyable, ...]
@@ -37,15 +37,15 @@ class Aboard:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Drawing:
-    """How a campaign draws vehicles like this one, how long it flies them, and its words for what comes out.
+    """How a campaign draws variations of a vehicle, how long they fly, and the words for the results.
 
-    drawn       from what each number is drawn, by its name
-    units       the units of these; the others are factors of what is nominal
-    conditions  where the draws fly, in turns: in words, and as ``Vehicle.nominal`` takes it
-    travel      the figure that says how far something moves in a second, and what that is, in a word
-    beside      the scheme with which all are compared where it flies, and a short name for it
-    set_by      the rule that set the schemes' numbers
-    chunk       flights that a process flies before their rows are kept: half a minute's
+    drawn       the distribution of each number, by its name
+    units       the units of these; the others are factors on nominal values
+    conditions  the flight conditions of the draws, in turn: in words, and as ``Vehicle.nominal`` takes them
+    travel      the figure for how far something moves in a second, and its name in a word
+    beside      the scheme with which all are compared if it flies, and a short name for it
+    set_by      the rule by which the schemes' numbers were found
+    chunk       number of flights of a process before their rows are stored: half a minute's
     """
 
     drawn: Mapping[str, Uniform]
@@ -83,7 +83,7 @@ class DelaySearch:
 class Shown(Generic[Flew]):
     """A panel of the picture of flights: a quantity of each, and columns of the longest record beside it.
 
-    beside  (column, label, colour, dash) of each line that is the same for all flights: what is commanded
+    beside  (column, label, colour, dash) of each line that is the same for all flights, such as a command
     """
 
     title: str
@@ -94,17 +94,18 @@ class Shown(Generic[Flew]):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Vehicle(ABC, Generic[Model, Pilot, Flew]):
-    """Something that sampled controllers fly, doing one thing: a package's module ``vehicle`` lists its own as ``VEHICLES``.
+    """A simulated vehicle with one task that sampled controllers fly: a package's module ``vehicle`` lists its own as
+    ``VEHICLES``.
 
     It is pickled into the processes that fly.
 
-    name       by which the command line knows it
+    name       its name on the command line
     meaning    what flies, in words
     failures   what can fail, "none" first
-    schemes    what can fly it, by the names of the command line
+    schemes    the schemes that can fly it, by their names on the command line
     numbers    the schemes' numbers, by ``Loop.like`` and schemes
     timing     of its flights
-    drawing    how a campaign draws others like it
+    drawing    how a campaign draws variations of it
     """
 
     name: str
@@ -118,35 +119,36 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
     simulator: ClassVar[str]
     """The package that simulates it."""
     dispersion: ClassVar[Callable[..., Any]]
-    """From what a draw has, by names, and its ``number``, to what ``fly`` takes; without arguments the nominal vehicle."""
+    """From a draw's values, by name, and its ``number``, to what ``fly`` takes; without arguments the nominal vehicle."""
     delays: ClassVar[DelaySearch]
     own_loops: ClassVar[int | None] = None
-    """How many loops, the first ones, a controller of one's own closes; the scheme ``own_rest`` closes the others. None: all."""
+    """Number of loops, the first ones, that a user's own controller closes; the scheme ``own_rest`` closes the others. None:
+    all."""
     own_rest: ClassVar[str] = ""
     headings: ClassVar[tuple[str, ...]]
     """The heads of a table of figures, after the controller's name."""
     length: ClassVar[str]
     """The unit of ``Flight.path``."""
     equal_lengths: ClassVar[bool] = True
-    """Whether a length is drawn as long on all axes: of a flight of miles at one height it can't be."""
+    """Whether lengths have the same scale on all axes, which is impossible for a flight of miles at one height."""
     wire: ClassVar[tuple[Array, ...]]
     """Lines (P, 3) in the body's axes forward, left, up, of size 1: its frame in films."""
     shown: ClassVar[str]
     """What its picture shows, in words."""
     notes: ClassVar[tuple[str, ...]]
-    """What a reader of the tables of figures has to know."""
+    """What a reader of the tables of figures must know."""
 
     def condition(self, given: Mapping[str, float]) -> Any:
-        """What ``require`` and ``nominal`` take, from the options ``--altitude`` and ``--mach`` that were given."""
+        """The argument of ``require`` and ``nominal``, from the given options ``--altitude`` and ``--mach``."""
         return given
 
     @abstractmethod
     def require(self, condition: Any, equipment: Any) -> None:
-        """InputError where it flies at no such condition, or with no such equipment; None stands for its own."""
+        """InputError if it can't fly at this condition, or with this equipment; None stands for its own."""
 
     @abstractmethod
     def nominal(self, condition: Any = None, equipment: Any = None) -> Model:
-        """Trimmed and linearised, by the simulator in a process of its own; InputError where that is not installed."""
+        """Trimmed and linearised, by the simulator in its own process; InputError if it is not installed."""
 
     @abstractmethod
     def loops(self, model: Model) -> Sequence[Loop]:
@@ -154,23 +156,23 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     @abstractmethod
     def pilot(self, model: Model, aboard: Aboard) -> Pilot:
-        """A scheme's whole controller, made once in a process."""
+        """A scheme's whole controller, made once in each process."""
 
     @abstractmethod
     def fly(self, model: Model, pilot: Pilot, failures: Sequence[Any], dispersion: Any, timing: Timing) -> list[Flew]:
-        """A flight through each of the failures, of the vehicle that a dispersion makes."""
+        """A flight through each of the failures, with the vehicle that a dispersion gives."""
 
     @abstractmethod
     def delayed(self, seconds: float) -> Failing:
-        """What fails where commands arrive so much later."""
+        """The failure by which commands arrive this much later."""
 
     @abstractmethod
     def broken(self, controller: str, failure: Any, why: str) -> Flew:
-        """The flight in which the simulator broke: one row of zeros."""
+        """The record of a flight in which the simulator failed: one row of zeros."""
 
     @abstractmethod
     def contents(self, model: Model, aboard: Sequence[Aboard]) -> Iterator[bytes]:
-        """All that its flights follow from beside the draws, the failures and the simulator."""
+        """Everything that determines its flights, other than the draws, the failures and the simulator."""
 
     @property
     @abstractmethod
@@ -189,39 +191,40 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
 
     @abstractmethod
     def headline(self, model: Model) -> str:
-        """What flies, and which error is ranked."""
+        """What flies, and by which error flights are ranked."""
 
     @abstractmethod
     def cells(self, figures: Mapping[str, float | None]) -> list[str]:
-        """A row of the table of figures, of a flight that kept control."""
+        """A row of the table of figures, for a flight that kept control."""
 
     @abstractmethod
     def facts(self, model: Model, version: str) -> list[tuple[str, str]]:
-        """Where it flies, what its linear model is, how this version of its simulator computes it."""
+        """The flight condition, the linear model, and how this version of the simulator computes it."""
 
     @abstractmethod
     def details(self, model: Model, version: str) -> dict[str, Any]:
-        """Where it flies, its linear model and its simulator, for the document of ``--json``."""
+        """The flight condition, the linear model and the simulator, for the document of ``--json``."""
 
 
 GROUP = "barbalat.vehicles"
-"""The entry points by which vehicles from outside this package are found."""
+"""The group of entry points for vehicles from outside this package."""
 
 
 @cache
 def vehicles() -> dict[str, Vehicle[Any, Any, Any]]:
-    """All by the names of the command line; InputError where two have one name, or an entry point can't be imported."""
+    """All vehicles by their names on the command line; InputError if two have the same name, or an entry point can't be
+    imported."""
     found: dict[str, Vehicle[Any, Any, Any]] = {}
     for module in slices(__package__, GROUP, "vehicle"):
         for vehicle in module.VEHICLES:
             if vehicle.name in found:
-                raise InputError(f"two vehicles are called {vehicle.name!r}, the second in {module.__name__}")
+                raise InputError(f"two vehicles have the name {vehicle.name!r}, the second in {module.__name__}")
             found[vehicle.name] = vehicle
     return found
 
 
 def vehicle_of(name: str) -> Vehicle[Any, Any, Any]:
-    """InputError for a name that is none."""
+    """The vehicle of this name; InputError for an unknown one."""
     if name not in vehicles():
         raise InputError(f"NAME must be one of {', '.join(vehicles())}, got {show(name)}")
     return vehicles()[name]

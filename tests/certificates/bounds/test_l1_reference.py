@@ -140,6 +140,6 @@ def test_the_entry_does_not_apply_where_an_assumption_fails():
     entry = entry_of(delayed, section_v.l1("L1", 1e4))
     assert entry.kind == "does not apply" and "delay" in entry.why
     too_slow = entry_of(given, section_v.l1("L1", 1e4, 0.06))
-    assert too_slow.value is None and "less than 1 is needed" in too_slow.why
+    assert too_slow.value is None and "but must be below 1" in too_slow.why
     pulled = entry_of(given, replace(section_v.l1("L1", 1e4), leakage=FixedSigma(sigma=0.1)))
     assert pulled.value is None and "FixedSigma" in pulled.why

@@ -90,4 +90,6 @@ def test_a_margin_with_the_law_inside_that_is_not_given_is_said_to_be_missing():
         reference=Constant(1.0),
         input_gain=(0.5, 1.5),
     )
-    assert "plain law only" in certify(problem, [controller], SIMULATION)[controller.name].entry("delay_margin_adapting").why
+    assert (
+        "only for the plain law" in certify(problem, [controller], SIMULATION)[controller.name].entry("delay_margin_adapting").why
+    )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import barbalat_check
 from barbalat import (
     Adrc,
     KnownParameters,
@@ -25,8 +27,9 @@ from barbalat import (
 )
 from barbalat.cases.load import load_case
 from barbalat.certificates.linear_loops.sampled_response import response
-from barbalat.plants import Disturbance, PlantInput, Sensor
-from barbalat.signals import Sine, Square, Steps
+from barbalat.certificates.proof import proof
+from barbalat.plants import DerivativeObserver, Disturbance, KalmanObserver, LuenbergerObserver, Noise, PlantInput, Sensor
+from barbalat.signals import Constant, Sine, Square, Steps
 
 T, DT, T_END = 0.05, 0.0025, 12.0
 PATHS = {
@@ -103,6 +106,149 @@ def test_the_worst_command_comes_close(name):
         (run,) = simulate(replace(still, reference=worst), [controller], simulation).values()
         reached.append(np.abs(run.x[:, i]).max())
     assert 0.9 * bound.x <= max(reached) <= bound.x
+
+
+OBSERVERS = {
+    "luenberger": LuenbergerObserver(poles=[-6.0, -7.0], measured=[[1.0, 0.0]]),
+    "kalman": KalmanObserver(Q=[0.0, 1.0], R=1e-3, measured=[[1.0, 0.0]]),
+    "derivative": DerivativeObserver(cutoff=10.0, measured=[[1.0, 0.0]]),
+}
+
+
+@pytest.mark.parametrize("observer", OBSERVERS)
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.short(kept=lambda name, observer: (name, observer) in (("adrc", "kalman"), ("known", "derivative")))
+def test_no_command_disturbance_or_noise_exceeds_them_with_an_observer(name, observer, sample):
+    random, spoken = np.random.default_rng([len(name), len(observer)]), 0
+    for _ in range(sample(2, 5)):
+        sizes = random.uniform(0.2, 2.0, 2)
+        problem = problem_of(
+            "delay",
+            reference=drawn_steps(random, sizes[0]),
+            disturbance=drawn_steps(random, sizes[1]),
+            observer=OBSERVERS[observer],
+        )
+        (found,) = certify(problem, [CONTROLLERS[name]], Simulation(t_end=T_END, dt=DT)).values()
+        if found.values["spectral_radius"] >= 1:
+            continue
+        spoken += 1
+        (run,) = simulate(problem, [CONTROLLERS[name]], Simulation(t_end=T_END, dt=DT)).values()
+        assert {"error_bound", "state_bound", "control_bound"} <= found.guaranteed
+        assert max(run.figures["max_abs_e"]) <= found.values["error_bound"]
+        assert np.abs(run.x).max() <= found.values["state_bound"]
+        assert np.abs(run.u).max() <= found.values["control_bound"]
+    assert spoken or name == "piecewise"
+    noise = Sensor(noise=Noise(std=0.01, sample_time=T))
+    still = problem_of("delay", reference=Constant(0.0), sensor=noise, observer=OBSERVERS[observer])
+    still, long = replace(still, plant=replace(still.plant, x0=[0.0, 0.0])), Simulation(t_end=1500.0, dt=DT, record_points=30_000)
+    (found,) = certify(still, [CONTROLLERS[name]], long).values()
+    if found.values["spectral_radius"] < 0.99:
+        (run,) = simulate(still, [CONTROLLERS[name]], long).values()
+        np.testing.assert_array_less(run.x.std(axis=0), 1.1 * np.array(found.values["error_noise_rms"]))
+        np.testing.assert_array_less(0.75 * np.array(found.values["error_noise_rms"]), run.x.std(axis=0))
+
+
+def refused(document, sentence):
+    with pytest.raises(barbalat_check.Refused, match=sentence):
+        barbalat_check.check(document)
+
+
+@pytest.mark.parametrize("path", ["nothing", "actuator and two samples", "a gain"])
+@pytest.mark.parametrize("name", ["adrc", "known", "piecewise"])
+@pytest.mark.short(kept=lambda name, path: (name, path) == ("known", "actuator and two samples"))
+def test_the_checker_accepts_them_and_refuses_what_does_not_follow(name, path):
+    """It sums again, from the matrices alone and in other arithmetic; the package's own sums are within a thousandth of it."""
+    problem = problem_of(path, reference=Square(amplitude=0.5, frequency=0.7), disturbance=Sine(amplitude=0.3, frequency=2.0))
+    controller, simulation = CONTROLLERS[name], Simulation(t_end=T_END, dt=DT)
+    found = certify(problem, [controller], simulation)
+    document = json.loads(json.dumps(proof("a case", problem, [controller], simulation, found)))
+    (of_controller,) = document["controllers"].values()
+    lines = {line["key"]: line for line in of_controller["lines"]}
+    said, _ = barbalat_check.check(document)
+    assert (
+        all(key in said[0] for key in ("error_bound_held", "state_bound", "control_bound"))
+        and not of_controller["not in the proof"]
+    )
+    for key in ("error_bound_held", "state_bound", "control_bound", "error_bound"):
+        right = lines[key]["value"]
+        lines[key]["value"] = right * 0.998
+        refused(document, key)
+        lines[key]["value"] = right
+    witness, path_before = lines["sampled response"]["witness"], document["plant"]["inputs"][0]
+    right = dict(witness)
+    for change in ({"samples": 3}, {"share": min(0.9999, 4 * right["share"])}, {"P": (-np.array(right["P"])).tolist()}):
+        witness.update(change)
+        refused(document, "sampled response|error_bound|state_bound|control_bound")
+        witness.update(right)
+    for change in ({"saturation": [-0.01, 0.01]}, {"rate_limit": "1.0"}, {"quantization": "0.1"}):
+        before = dict(path_before)
+        path_before.update(change)
+        refused(document, "sampled response")
+        path_before.update(before)
+    for change in ({"noise": "Noise"}, {"reference": [{"kind": "unbounded"}]}, {"disturbance": {"kind": "unbounded"}}):
+        refused(document | {"plant": document["plant"] | change}, "sampled response")
+
+
+def test_the_checker_follows_a_command_with_a_single_jump_between_samples():
+    problem, simulation = (
+        problem_of("nothing", reference=Steps(times=(1.013,), values=(0.5,), initial=0.1)),
+        Simulation(t_end=T_END, dt=DT),
+    )
+    found = certify(problem, [CONTROLLERS["known"]], simulation)
+    document = json.loads(json.dumps(proof("a case", problem, [CONTROLLERS["known"]], simulation, found)))
+    said, assumed = barbalat_check.check(document)
+    assert "error_bound," in said[0] + "," and any("one in all" in sentence for sentence in assumed)
+    (controller,) = document["controllers"].values()
+    (line,) = [one for one in controller["lines"] if one["key"] == "error_bound"]
+    line["value"] *= 0.998
+    refused(document, "error_bound")
+
+
+def at_rest_with_noise(path, period, **fields):
+    noise = Noise(std=[0.01, 0.03], sample_time=period)
+    problem = problem_of(path, reference=Constant(0.0), sensor=Sensor(lag=0.02, noise=noise), **fields)
+    return replace(problem, plant=replace(problem.plant, x0=[0.0, 0.0]))
+
+
+@pytest.mark.parametrize("path", PATHS)
+@pytest.mark.parametrize("name", CONTROLLERS)
+@pytest.mark.short(kept=lambda name, path: (name, path) in (("adrc", "delay"), ("piecewise", "actuator and two samples")))
+def test_noise_adds_the_stated_deviations(name, path):
+    """Independently of the bound: the variances of a long simulation, in which e is noise alone."""
+    problem, simulation = (
+        at_rest_with_noise(path, T / 2 if "euler" in name else T),
+        Simulation(t_end=3000.0, dt=DT, record_points=60_000),
+    )
+    (found,) = certify(problem, [CONTROLLERS[name]], simulation).values()
+    (run,) = simulate(problem, [CONTROLLERS[name]], simulation).values()
+    stated = {"error_noise_rms": run.x.std(axis=0), "control_noise_rms": run.u.reshape(len(run.t), -1).std(axis=0)}
+    assert stated.keys() <= found.guaranteed
+    for key, seen in stated.items():
+        np.testing.assert_array_less(seen, 1.06 * np.array(found.values[key]))  # the sample's own deviation is 2 to 3 %
+        np.testing.assert_array_less(0.85 * np.array(found.values[key]), seen)
+
+
+def test_the_root_mean_square_covers_commands_and_noise():
+    problem = replace(at_rest_with_noise("delay", T), reference=Square(amplitude=0.5, frequency=0.5))
+    simulation = Simulation(t_end=60.0, dt=DT)
+    for name in ("adrc", "piecewise", "known"):
+        quiet, noisy = replace(problem, sensor=Sensor(lag=0.02)), problem
+        (without,), (found,) = (certify(one, [CONTROLLERS[name]], simulation).values() for one in (quiet, noisy))
+        assert "error_bound" not in found.guaranteed
+        assert {"error_rms_bound", "error_noise_rms"} <= found.guaranteed
+        expected = without.values["error_bound"] + max(found.values["error_noise_rms"])
+        assert found.values["error_rms_bound"] == pytest.approx(expected, rel=1e-9)
+        assert without.entry("error_noise_rms") is None
+
+
+def test_noise_beside_limits_and_slow_noise_is_not_guaranteed():
+    limited = at_rest_with_noise("delay", T)
+    limited = replace(limited, plant=replace(limited.plant, input=PlantInput(delay=0.03, saturation=[-50.0, 50.0])))
+    (found,) = certify(limited, [CONTROLLERS["adrc"]], Simulation(t_end=1.0, dt=DT)).values()
+    assert found.entry("error_noise_rms").kind == "estimate"
+    assert "beyond its limits" in found.entry("error_rms_bound").why
+    (found,) = certify(at_rest_with_noise("delay", 2 * T), [CONTROLLERS["adrc"]], Simulation(t_end=1.0, dt=DT)).values()
+    assert "not independent" in found.entry("error_noise_rms").why
 
 
 def test_limits_that_u_may_reach_leave_no_bound():

@@ -130,7 +130,7 @@ def test_a_set_made_without_an_interval_bounds_no_other_theta_s_gains():
     )
     found, _ = judged(problem, DirectMrac(gamma=2.0))
     assert "error_bound" in found.guaranteed and "error_bound_worst" not in found.guaranteed
-    assert "without an interval" in found.entry("error_bound_worst").why
+    assert "without a known interval" in found.entry("error_bound_worst").why
     assert "error_bound_worst" in judged(problem, DirectMrac(gamma=2.0, projection=False))[0].guaranteed
 
 

@@ -10,6 +10,7 @@ from scipy.linalg import expm
 
 from barbalat import (
     Adrc,
+    BaselineAlone,
     LinearFeedback,
     LinearOutput,
     Mrac,
@@ -28,9 +29,10 @@ from barbalat import (
 )
 from barbalat.certificates.certificates import table_1
 from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
+from barbalat.certificates.summary import five
 from barbalat.controllers.output.l1 import L1Output
 from barbalat.controllers.output.l1_piecewise import L1OutputPiecewiseConstant
-from barbalat.plants import PlantInput
+from barbalat.plants import Parameter, PhysicalPlant, PlantInput
 from barbalat.signals import Sine
 
 A_M, B, THETA, OMEGA, T = np.array([[0.0, 1.0], [-2.0, -2.0]]), np.array([0.0, 1.0]), np.array([0.6, -0.4]), 40.0, 0.05
@@ -120,6 +122,36 @@ def test_over_the_known_set_it_is_the_sampled_loop_too():
         assert loop[key]["value"] == pytest.approx(there.values[key], rel=1e-9)  # two ways to the same matrices
     wide = replace(PROBLEM, uncertainty=ParameterBox(lower=[-1, -1], upper=[100, 1]))
     assert "unstable_at" in certified(controller, wide).values["margins_over_known_set"][0]
+
+
+def test_over_the_known_set_an_uncertain_gain_varies_too():
+    """The least is at an end of the gain's interval, and is what the plant with that gain has; a gain that is lost is found."""
+    gained = replace(PROBLEM, input_gain=(0.5, 1.5))
+    controller = Sampled(BaselineAlone(nominal=[4.0, 2.0]), T)
+    (loop,) = certified(controller, gained).values["margins_over_known_set"]
+    assert loop["delay_margin"]["input_gain"] == 1.5 and "left_out" not in loop
+    for key in ("delay_margin", "gain_margin", "gain_reduction_margin"):
+        plant = replace(gained.plant, theta=np.array(loop[key]["theta"]), input=PlantInput(gain=loop[key]["input_gain"]))
+        assert loop[key]["value"] == pytest.approx(certified(controller, replace(gained, plant=plant)).values[key], rel=1e-9)
+    (fixed,) = certified(controller).values["margins_over_known_set"]
+    assert loop["delay_margin"]["value"] < 0.9 * fixed["delay_margin"]["value"]
+    (lost,) = certified(controller, replace(gained, input_gain=(0.5, 30.0))).values["margins_over_known_set"]
+    assert lost["unstable_at_gain"] > 1.5
+
+
+def test_margins_over_a_set_with_unmatched_remainders_say_that_these_are_left_out():
+    """k acts on both states, and the input on one."""
+    physical = PhysicalPlant(A=[[0, "k"], [-2, "-k"]], b=[0, 1], parameters=[Parameter("k", 2.0, tolerance=0.1)])
+    plant = Plant(physical=physical, poles=[-1, -2])
+    problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Sine(amplitude=1.0, frequency=1.0))
+    for controller in (BaselineAlone(nominal=[4.0, 2.0]), Sampled(BaselineAlone(nominal=[4.0, 2.0]), T)):
+        found = certify(problem, [controller], SIMULATION)
+        (loop,) = found[controller.name].values["margins_over_known_set"]
+        assert loop["left_out"].startswith("the unmatched remainders")
+        (column,) = table_1(problem, [controller], found).columns
+        assert "without the unmatched remainders" in column.cells["margins"].text
+        (said,) = (line.text for line in five(column, found[controller.name], None) if line.label == "margin")
+        assert "in the set (its matched part)" in said
 
 
 def test_no_claim_of_the_continuous_loop_is_left():

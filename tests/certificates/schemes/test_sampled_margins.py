@@ -24,7 +24,7 @@ from barbalat import (
     certify,
     input_filter,
 )
-from barbalat.certificates.linear_loops.sampled_rest import sampled_rest
+from barbalat.certificates.linear_loops.sampled_rest import adapting_of, sampled_rest
 from barbalat.laws import Gradient
 from barbalat.plants import PlantInput
 from barbalat.signals import Constant, Sine
@@ -68,7 +68,7 @@ def dies_out(controller, delay=0.0):
 
     Beginning at rest, which a case can't where a filter starts at zero.
     """
-    rest = sampled_rest(PROBLEM, controller, controller.controller, frozen=False)
+    rest = sampled_rest(PROBLEM, controller, adapting_of(PROBLEM, controller.controller), frozen=False)
     loop, state, signals = rest.loop, rest.state.copy(), rest.signals
     places = loop.unpack(np.arange(loop.size))
     (part,) = [one for one in loop.parts if one.name == "theta_hat"]

@@ -144,7 +144,7 @@ def words(text) -> set[str]:
 def test_no_line_is_longer_and_nothing_is_broken(name, width):
     narrow, wide = shown(width, SCREENS[name]), shown(WIDE, SCREENS[name])
     assert max(map(cell_len, narrow.splitlines())) <= width
-    shown_here = re.sub(r"\d+ more findings?: --full\s+has all of them", "", narrow)  # fewer find room where lines are short
+    shown_here = re.sub(r"\d+ more findings?: --full\s+shows\s+all\s+of\s+them", "", narrow)  # fewer fit in short lines
     assert {re.sub(r"^[─-]+$", "", word) for word in words(shown_here)} <= words(wide) | {""}
     lines = narrow.splitlines()
     for line, following in pairwise(lines):
@@ -194,7 +194,7 @@ def test_findings_are_told_once_for_all_runs():
 def test_findings_without_room_are_counted():
     found = [dataclasses.replace(result) for result in results("paper")]
     text = shown(80, lambda screen: runs.show(screen, "paper", found, room=0))
-    assert "more findings: --full has all of them." in text
+    assert "more findings: --full shows all of them." in text
     assert len(text.splitlines()) < len(shown(80, SCREENS["run paper"]).splitlines())
 
 
@@ -357,7 +357,7 @@ def test_the_legend_is_that_of_the_cases_solver(solver, of_one, of_all):
     for controllers, said in (([mrac], of_one), (found.controllers, of_all)):
         made = certify(found.problem, controllers, simulation)
         screen = shown(WIDE, lambda target, made=made: certificates.show(target, found.name, made, made.table, 1e-3))
-        assert f"the solver bears {said}" in screen
+        assert f"the solver tolerates {said}" in screen
 
 
 def test_a_capital_begins_a_word_and_no_symbol():

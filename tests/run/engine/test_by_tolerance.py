@@ -99,6 +99,30 @@ def test_the_measured_error_is_that_of_the_run() -> None:
     assert "measured error" in result.numerics
 
 
+def test_a_figure_that_the_tolerance_leaves_open_is_named() -> None:
+    """The estimate rests, and what the tolerance leaves of its oscillation is not the motion's: fixed steps tell."""
+    case = load_case("l1-output")
+    loose, tight = (simulate(case.problem, case.controllers[:1], Simulation(5.0, tolerance=t))["L1 output"] for t in (1e-6, 1e-9))
+    fixed = simulate(case.problem, case.controllers[:1], Simulation(5.0, 1e-4))["L1 output"].figures
+    rate = "theta_hat_variation_rate"
+    assert loose.figures[rate][0] > 10 * fixed[rate][0]
+    assert loose.accuracy.unresolved == (rate,)
+    assert loose.accuracy.figures[rate] > 1
+    assert f"{rate} is not resolved: ask for a smaller tolerance" in loose.numerics
+    assert tight.figures[rate] == pytest.approx(fixed[rate], rel=0.05)
+    assert tight.accuracy.unresolved == ()
+
+
+@pytest.mark.full
+def test_a_tolerance_that_roundings_leave_no_room_for_ends_in_a_sentence() -> None:
+    """Section V near 6.9 s, where theta_hat_1 meets its bound."""
+    with pytest.raises(
+        InputError, match=r"= 1e-12 is finer than 64-bit numbers resolve .* such as 1e-09, or give simulation\.dt"
+    ):
+        final_state(PAPER.problem, L1, 1e-12, 8.0)
+    assert final_state(PAPER.problem, L1, 1e-9, 8.0).t == 8.0
+
+
 def test_a_divergence_is_a_result() -> None:
     case = load_case("rohrs")
     classical = next(c for c in case.controllers if c.name == "Classical")
@@ -139,11 +163,11 @@ def test_refusals() -> None:
     simulation = Simulation(1.0, tolerance=1e-6)
     with pytest.raises(InputError, match=r"Callable is a Python function .*: give simulation\.dt"):
         simulate(replace(PAPER.problem, reference=Callable()), [MRAC], simulation)
-    with pytest.raises(InputError, match=r"an ensemble needs one: give simulation\.dt"):
-        barbalat.simulate_ensemble([(PAPER.problem, MRAC)], simulation)
-    with pytest.raises(InputError, match="must be auto beside a tolerance, got rk4"):
+    with pytest.raises(InputError, match=r"the error in each quarter needs one: give simulation\.dt"):
+        barbalat.simulate_ensemble([(PAPER.problem, MRAC)], simulation, quarters=True)
+    with pytest.raises(InputError, match="must be auto with a tolerance, got rk4"):
         Simulation(1.0, tolerance=1e-6, solver="rk4")
-    with pytest.raises(InputError, match="stands instead of dt"):
+    with pytest.raises(InputError, match="replaces dt"):
         Simulation(1.0, 1e-3, tolerance=1e-6)
     with pytest.raises(InputError, match="needs dt, the step"):
         Simulation(1.0)

@@ -30,7 +30,8 @@ def test_figure_3_is_the_solvers():
     assert result.check.origin == "solver"
     assert (result.check.dt, result.check.t_end) == (pytest.approx(1e-5), 20)
     assert (
-        "the oscillation is the solver's: at h = 1e-05 s the estimates' variation [1/s] in the tail falls from" in result.numerics
+        "the oscillation is due to the solver: at h = 1e-05 s the estimates' variation [1/s] in the tail falls from"
+        in result.numerics
     )
 
 
@@ -69,7 +70,7 @@ def test_a_step_that_damps_the_loops_own_ringing():
     result = checked(PAPER, controller, Simulation(t_end=20, dt=1e-4))
     assert result.stiffness.unstable_from is not None and result.check.origin == "both"
     assert result.label is None and result.verdict.settled  # of the same class at both steps
-    assert "their path in all rises" in result.check.sentence
+    assert "their total path rises" in result.check.sentence
     assert "in the tail" not in result.check.sentence
 
 
@@ -92,7 +93,7 @@ def test_a_divergence_that_the_plant_makes_is_the_loops(dt):
     result = checked(problem, controller, Simulation(t_end=60, dt=dt))
     assert result.label is not None
     assert result.check.origin == "loop"
-    assert "the divergence is the loop's own" in result.check.sentence
+    assert "the divergence is that of the loop itself" in result.check.sentence
 
 
 @pytest.mark.parametrize(("gamma", "dt"), [(1e6, 1e-4), (1e8, 1e-4), (1e10, 1e-4)])
@@ -156,7 +157,7 @@ def test_what_a_law_sampled_by_euler_steps_chatters_is_not_called_the_loops():
     result = checked(PAPER, controller, Simulation(t_end=20, dt=1e-3))
     assert result.label is not None
     assert result.check.origin == "solver"
-    assert "the oscillation is the sampled law's" in result.check.sentence
+    assert "the oscillation is due to the sampled law" in result.check.sentence
     (finer,) = simulate(PAPER, [controller], Simulation(t_end=20, dt=1e-4)).values()
     assert finer.figures["theta_hat_variation_rate"] == pytest.approx(result.figures["theta_hat_variation_rate"], rel=1e-3)
 

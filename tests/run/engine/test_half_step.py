@@ -52,7 +52,7 @@ def test_what_takes_too_long_is_not_run_and_then_the_lost_order_is_said():
 
 def test_sentences():
     kept = HalfStep("speed", 0.6954, 0.6382, 1, 0.149, (Class.OFF, Class.OFF))
-    said = "about 16 % of the error of speed in the tail is the solver's: 0.6954 at this step, 0.6382 at half of it"
+    said = "about 16 % of the error of speed in the tail is due to the solver: 0.6954 at this step, 0.6382 at half of it"
     assert kept.sentence == said
     hidden = replace(kept, coarse=0.6382, fine=0.6954)
     assert hidden.sentence.startswith("the solver hides about 18 % of the error of speed in the tail: 0.6382 at this step")

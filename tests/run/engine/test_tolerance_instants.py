@@ -11,6 +11,8 @@ from barbalat.controllers.sampled import Sampled
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import right_hand_side
 from barbalat.lowering.compiled import Compiled
+from barbalat.problem.actuation import PlantInput
+from barbalat.problem.faults import Bias, Dropout, Jitter, Spike, Stuck
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.run.kernel.portable import standard_normal
 from barbalat.signals import Square
@@ -26,27 +28,33 @@ SENSOR = Sensor(lag=0.05, noise=NOISE)
 def by_scipy(problem, controller, t_end, *others):
     """The state at t_end, a sample there included, from SciPy's DOP853 at 1e-12 and the controller's own Python equations.
 
-    Its pieces lie between samples, renewals of the noise and ``others`` [s]. A state's known set is not met.
+    Its pieces lie between samples, arrivals of delayed ones, renewals of the noise and ``others`` [s]. A known set is not met.
     """
     loop = ClosedLoop.of(problem, controller)
-    rates, T = Compiled(right_hand_side(loop)), loop.sample_time
+    rates, T, tau = Compiled(right_hand_side(loop)), loop.sample_time, problem.delay
     noise = problem.noise
     hold = None if noise is None else noise.sample_time
     every = {round(k * period, 9) for period in (T, hold) if period for k in range(int(t_end / period + 1e-9) + 1)}
-    instants, x = sorted({0.0, t_end, *others, *every}), loop.initial()
+    if tau:
+        every |= {round(k * T + tau, 9) for k in range(int((t_end - tau) / T + 1e-9) + 1)}
+    instants, x, put_out = sorted({0.0, t_end, *others, *every}), loop.initial(), []
     for begin, end in zip(instants, [*instants[1:], None], strict=True):
         drawn = [] if noise is None else standard_normal(noise.seed, 0, int(begin / hold + 1e-9), 1, 2)[0]
 
-        def driven(t, drawn=drawn):
-            return np.array([*(float(signal(np.array(t))) for signal in problem.signals), *drawn])
+        def driven(t, drawn=drawn, delayed=()):
+            timed = (np.asarray(signal(np.array([t]))).item() for signal in problem.signals)
+            return np.array([*timed, *drawn, *(delayed if len(delayed) else [0.0] * loop.signals.delayed)])
 
         if T is not None and abs(begin / T - round(begin / T)) < 1e-9:
-            x = np.asarray(loop.sample(x, driven(begin)), float)
+            x = np.asarray(loop.sample(x, driven(round(begin / T) * T)), float)
+            put_out.append((begin, np.reshape(loop.undelayed_input(x, driven(begin)), -1)))
         if end is None:
             return x
+        arrived = [value for t, value in put_out if t <= begin - tau + 1e-9]
+        delayed = (arrived[-1] if arrived else problem.history) if tau else ()
 
-        def slope(t, y, inside=(begin + 1e-12, end - 1e-12), driven=driven):
-            return rates(y, driven(np.clip(t, *inside)))
+        def slope(t, y, inside=(begin + 1e-12, end - 1e-12), driven=driven, delayed=delayed):
+            return rates(y, driven(np.clip(t, *inside), delayed=delayed))
 
         found = solve_ivp(slope, (begin, end), x, "DOP853", rtol=1e-12, atol=1e-13)
         x = np.asarray(loop.limit(found.y[:, -1]))  # the estimates have moved and are counted
@@ -72,6 +80,49 @@ def final(problem, controller, t_end, tolerance=1e-10):
 def test_the_motion_is_scipys_from_instant_to_instant(problem, controller) -> None:
     expected = by_scipy(problem, controller, 1.0)
     assert final(problem, controller, 1.0) == pytest.approx(expected, rel=1e-7, abs=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("delay", [0.004, 0.01, 0.025, 0.03], ids=["below a sample", "one", "two and a half", "three"])
+def test_a_delayed_control_arrives_when_it_is_due(delay) -> None:
+    """What leaves the delay before the first sample does is its history."""
+    problem = replace(
+        PAPER.problem, plant=replace(PAPER.problem.plant, input=PlantInput(delay=delay, history=0.5, saturation=(-9, 9)))
+    )
+    controller = Sampled(replace(MRAC, gamma=0.1), 0.01)
+    expected = by_scipy(problem, controller, 1.0)
+    assert final(problem, controller, 1.0) == pytest.approx(expected, rel=1e-7, abs=1e-9 * np.abs(expected).max())
+
+
+FAULTS = (
+    Dropout(share=0.2, seed=1),
+    Spike(share=0.1, size=0.3, channel="x_1", seed=2),
+    Stuck(times=((0.3, 0.4),)),
+    Bias(size=0.1, times=((0.6, 2.0),)),
+    Dropout(times=((0.7, 0.8),), channel="command"),
+)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.015], ids=["no delay", "delayed"])
+def test_faults_come_at_samples(delay) -> None:
+    plant = replace(PAPER.problem.plant, input=PlantInput(delay=delay))
+    problem = replace(PAPER.problem, plant=plant, faults=FAULTS, sensor=Sensor(lag=0.02))
+    controller = Sampled(replace(MRAC, gamma=0.1), 0.01)
+    expected = by_scipy(problem, controller, 1.0)
+    assert final(problem, controller, 1.0) == pytest.approx(expected, rel=1e-7, abs=1e-9 * np.abs(expected).max())
+    clean = final(replace(problem, faults=()), controller, 1.0)
+    assert np.abs(clean[: len(expected)][:2] - expected[:2]).max() > 1e-3
+
+
+def test_a_delayed_run_is_judged_as_with_fixed_steps() -> None:
+    """Its windows after the run go on with what is in the delay."""
+    problem = replace(PAPER.problem, plant=replace(PAPER.problem.plant, input=PlantInput(delay=0.04)))
+    controller = Sampled(replace(MRAC, gamma=0.1), 0.01)
+    ours, fixed = (
+        simulate(problem, [controller], one)["MRAC"] for one in (Simulation(4.0, tolerance=1e-8), Simulation(4.0, 5e-4))
+    )
+    assert str(ours.verdict) == str(fixed.verdict)
+    for name in ("max_abs_e", "rms_e", "max_abs_u", "theta_hat_final", "theta_hat_variation_rate"):
+        assert ours.figures[name] == pytest.approx(fixed.figures[name], rel=1e-3), name
 
 
 def test_a_command_that_jumps_between_samples() -> None:
@@ -111,3 +162,50 @@ def test_refusals() -> None:
     simulation = Simulation(1.0, tolerance=1e-6)
     with pytest.raises(InputError, match=r"sample_time must not exceed simulation\.t_end = 1 s, got 2 s"):
         simulate(PAPER.problem, [Sampled(MRAC, 2.0)], simulation)
+    delayed = replace(PAPER.problem, plant=replace(PAPER.problem.plant, input=PlantInput(delay=0.1)))
+    with pytest.raises(InputError, match=r"only after a sampled controller .*: give simulation\.dt"):
+        simulate(delayed, [MRAC], simulation)
+    with pytest.raises(InputError, match=r"at most 200 samples of 0\.0001 s"):
+        simulate(delayed, [Sampled(MRAC, 1e-4)], simulation)
+    with pytest.raises(InputError, match=r"samples without jitter: give simulation\.dt"):
+        simulate(replace(PAPER.problem, faults=(Jitter(time=0.001, share=0.5),)), [Sampled(MRAC, 0.01)], simulation)
+
+
+def test_nothing_turns_where_the_noise_jumps() -> None:
+    """The control's extrema from one renewal to the next, each of which makes it jump."""
+    problem = replace(PAPER.problem, sensor=Sensor(noise=replace(NOISE, std=0.2)))
+    controller = replace(MRAC, gamma=0.05)
+    ours, fine = (
+        simulate(problem, [controller], simulation)["MRAC"]
+        for simulation in (Simulation(1.0, tolerance=1e-8), Simulation(1.0, 1e-5))
+    )
+    most, expected_most = (one.envelope.u_max.reshape(50, 40).max(axis=1) for one in (ours, fine))
+    least, expected_least = (one.envelope.u_min.reshape(50, 40).min(axis=1) for one in (ours, fine))
+    unseen = 1e-2  # by fixed steps: the last 1e-5 s before a renewal, in which u changes by half of that
+    assert (np.abs(most - expected_most) < unseen).all()
+    assert (np.abs(least - expected_least) < unseen).all()
+
+
+def test_the_final_estimates_are_those_before_a_sample_at_the_end() -> None:
+    for t_end in (0.5, 0.505, 0.4):  # with such a sample, and without; in the last the tail begins at a sample
+        ours, fixed = (
+            simulate(PAPER.problem, [Sampled(MRAC, 0.01)], simulation)["MRAC"].figures
+            for simulation in (Simulation(t_end, tolerance=1e-10), Simulation(t_end, 5e-4))
+        )
+        assert ours["theta_hat_final"] == pytest.approx(fixed["theta_hat_final"], rel=1e-6)
+        if t_end != 0.505:  # both tails begin at the same instant
+            assert ours["theta_hat_variation_rate"] == pytest.approx(fixed["theta_hat_variation_rate"], rel=1e-6)
+
+
+@pytest.mark.parametrize("before", [1e-4, 2e-4, 3e-4])
+def test_a_trough_just_after_the_tail_begins(before) -> None:
+    """theta_hat_2 grows while it oscillates: its least value of the tail is the first trough, between the tail's first nodes."""
+    fine = simulate(PAPER.problem, [MRAC], Simulation(3.2, tolerance=1e-9, record_points=200_000))["MRAC"]
+    estimate = fine.theta_hat[:, 1]
+    troughs = 1 + np.flatnonzero((estimate[1:-1] < estimate[:-2]) & (estimate[1:-1] <= estimate[2:]))
+    first = troughs[fine.t[troughs] > 2.3][0]
+    t_end = (fine.t[first] - before) / 0.75
+    tail = (fine.t >= fine.t[first] - before) & (fine.t <= t_end)
+    assert estimate[tail].min() == estimate[first]
+    found = simulate(PAPER.problem, [MRAC], Simulation(t_end, tolerance=1e-6))["MRAC"].figures["theta_hat_tail_min"][1]
+    assert found == pytest.approx(estimate[first], abs=1e-5 * np.ptp(estimate[tail]))

@@ -342,11 +342,11 @@ def test_the_label_resumes_what_ran(part):
         (
             RK4,
             SQUARE,
-            "the command or a disturbance jumps inside 1 of the 100 steps of a delayed loop, which can't be split: first order",
+            "the command or a disturbance jumps inside 1 of the 100 steps of a delayed loop, which cannot be split: first order",
         ),
         (HEUN, SQUARE, "first order there"),
         (EULER, SQUARE, None),
-        (RK4, DATA, "bends inside 4 of the 100 steps of a delayed loop, which can't be split: second order there"),
+        (RK4, DATA, "bends inside 4 of the 100 steps of a delayed loop, which cannot be split: second order there"),
         (HEUN, DATA, None),
         (
             RK4,
@@ -427,10 +427,10 @@ def test_of_millions_of_jumps_in_a_step_none_is_looked_at(monkeypatch):
 
 SMOOTH = Sine(1.0, 1.0)
 MOTION = {
-    "a rate limiter that never limits": (PlantInput(rate_limit=1000.0), None, 1, "the step is its lag: first order"),
+    "a rate limiter that never limits": (PlantInput(rate_limit=1000.0), None, 1, "its lag is the step: first order"),
     "a converter": (PlantInput(quantization=0.01), None, 1, "first order at best"),
-    "a saturation": (PlantInput(saturation=[-0.2, 0.2]), None, 2, "saturation inside of steps: second order"),
-    "a dead zone": (PlantInput(), DeadZone(0.05), 2, "the dead zone's edge inside of a step: second order"),
+    "a saturation": (PlantInput(saturation=[-0.2, 0.2]), None, 2, "saturation inside steps: second order"),
+    "a dead zone": (PlantInput(), DeadZone(0.05), 2, "the dead zone's edge inside steps: second order"),
     "a saturation that is not reached": (PlantInput(saturation=[-50.0, 50.0]), None, 4, None),
 }
 

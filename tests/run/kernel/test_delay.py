@@ -192,7 +192,7 @@ def test_what_long_delays_remember_is_counted_before_it_is_allocated(monkeypatch
         lambda: simulate(given, controllers, simulation),
         lambda: simulate_ensemble([(given, controllers[0])] * 20, simulation),
     ):
-        with pytest.raises(InputError, match=r"20 runs remembers, would take about 5 GiB of memory.*at most 8388605 steps"):
+        with pytest.raises(InputError, match=r"20 runs stores, would take about 5 GiB of memory.*at most 8388605 steps"):
             attempt()
         with (
             Budget(memory=2.0**33),

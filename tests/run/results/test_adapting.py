@@ -110,7 +110,7 @@ def test_what_sits_on_a_bound_is_said(section_v):
     problem = replace(section_v, uncertainty=ParameterBox(lower=[-1, -1], upper=[1, 1]))
     found = run(problem, Mrac(gamma=0.1)).adapting
     assert (found.on_bounds.least > 0.5).any()
-    assert any("sits on its projection bounds" in warning for warning in found.warnings)
+    assert any("is at its projection bounds" in warning for warning in found.warnings)
     ball = run(replace(section_v, uncertainty=ParameterBall(center=[0, 0], radius=1.0)), Mrac(gamma=0.1)).adapting
     assert ball.on_bounds is None and ball.on_sphere > 0.5
     assert any("surface of the known set" in warning for warning in ball.warnings)

@@ -29,11 +29,11 @@ def test_a_run_that_hides_ringing_says_so(runs):
     rms = [float(np.sqrt(np.mean(run.e[:, 1] ** 2))) for run in (coarse, fine)]
     assert rms[1] > 5 * rms[0] and coarse.label is None and fine.label is None  # hidden, and no label says it
     assert coarse.damping is not None and fine.damping is None
-    said = f"by up to {100 * coarse.damping.per_radian:.2g} % a radian, which the equations don't: a finer step may show more"
+    said = f"by up to {100 * coarse.damping.per_radian:.2g} % per radian, which the equations do not: a finer step may show more"
     assert said in numerics(coarse) and said in coarse.numerics
     block = json.loads(json.dumps(run_block(coarse)))["solver_damping"]
     assert said in block["sentence"] and block["h_omega"] == coarse.damping.h_omega
-    assert "solver_damping" not in run_block(fine) and "a radian" not in numerics(fine)
+    assert "solver_damping" not in run_block(fine) and "per radian" not in numerics(fine)
 
 
 def test_the_damping_is_that_of_an_oscillator_that_is_stepped(runs):

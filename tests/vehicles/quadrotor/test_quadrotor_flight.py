@@ -174,7 +174,7 @@ def test_a_controller_that_overflows_loses_its_vehicle_and_says_so(axes, tmp_pat
     nominal = scheme_on(axes, "geometric")
     scheme = replace(nominal, loops=(Overflowing(), *nominal.loops[1:]))
     (one,) = quadrotor_through(axes, scheme, [FAILURES["none"]], Timing(duration=4.0, fails_at=3.0))
-    assert one.lost == "its controller gave a command that is no number"
+    assert one.lost == "its controller gave a command that is not a number"
     assert one.lost_at == pytest.approx(Overflowing.overflows_at, abs=0.011)
     assert np.isfinite(one.record).all()
     assert list(tmp_path.iterdir()) == []  # MuJoCo has nothing to warn of

@@ -25,8 +25,8 @@ class Gradient(ModifiedLaw, Settings):
     leakage    w; none by default
     dead_zone  on epsilon m_s; none by default
 
-    V = theta_tilde'Gamma^-1 theta_tilde/2: V' = -epsilon^2 m_s^2, less still by projection. Exponential with phi/m_s
-    persistently exciting. Source: Ioannou and Sun, sections 4.3.5 and 8.5.2; Ioannou and Fidan, section 3.6.1.
+    V = theta_tilde'Gamma^-1 theta_tilde/2: V' = -epsilon^2 m_s^2, or less with projection. Convergence is exponential if phi/m_s
+    is persistently exciting. Source: Ioannou and Sun, sections 4.3.5 and 8.5.2; Ioannou and Fidan, section 3.6.1.
     """
 
     gamma: float | Array
@@ -67,7 +67,7 @@ class Gradient(ModifiedLaw, Settings):
 
     @property
     def fastest_rate(self) -> float | None:
-        """Gamma; none is known with leakage, which adds a rate of its own: likewise in the other laws."""
+        """Gamma; None with a leakage, which adds a rate of its own, as in the other laws."""
         return None if self.leakage is not None else self.metric.largest
 
     def gain_of_rate(self, rate: float) -> float | None:

@@ -39,10 +39,10 @@ class IntegralCost(Settings):
     leakage     FixedSigma or SwitchingSigma; none by default
 
     Without modelling error Q = R theta, and V = theta_tilde'Gamma^-1 theta_tilde/2 has V' = -theta_tilde'R theta_tilde <= 0.
-    Under persistent excitation the rate of convergence grows with Gamma without bound, which the instantaneous cost's does not.
+    Under persistent excitation the rate of convergence grows with Gamma without bound, unlike that of the instantaneous cost.
 
-    The law follows an integral of past errors. So a dead zone has no single error to act on, and for the
-    epsilon-modification V' is not proportional to the present error: both are refused.
+    The law uses an integral of past errors. So a dead zone has no single error to act on, and V' is not proportional to the
+    present error, as the epsilon-modification requires: both are refused.
 
     Source: Ioannou and Sun, section 4.3.5; Ioannou and Fidan, section 3.6.2; Kreisselmeier (1977).
     """
@@ -101,7 +101,7 @@ class IntegralCost(Settings):
 
     @property
     def fastest_rate(self) -> float | None:
-        """Gamma/beta, since |R| <= 1/beta, or the forgetting."""
+        """Gamma/beta, since |R| <= 1/beta, or the rate of forgetting if it is larger."""
         return None if self.leakage is not None else max(self.forgetting, self.metric.largest / self.forgetting)
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:

@@ -1,9 +1,9 @@
-"""The least-squares laws: the paper's (15), and those that forget, reset or bound the covariance that all have as memory.
+"""The least-squares laws: the paper's (15), and laws that forget, reset or bound the covariance, the memory of all of them.
 
-V = theta_tilde'P^-1 theta_tilde/2. With P' = beta P - P phi phi'P/m_s^2, (P^-1)' = -beta P^-1 + phi phi'/m_s^2, and so
-V' = -epsilon^2 m_s^2/2 - beta V without modelling error. With a dead zone of weight a, on the estimate and on what the data
-take from P alike, and |eta|/m_s <= g_0: V' = -a ((epsilon m_s)^2 - (eta/m_s)^2)/2 - beta V, which is not positive either.
-Source: Ioannou and Sun, section 4.3.6.
+V = theta_tilde'P^-1 theta_tilde/2. With P' = beta P - P phi phi'P/m_s^2, (P^-1)' = -beta P^-1 + phi phi'/m_s^2, and so V' =
+-epsilon^2 m_s^2/2 - beta V without modelling error. With a dead zone of weight a on both the estimate and the data's effect on P,
+and |eta|/m_s <= g_0: V' = -a ((epsilon m_s)^2 - (eta/m_s)^2)/2 - beta V, which is not positive either. Source: Ioannou and Sun,
+section 4.3.6.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ from barbalat.settings import Settings
 from barbalat.validate import Array, InputError
 
 NORM_TOLERANCE = 2.0**-46
-"""A norm this near to its bound, relatively, counts as at it; ``bounded`` leaves it within a sixteenth of that."""
+"""A norm this close to its bound, relatively, counts as equal to it; ``bounded`` leaves it within a sixteenth of that."""
 
 COVARIANCE_METRIC = Gain(np.eye(1))
-"""What a covariance is, whatever it starts as."""
+"""The metric of any covariance law, whatever its initial covariance."""
 
-NO_LOWER_BOUND = "its covariance has no lower bound, which the proof that theta_hat stays bounded needs"
+NO_LOWER_BOUND = "its covariance has no lower bound, which the proof of bounded theta_hat requires"
 NOT_PROPORTIONAL = "its V' is not proportional to the present error"
 
 
@@ -43,16 +43,16 @@ class Memory(NamedTuple):
 
 
 class CovarianceLaw(ModifiedLaw):
-    """A least-squares law: what all of them do alike. Its fields are the law's own."""
+    """The parts that all least-squares laws share. Its fields are the law's own settings."""
 
     roles: ClassVar[Mapping[str, Role]] = {"covariance": Role.memory("covariance P of the least squares (15)", symbol="P")}
 
     @abstractmethod
     def covariance_rate(self, P: Value, taken: Value) -> Value:
-        """P', of which the data take ``taken``."""
+        """P', reduced by ``taken`` due to the data."""
 
     def forgotten(self, P: Value, T: float) -> tuple[Value, Value]:
-        """P after T [s] without data, and the weight of the data of that time."""
+        """P after T [s] without data, and the weight of the data from that time."""
         return P, T
 
     @property
@@ -75,7 +75,7 @@ class CovarianceLaw(ModifiedLaw):
 
 @dataclass(frozen=True, eq=False)
 class BoundedCovarianceLaw(CovarianceLaw):
-    """A least-squares law that forgets, and keeps |P|_F below a bound."""
+    """A least-squares law that forgets and keeps |P|_F below a bound."""
 
     covariance0: float | Array
     _: KW_ONLY
@@ -86,7 +86,7 @@ class BoundedCovarianceLaw(CovarianceLaw):
 
     jump: ClassVar[str] = "the bound of the covariance"
     bears: ClassVar[tuple[str, Borne, str]]
-    """The law in a message, the leakages that it takes, and why it takes no others."""
+    """The law's name in messages, the leakages that it accepts, and why it accepts no others."""
 
     def __post_init__(self) -> None:
         validate.freeze(self, covariance0=gain.accept("law.covariance0", self.covariance0))
@@ -104,7 +104,7 @@ class BoundedCovarianceLaw(CovarianceLaw):
 
 
 def initial_covariance(covariance0: float | Array, n: int, bound: float | None = None) -> Memory:
-    """P(0) of a number, a diagonal or a matrix; InputError where it doesn't fit n or exceeds ``bound`` in the Frobenius norm."""
+    """P(0) from a number, a diagonal or a matrix; InputError if it doesn't fit n or exceeds ``bound`` in the Frobenius norm."""
     Gain(covariance0).require_size("law.covariance0", n)
     require_room(n)
     P = Gain(covariance0).as_matrix(n)
@@ -126,7 +126,7 @@ def learn(
     leakage: Leakage | None,
     dead_zone: DeadZone | None,
 ) -> tuple[Value, Value]:
-    """theta_hat' = proj(P (epsilon phi - w theta_hat)), and what the data take from the covariance: P phi phi'P/m_s^2."""
+    """theta_hat' = proj(P (epsilon phi - w theta_hat)), and the reduction of the covariance by the data: P phi phi'P/m_s^2."""
     phi, m_s_squared, epsilon = estimation
     P_phi = P @ phi
     taken = gram(P_phi) / m_s_squared
@@ -142,7 +142,7 @@ def learn(
 def correct(
     theta_hat: Value, P: Value, weight: Value, data: SampleData, leakage: Leakage | None, dead_zone: DeadZone | None
 ) -> tuple[Value, Value]:
-    """Estimate and covariance after one sample's data, from P as forgetting leaves it; ``weight`` is the data's."""
+    """Estimate and covariance after one sample's data, from P after forgetting; ``weight`` is the weight of the data."""
     theta_next, share = implicit.correct(Gain(P), weight, theta_hat, data, leakage, dead_zone)
     _, _, phi, m_s_squared = data
     P_phi = P @ phi
@@ -153,14 +153,14 @@ def correct(
 
 
 def held(P: Value, P_dot: Value, bound: float) -> Value:
-    """P' = 0 where |P|_F is at its bound and would grow, P_dot elsewhere."""
+    """P' = 0 if |P|_F is at its bound and would grow, P_dot otherwise."""
     reach = bound * (1 - NORM_TOLERANCE)
     stops = np.where(np.sum(P * P) >= reach * reach, 1.0, 0.0) * np.where(np.sum(P * P_dot) > 0, 1.0, 0.0)
     return P_dot * (1 - stops)
 
 
 def bounded(P: Value, bound: float) -> Value:
-    """P scaled back to |P|_F <= bound, where a stage has overshot it."""
+    """P scaled back to |P|_F <= bound if a stage has overshot it."""
     reach = bound * (1 - NORM_TOLERANCE / 16)
     squared = np.sum(P * P)
     outside = squared > reach * reach
@@ -179,7 +179,7 @@ def smallest_pivot(P: Value, shift: Value) -> Value:
     for k in range(n):
         pivot = rest[k][k]
         smallest = np.minimum(pivot, smallest)
-        inverse = 1 / np.where(pivot > 0, pivot, 1.0)  # behind a pivot that is not positive nothing counts any more
+        inverse = 1 / np.where(pivot > 0, pivot, 1.0)  # after a pivot that is not positive, nothing else matters
         for i in range(k + 1, n):
             factor = rest[i][k] * inverse
             for j in range(k + 1, n):
@@ -220,7 +220,7 @@ class LeastSquares(CovarianceLaw, Settings):
 
     @property
     def fastest_rate(self) -> float | None:
-        """2 P(0): a covariance's rate is the slope 2 P of P^2, likewise in the other least-squares laws."""
+        """2 P(0): a covariance's rate is the slope 2 P of P^2, as in the other least-squares laws."""
         return None if self.leakage is not None else 2 * Gain(self.covariance0).largest
 
 
@@ -236,7 +236,7 @@ class LeastSquaresForgetting(CovarianceLaw, Settings):
     leakage      SwitchingSigma; none by default
 
     V' = -epsilon^2 m_s^2/2 - beta V: exponential under persistent excitation. Without it P grows like e^(beta t) (covariance
-    windup): use a bounded variant. A dead zone is refused, for inside it nothing keeps P from growing.
+    windup): use a bounded variant. A dead zone is refused, because P would grow without bound inside it.
 
     Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.1.
     """
@@ -253,8 +253,8 @@ class LeastSquaresForgetting(CovarianceLaw, Settings):
         accept_leakage(self.leakage, "least squares with forgetting", Borne.HARMLESS, "its covariance has no bounds")
         if self.dead_zone is not None:
             raise InputError(
-                "a dead zone can't go with unbounded forgetting: inside the zone nothing is learnt and the covariance grows like "
-                "exp(beta t); take a law with bounded covariance or bounded gain"
+                "a dead zone cannot be combined with unbounded forgetting: inside the zone the estimates do not change and "
+                "the covariance grows like exp(beta t); use a law with bounded covariance or bounded gain"
             )
 
     def initial(self, n: int) -> Memory:
@@ -268,7 +268,7 @@ class LeastSquaresForgetting(CovarianceLaw, Settings):
 
     @property
     def fastest_rate(self) -> float | None:
-        """Nothing bounds the"""
+        """None: nothing bounds the covariance."""
         return None
 
     def guarantee(self, known_set: EstimateSet | None) -> Guarantee:
@@ -285,12 +285,12 @@ class LeastSquaresResetting(CovarianceLaw, Settings):
     leakage       FixedSigma or SwitchingSigma; none by default
     dead_zone     on epsilon m_s, for the estimate and the covariance; none by default
 
-    rho_1 I <= P <= rho_0 I. A reset lowers V, since P(t) <= rho_0 I before it. The test is the textbook's, exactly and without
-    eigenvalues: all pivots of P - rho_1 I are positive where lambda_min(P) > rho_1 and only there. It stands in ``limit``, so
-    that no stage of a solver sees a smaller covariance; the time of a reset is resolved to a stage.
+    rho_1 I <= P <= rho_0 I. A reset lowers V, since P(t) <= rho_0 I before it. The test is exactly the textbook's, without
+    eigenvalues: all pivots of P - rho_1 I are positive if and only if lambda_min(P) > rho_1. It is part of ``limit``, so that no
+    stage of a solver uses a smaller covariance; the time of a reset is resolved to a stage.
 
-    The epsilon-modification is refused: V' = -((epsilon m_s)^2 - (eta/m_s)^2)/2 - w theta_tilde'theta_hat is positive where
-    epsilon = 0 and eta is not, and there that leakage is off.
+    The epsilon-modification is refused: V' = -((epsilon m_s)^2 - (eta/m_s)^2)/2 - w theta_tilde'theta_hat is positive if epsilon
+    = 0 and eta is not, and that leakage is then zero.
 
     Source: Ioannou and Sun, section 4.3.6; Ioannou and Fidan, section 3.7.3; Goodwin and Mayne (1987).
     """
@@ -336,9 +336,9 @@ class LeastSquaresBounded(BoundedCovarianceLaw, Settings):
     leakage           FixedSigma or SwitchingSigma; none by default
     dead_zone         on epsilon m_s, for the estimate and the covariance; none by default
 
-    The norm is Frobenius', so that P <= R_0 I and the test is plain arithmetic. P^-1 stays bounded as well, since (P^-1)' is
-    zero or -beta P^-1 + phi phi'/m_s^2. The source leaves P at rest for good once it is at the bound; here it moves on
-    as soon as it would shrink. V' <= 0 either way. In a fixed-step solver P is scaled back at every stage that overshoots.
+    The norm is Frobenius', so that P <= R_0 I and the test needs only arithmetic. P^-1 stays bounded as well, since (P^-1)' is
+    zero or -beta P^-1 + phi phi'/m_s^2. In the source P stays constant for good once it is at the bound; here it changes again as
+    soon as it would shrink. V' <= 0 in both cases. In a fixed-step solver P is scaled back at every stage that overshoots.
 
     The epsilon-modification is refused for the reason given at LeastSquaresResetting.
 
@@ -373,11 +373,12 @@ class LeastSquaresBoundedGain(BoundedCovarianceLaw, Settings):
     leakage           SwitchingSigma; none by default
     dead_zone         on epsilon m_s, for the estimate and the covariance; none by default
 
-    The norm is Frobenius', so that P <= k_0 I: d|P|_F/dt <= beta_0 (1 - |P|_F/k_0) |P|_F, which vanishes at k_0. Exponential
-    under persistent excitation, and no windup without: the forgetting fades. V' = -epsilon^2 m_s^2/2 - beta(t) V.
+    The norm is Frobenius', so that P <= k_0 I: d|P|_F/dt <= beta_0 (1 - |P|_F/k_0) |P|_F, which vanishes at k_0. Convergence is
+    exponential under persistent excitation, and there is no windup without it, because the forgetting fades. V' = -epsilon^2
+    m_s^2/2 - beta(t) V.
 
-    A fixed sigma and the epsilon-modification are refused: while one direction rests at k_0 nothing is forgotten, and P
-    decreases in the others as in pure least squares, without a lower bound.
+    A fixed sigma and the epsilon-modification are refused: while one direction stays at k_0 nothing is forgotten, and P decreases
+    in the others as in pure least squares, without a lower bound.
 
     Source: Slotine and Li, Applied Nonlinear Control, section 8.7.5.
     """

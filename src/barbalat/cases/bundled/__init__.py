@@ -5,6 +5,6 @@ from pathlib import Path
 
 
 def bundled() -> dict[str, Path]:
-    """The files of the cases that come with the package, by the cases' names."""
+    """The files of the package's bundled cases, by the cases' names."""
     folder = Path(str(resources.files(__name__)))
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}

@@ -1,4 +1,4 @@
-"""Theorem 1 beside bounded disturbances: the bound of V that they leave where the estimates are projected.
+"""Theorem 1 with bounded disturbances: the resulting bound of V if the estimates are projected.
 
 With w = b d + sum_j E_j d_j, |P w| <= p and q <= lambda_min(-(P A_m + A_m'P)), V' <= -q |e|^2 + 2 p |e|: V falls wherever
 |e| > 2 p/q. Over the set theta_tilde'Gamma^-1 theta_tilde <= D^2, so that V <= lambda_max(P) (2 p/q)^2 + D^2 at all times.
@@ -28,9 +28,9 @@ from barbalat.validate import Array, InputError
 class Level:
     """A bound of |e|_2, or of |x_tilde|_2 of a predictor: sqrt(of_estimates^2 + pushed^2).
 
-    nu            |theta_tilde|_2/sqrt(lambda_min(P)), at the start, or the largest in the set beside disturbances
-    of_estimates  nu over the root of the gain
-    pushed        what the disturbances add; 0 without any
+    nu            |theta_tilde|_2/sqrt(lambda_min(P)) at the start; with disturbances the largest value in the set
+    of_estimates  nu divided by the square root of the gain
+    pushed        the contribution of disturbances; 0 without any
     """
 
     nu: float
@@ -47,24 +47,31 @@ def is_disturbed(problem: Problem) -> bool:
     return problem.disturbance is not None or bool(problem.unmatched)
 
 
-def level(problem: Problem, controller: laws.LyapunovScheme, nu_0: float) -> Level:
-    """The bound that V gives; beside disturbances that have no bound, or without projection, that without them."""
-    bound_of_push, known_set = push(problem), controller.bind(problem.known).estimate_set
+def level(problem: Problem, controller: laws.LyapunovScheme, nu_0: float, closed: Known | None = None) -> Level:
+    """The bound from V, with P of ``closed`` if it is given.
+
+    If a disturbance is unbounded, or without projection, the bound without disturbances.
+    """
+    known = closed or problem.known
+    bound_of_push, known_set = push(problem, known), controller.bind(problem.known).estimate_set
     if bound_of_push is None or known_set is None or not known_set.bounds_theta:
-        return Level(nu_0, laws.error_level(problem, controller, nu_0))
-    require_lyapunov(problem.known)
-    least = smallest_eigenvalue(problem.known.P)
-    q, highest = decay(problem.known), largest_eigenvalue(problem.known.P)
+        return Level(nu_0, laws.error_level(problem, controller, nu_0, closed))
+    require_lyapunov(known)
+    least = smallest_eigenvalue(known.P)
+    q, highest = decay(known), largest_eigenvalue(known.P)
     nu = farthest(known_set, problem.parameters) / math.sqrt(least) * OUTWARD_FACTOR**2
     pushed = math.sqrt(highest / least) * 2 * bound_of_push / q * OUTWARD_FACTOR**3
     return Level(nu, nu / math.sqrt(laws.least_gain(controller.gamma)) * OUTWARD_FACTOR, pushed)
 
 
-def push(problem: Problem) -> float | None:
-    """p, a bound of |P w|_2; None without a disturbance, where one has no bound, or beside a baseline, whose V is not this."""
+def push(problem: Problem, known: Known) -> float | None:
+    """p, a bound of |P w|_2, with P of ``known``.
+
+    None without a disturbance, for an unbounded one, or with a baseline, which has another V.
+    """
     if problem.plant.baseline is not None:
         return None
-    P, columns = problem.known.P, problem.known.b.reshape(problem.known.n, -1)
+    P, columns = known.P, known.b.reshape(known.n, -1)
     acting = [] if problem.disturbance is None else [(columns[:, 0], problem.disturbance)]
     acting += [(np.asarray(one.direction), one.signal) for one in problem.unmatched]
     total = 0.0
@@ -89,7 +96,7 @@ def largest_eigenvalue(P: Array) -> float:
 
 
 def _verified(value: float, side: int, definite: Callable[[float], tuple[arb_mat, float]]) -> float:
-    """The nearest candidate beside an approximate eigenvalue for which the shifted matrix is certainly positive definite."""
+    """The candidate nearest to an approximate eigenvalue for which the shifted matrix is provably positive definite."""
     for slack in (1e-13, 1e-10, 1e-7, 1e-4, 1e-2):
         candidate = value * (1 + side * slack)
         if candidate > 0 and is_positive_definite(*definite(candidate)):

@@ -1,4 +1,4 @@
-"""Guaranteed bounds of formulas, in ball arithmetic: of |phi(x)| on a box of states, of f(t, y) and of its slope in y."""
+"""Guaranteed bounds of formulas in ball arithmetic: of |phi(x)| on a box of states, of f(t, y) and of its slope in y."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from barbalat.problem.regressors import Linear, Regressor
 from barbalat.validate import Array
 
 TIGHTNESS_RATIO = 1.05
-"""The bound is at most this times the largest value that was seen, unless MOST_CUTS do not suffice."""
+"""The bound is at most this multiple of the largest value found, unless MOST_CUTS are insufficient."""
 MOST_CUTS = 400
-"""Of the box, at most; the bound holds after any number of them."""
+"""Largest number of cuts of the box; the bound holds after any number of cuts."""
 CORNER_STATES = 8
-"""States up to which the corners of a box are tried for its largest value; beyond, the centre alone."""
+"""Number of states up to which the corners of a box are tried for its largest value; beyond it only the centre."""
 
 
 def largest_square(regressor: Regressor, low: Array, high: Array) -> float:
-    """At least max |phi(x)|_2^2 over low <= x <= high, (n,) each; infinite where balls bound nothing."""
+    """An upper bound of |phi(x)|_2^2 over low <= x <= high, (n,) each; infinite if ball arithmetic gives none."""
     if isinstance(regressor, Linear):
         return float(np.sum(np.maximum(np.abs(low), np.abs(high)) ** 2)) * (1 + 1e-12)
     seen = _seen(regressor, low, high)
@@ -58,13 +58,14 @@ def _seen(regressor: Regressor, low: Array, high: Array) -> float:
     points = [(low + high) / 2]
     if len(low) <= CORNER_STATES:
         points += [np.where(choice, high, low) for choice in product((False, True), repeat=len(low))]
-    with np.errstate(all="ignore"):  # a point where phi is no number shows nothing
+    with np.errstate(all="ignore"):  # a point where phi is not a number gives no information
         squares = [float(np.sum(np.asarray(regressor(point), dtype=float) ** 2)) for point in points]
     return max([0.0, *(square for square in squares if not np.isnan(square))])
 
 
 SLOPE_PIECES = 256
-"""Of the interval of y: on each the slope is enclosed; a bound is too wide by about the slope's own change over a piece."""
+"""Pieces of the interval of y: the slope is enclosed on each, so a bound is too wide by about the slope's change over a
+piece."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ def _as_slope(value: Any) -> Slope:
 
 
 def largest_slope(f: Nonlinearity, radius: float, t_end: float) -> float:
-    """An upper bound of |df/dy| for |y| <= radius and 0 <= t <= t_end; infinite where none is found."""
+    """An upper bound of |df/dy| for |y| <= radius and 0 <= t <= t_end; infinite if none is found."""
     width = arb(radius) / SLOPE_PIECES
     return max(
         _float_above(_at(f, arb(0, 1) * width + (2 * k + 1 - SLOPE_PIECES) * width, t_end).slope) for k in range(SLOPE_PIECES)
@@ -145,14 +146,14 @@ def largest_slope(f: Nonlinearity, radius: float, t_end: float) -> float:
 
 
 def steepest_seen(f: Nonlinearity, radius: float) -> float:
-    """A lower bound of the largest |df/dy| over |y| <= radius, taken at t = 0 and 65 points: no Lipschitz constant is below."""
+    """A lower bound of max |df/dy| over |y| <= radius, from 65 points at t = 0: every Lipschitz constant is at least this."""
     points = [radius * k / 32 for k in range(-32, 33)]
     slopes = [_at(f, arb(y), 0.0).slope for y in points]
     return max((float_below(abs(slope).abs_lower()) for slope in slopes if slope.is_finite()), default=math.inf)
 
 
 def largest_at_zero(f: Nonlinearity, t_end: float) -> float:
-    """An upper bound of |f(t, 0)| for 0 <= t <= t_end; infinite where none is found."""
+    """An upper bound of |f(t, 0)| for 0 <= t <= t_end; infinite if none is found."""
     return _float_above(_at(f, arb(0), t_end).value)
 
 

@@ -1,4 +1,4 @@
-"""What a law's gain and modifications make of Theorem 1: its proof rests on V = e'P e + theta_tilde'Gamma^-1 theta_tilde."""
+"""The effect of a law's gain and modifications on Theorem 1, whose proof uses V = e'P e + theta_tilde'Gamma^-1 theta_tilde."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from barbalat.validate import Array
 
 
 class Bound(Equations, Protocol):
-    """What the settings of a scheme with a Lyapunov law become on a plant."""
+    """The equations of a scheme with a Lyapunov law on a plant."""
 
     @property
     def theta_hat0(self) -> Array: ...
@@ -50,7 +50,7 @@ class ModifiedScheme(LyapunovScheme, ModifiedSettings, Protocol):
 
 
 def least_gain(gamma: float | Array) -> float:
-    """A guaranteed lower bound of the gain's smallest eigenvalue; a scalar gain itself."""
+    """A guaranteed lower bound of the gain's smallest eigenvalue; a scalar gain is its own."""
     return smallest_eigenvalue(gamma) if Gain(gamma).is_matrix else float(np.min(gamma))
 
 
@@ -62,7 +62,7 @@ def weighted_error(theta_tilde: Array, gamma: Array) -> float:
 
 
 def error_level(problem: Problem, controller: LyapunovScheme, nu: float, closed: Known | None = None) -> float:
-    """nu_0/sqrt(Gamma) of (9), sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)) for a matrix, rounded up; P of ``closed``."""
+    """nu_0/sqrt(Gamma) of (9), for a matrix sqrt(theta_tilde'Gamma^-1 theta_tilde/lambda_min(P)), rounded up; P of ``closed``."""
     known, gamma = problem.known, controller.gamma
     if np.ndim(gamma) == 0:
         return mrac_bound(nu, float(gamma))
@@ -71,37 +71,37 @@ def error_level(problem: Problem, controller: LyapunovScheme, nu: float, closed:
 
 
 def is_modified(controller: ModifiedScheme) -> bool:
-    """Whether the plain law is not all there is: a leakage and a memory add a decay of the estimates, a dead zone a share."""
+    """Whether the law is modified: a leakage and a memory add a decay of the estimates, a dead zone scales the error."""
     return not (controller.leakage is None and controller.dead_zone is None and controller.learning is None)
 
 
 def keeps_V_in_corners(gamma: float | Array, known_set: EstimateSet | None) -> Assumption:
-    """The projection leaves V' <= 0: with a gain that couples the parameters it may not where it cuts corners."""
+    """The projection keeps V' <= 0; with a gain that couples the parameters it may not if it cuts corners."""
     cut = Gain(gamma).couples and known_set is not None and known_set.cuts_corners
     why = "a gain matrix in corners of the known set" if cut else ""
     return Assumption("the projection never makes V grow", why, theorems.CORNERS)
 
 
 def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
-    """Why (9) and (10) don't hold with the law's modifications, as a sentence; None where V decreases as without them.
+    """Why (9) and (10) don't hold with the law's modifications, as a sentence; None if V decreases as it does without them.
 
-    It does with composite learning, which adds -2 gamma_c theta_tilde'R theta_tilde to V', and with a switching sigma that
-    bounds every theta in question.
+    It does with composite learning, which adds -2 gamma_c theta_tilde'R theta_tilde to V', and with a switching sigma whose M_0
+    bounds every relevant theta.
     """
     known_set, gamma = controller.bind(problem.known).estimate_set, controller.gamma
     if keeps_V_in_corners(gamma, known_set).broken:
         return (
-            f"with a gain matrix and a box of more than {EXACT_FACES} parameters, or input gains beside a ball, what the "
-            "projection cuts off in a corner may make V grow, so the bounds (9) and (10) don't hold; they do with a ball, a "
-            "diagonal gain or without projection"
+            f"with a gain matrix and a box of more than {EXACT_FACES} parameters, or "
+            "input gains in addition to a ball, the projection in a corner may make V grow, so the bounds (9) and (10) do "
+            "not hold; they hold with a ball, with a diagonal gain or without projection"
         )
     if controller.dead_zone is not None:
-        return "inside the dead zone nothing is learnt, so the bounds (9) and (10) don't hold"
+        return "the law is inactive inside the dead zone, so the bounds (9) and (10) do not hold"
     if controller.leakage is None:
         return None
     M_0 = controller.leakage.harmless_within
     if M_0 is None:
-        return f"{type(controller.leakage).__name__} pulls the estimates to zero, so the bounds (9) and (10) don't hold"
+        return f"{type(controller.leakage).__name__} pulls the estimates to zero, so the bounds (9) and (10) do not hold"
     of_theta = sum((Fraction(value) ** 2 for value in problem.parameters.ravel().tolist()), Fraction(0))
     if of_theta <= Fraction(M_0) ** 2 and (
         problem.known.estimate_set is None or problem.known.estimate_set.within(Fraction(M_0))
@@ -111,7 +111,7 @@ def why_no_bound(controller: ModifiedScheme, problem: Problem) -> str | None:
 
 
 def theorem_of_modified(controller: ModifiedScheme, problem: Problem) -> str:
-    """The theorem that is missing where ``why_no_bound`` gives a reason; empty where it gives none."""
+    """The theorem that is missing if ``why_no_bound`` gives a reason; otherwise empty."""
     if why_no_bound(controller, problem) is None:
         return ""
     if keeps_V_in_corners(controller.gamma, controller.bind(problem.known).estimate_set).broken:
@@ -120,14 +120,14 @@ def theorem_of_modified(controller: ModifiedScheme, problem: Problem) -> str:
 
 
 def guarantee_of(law: AdaptiveLaw | OutputErrorLaw, known_set: EstimateSet | None) -> Guarantee:
-    """What the law says of itself; none is known of a law that says nothing."""
+    """The guarantee that a law declares; a law that declares none has none."""
     if isinstance(law, GuaranteedLaw):
         return law.guarantee(known_set)
-    return nothing(f"nothing is guaranteed: no guarantee of {type(law).__name__} is known")
+    return nothing(f"nothing is guaranteed: no guarantee is known for {type(law).__name__}")
 
 
 def bounds_the_parameters(found: Guarantee, parameters: Array | None) -> Assumption:
-    """A switching leakage's M_0 bounds the true parameters, where there is one; None for parameters that don't exist."""
+    """A switching leakage's M_0 bounds the true parameters, if there are any."""
     if found.M_0 is None:
         return Assumption("no bound M_0 of the parameters is needed")
     above = parameters is None or float(np.linalg.norm(parameters)) * OUTWARD_FACTOR > found.M_0
@@ -135,5 +135,5 @@ def bounds_the_parameters(found: Guarantee, parameters: Array | None) -> Assumpt
 
 
 def kept_from_zero(found: Guarantee) -> str:
-    """Why the tracking error does not converge to zero, or what is not known."""
+    """Why the tracking error does not converge to zero, or why convergence is unknown."""
     return f"with {found.why} the tracking error converges to a set, not to zero" if found.bounded else found.why

@@ -27,7 +27,7 @@ class ModelBounds:
 
 
 def model_bounds(problem: Problem) -> ModelBounds:
-    """Bounds from the signal's own and L1 norms, not from samples. InputError for a signal without a bound."""
+    """Bounds from the signal's own bound and L1 norms, not from samples. InputError for a signal without a bound."""
     r = problem.reference
     if not isinstance(r, BoundedSignal):
         raise InputError(f"a certificate needs a reference with a bound, and {r!r} has none")
@@ -36,13 +36,14 @@ def model_bounds(problem: Problem) -> ModelBounds:
 
 
 def motion_along_the_command(problem: Problem, simulation: Simulation) -> tuple[Array, Array]:
-    """Instants (K,) and x_m there, (K, n), under the case's own command: the exact response for what is straight between them."""
+    """Instants (K,) and x_m there, (K, n), under the case's own command: the exact response to the command, interpolated
+    linearly between them."""
     known, (A_m, B, _) = problem.known, problem.model.matrices
     return driven_response(A_m, B, np.eye(known.n), known.x0, problem.commands, simulation.t_end, simulation.steps)
 
 
 def largest_along_the_command(problem: Problem, simulation: Simulation) -> float:
-    """The largest |x_m|_2 that the case's own command makes in the run: no bound, the model's response at sampled instants."""
+    """The largest |x_m|_2 under the case's own command in the run: no bound, but the model's response at sampled instants."""
     return float(np.linalg.norm(motion_along_the_command(problem, simulation)[1], axis=1).max())
 
 
@@ -57,10 +58,10 @@ def command_bounds(problem: Problem) -> Array:
 
 
 def state_bounds(problem: Problem) -> list[float]:
-    """Guaranteed bounds of sup |x_m,i|, i = 1 ... n, for any inputs and commands: those of the inputs add up."""
+    """Guaranteed bounds of sup |x_m,i|, i = 1 ... n, for any inputs and commands: the sum of the bounds for each."""
     known, n, pushed = problem.known, problem.known.n, command_bounds(problem)
     columns = known.b.reshape(n, -1).T
-    if known.enters is not None:  # the command enters beside the inputs, and each by a column of its own
+    if known.enters is not None:  # the command enters directly too, each command through its own column
         pushed = np.array([command.bound for command in problem.commands if isinstance(command, BoundedSignal)])
         columns = problem.model.matrices[1].T
 
@@ -82,6 +83,6 @@ def _free_response_bounds(known: Known) -> list[float]:
 
 
 def require_lyapunov(known: Known) -> None:
-    """InputError where P is not certain to be a Lyapunov matrix of A_m."""
+    """InputError unless P is provably a Lyapunov matrix of A_m."""
     if not lyapunov_holds(known.P, known.A_m):
         raise InputError("P A_m + A_m'P could not be verified to be negative definite: A_m is too close to losing stability")

@@ -1,8 +1,8 @@
-"""Theorem 1 as numbers: P, nu_0, the bounds (9) and (10), the condition on C(s) and where it flips.
+"""Theorem 1 in numbers: P, nu_0, the bounds (9) and (10), the condition on C(s) and where it fails.
 
-Everything that is called a bound is rounded outward. The derivations are in docs/theorem-1.md.
+Every bound is rounded outward. The derivations are in docs/theorem-1.md.
 
-``reference_error_bound`` says how closely L1-AC follows its reference system, the loop with the filter and theta known.
+``reference_error_bound`` bounds the distance of L1-AC from its reference system, the loop with the filter and known theta.
 
 x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[-theta'x_ref + k_0 r], x_ref(0) = x(0), C at rest.
 
@@ -11,10 +11,10 @@ With theta_tilde = theta_hat - theta, x_tilde = x - x_hat and G = W_b (1 - C): (
 
     x - x_ref = (I - G theta')^-1 C [x_tilde],   |x - x_ref| <= ||C||_1/(1 - ||G||_1 theta_max) nu_0/sqrt(Gamma),
 
-where ||G||_1 theta_max < 1: the condition of Theorem 1 (ii).
+if ||G||_1 theta_max < 1: the condition of Theorem 1 (ii).
 
-Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 2.1, with |theta_tilde(0)|, which is what V(0) holds, where
-they write its largest value over the known set.
+Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 2.1, with |theta_tilde(0)|, as in V(0), in place of its
+largest value over the known set.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from barbalat.certificates.bounds.model import ModelBounds, require_lyapunov
 from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR, Enclosure
 from barbalat.linear.l1_norms import l1_norm
-from barbalat.linear.largest import largest_from
+from barbalat.linear.largest import largest_of_size
 from barbalat.linear.systems import StateSpace, TransferFunction, input_filter
 from barbalat.problem.state_feedback import Known
 from barbalat.validate import Array
@@ -52,7 +52,7 @@ def filtered_model(known: Known, C: StateSpace) -> tuple[Array, Array, Array, Ar
 
 
 def filter_condition(known: Known, C: StateSpace, theta_max: float) -> FilterCondition:
-    """The condition under which Theorem 1 (ii) speaks."""
+    """The condition of Theorem 1 (ii)."""
     return small_gain(l1_norm(*filtered_model(known, C)), theta_max)
 
 
@@ -73,19 +73,19 @@ def kappa_max(norm: Enclosure, theta_max: float) -> float:
 
 
 def kappa_admissible(known: Known, theta_max: float, relative: float = 1e-6) -> float:
-    """The largest kappa found for which the condition certainly holds for C = 1/(kappa s + 1), within ``relative``.
+    """The largest kappa found for which the condition provably holds for C = 1/(kappa s + 1), within ``relative``.
 
-    Bisection between kappa_max, where it holds, and a kappa where it certainly fails; infinite if it never fails.
+    Secants between kappa_max, where it holds, and a kappa for which it provably fails; infinite if it never fails.
     """
 
-    def holds(kappa: float) -> bool:
-        return filter_condition(known, input_filter(kappa).realise(), theta_max).holds
+    def size(kappa: float) -> float:
+        return filter_condition(known, input_filter(kappa).realise(), theta_max).value_upper
 
     # 1 - C -> 1 for kappa -> infinity: the norm tends to that of W_b itself
     if theta_max == 0 or l1_norm(known.A_m, known.b[:, None], np.eye(known.n), np.zeros((known.n, 1))).upper * theta_max < 1:
         return math.inf
     start = kappa_max(derivative_norm(known), theta_max) * (1 - 1e-9)  # where kappa ||s W_b|| theta_max < 1, C's norm being 1
-    return largest_from(holds, start, within=relative)
+    return largest_of_size(size, start, within=relative)
 
 
 def initial_parameter_error(theta_hat0: Array, theta: Array) -> float:
@@ -107,7 +107,7 @@ def mrac_bound(nu: float, gamma: float) -> float:
 def l1_bound(nu: float, gamma: float, condition: FilterCondition, theta_max: float, k_0: float, model: ModelBounds) -> float:
     """(10), for any C(s): [nu_0/sqrt(Gamma) + N (theta_max |x_m| + |k_0| |r|)] / (1 - N theta_max), N = ||W_b (1 - C)||_1.
 
-    Infinite where the condition does not hold.
+    Infinite if the condition does not hold.
     """
     if not condition.holds:
         return math.inf
@@ -118,7 +118,7 @@ def l1_bound(nu: float, gamma: float, condition: FilterCondition, theta_max: flo
 def first_order_constants(
     nu: float, kappa: float, norm: Enclosure, theta_max: float, k_0: float, model: ModelBounds
 ) -> tuple[float, float] | None:
-    """nu_1 and nu_2 of (10) for C = 1/(kappa s + 1); None where kappa is not below kappa_max."""
+    """nu_1 and nu_2 of (10) for C = 1/(kappa s + 1); None if kappa is not below kappa_max."""
     remaining = 1 - kappa / kappa_max(norm, theta_max)
     if remaining <= 0:
         return None
@@ -127,7 +127,7 @@ def first_order_constants(
 
 
 def time_constant(C: TransferFunction | None) -> float | None:
-    """kappa where C(s) = 1/(kappa s + 1), else None; 0 for C = 1."""
+    """kappa if C(s) = 1/(kappa s + 1), otherwise None; 0 for C = 1."""
     if C is None:
         return 0.0
     return 1 / float(C.den[1]) if len(C.den) == 2 and len(C.num) == 1 else None
@@ -139,9 +139,9 @@ def filter_norm(C: StateSpace) -> float:
 
 
 def reference_error_bound(level: float, condition: FilterCondition, C: StateSpace) -> float:
-    """gamma_1/sqrt(Gamma), of every component of x - x_ref at all times; ``level`` is nu_0/sqrt(Gamma) of x_tilde.
+    """gamma_1/sqrt(Gamma), a bound of every component of x - x_ref at all times; ``level`` is nu_0/sqrt(Gamma) of x_tilde.
 
-    Infinite where the condition does not hold.
+    Infinite if the condition does not hold.
     """
     if not condition.holds:
         return math.inf
@@ -149,9 +149,9 @@ def reference_error_bound(level: float, condition: FilterCondition, C: StateSpac
 
 
 def exact_gain(known: Known, C: StateSpace, theta: Array) -> float:
-    """||(I - G theta')^-1 C||_1, rounded up: for this theta alone, without the small-gain theorem.
+    """||(I - G theta')^-1 C||_1, rounded up: for this theta only, without the small-gain theorem.
 
-    ValueError where it is unstable. A_m + b theta' is formed in floating point: the bound is of the rounded matrices.
+    ValueError if it is unstable. A_m + b theta' is computed in floating point: the bound holds for the rounded matrices.
     """
     n, order = known.n, C.order
     A, B, outputs, _ = filtered_model(known, C)

@@ -1,1 +1,1 @@
-"""The linear loops that the schemes become, with known parameters, fast adaptation or frozen estimates, and their margins."""
+"""The linear loops to which the schemes reduce, with known parameters, fast adaptation or frozen estimates, and their margins."""

@@ -1,4 +1,5 @@
-"""Any controller's loop linearised where it rests under a constant command, by exact Jacobians: nothing of its law is assumed."""
+"""Any controller's loop linearised at its equilibrium for a constant command, by exact Jacobians and without assumptions on
+its law."""
 
 from __future__ import annotations
 
@@ -24,20 +25,20 @@ from barbalat.validate import Array, InputError
 
 MOST_NEWTON_STEPS, MOST_HALVINGS = 60, 30
 REST_TOLERANCE = 1e-9
-"""Relative to the state: a step of Newton's below this part of it is rounding."""
+"""A Newton step below this share of the state is rounding."""
 SHIFT = 0.1
-"""Of the state's size: how far along a line of places of rest another one is looked at."""
+"""Distance, as a share of the state's size, at which another equilibrium on a line of equilibria is checked."""
 RANK_TOLERANCE = 1e-12
-"""Relative to the largest singular value of a matrix whose rows and columns were scaled: what is smaller is rounding."""
+"""Singular values below this share of the largest one, for a matrix with scaled rows and columns, are rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """A loop at rest under the constant ``signals``; ``state`` is flat, of ``loop``.
+    """A loop at its equilibrium under the constant ``signals``; ``state`` is the flat state of ``loop``.
 
-    loop   the case's, without delay, limits and quantisation at the plant's input
-    level  the commands, at the largest value that they take; zero where that is not known
-    ideal  the estimates that rest at their true values
+    loop   the case's loop without delay, limits and quantisation at the plant's input
+    level  the commands at their largest values; zero if these are unknown
+    ideal  the estimates that have their true values at the equilibrium
     """
 
     loop: ClosedLoop
@@ -48,7 +49,7 @@ class Rest:
 
     @property
     def place(self) -> str:
-        """Where the estimates rest; empty without estimates."""
+        """The values of the estimates; empty without estimates."""
         return f", where {self.found.where}" if self.found.estimates else ""
 
     @property
@@ -58,7 +59,8 @@ class Rest:
 
     @cached_property
     def is_one_of_many(self) -> bool:
-        """Whether it rests beside this place too and has another Jacobian there; estimates at their true values stay there."""
+        """Whether a neighbouring state is an equilibrium too and has another Jacobian; estimates at their true values stay
+        there."""
         jacobian = jacobian_function(self.loop)
         J = np.asarray(jacobian(self.state, self.signals))
         others = np.setdiff1d(np.arange(self.loop.size), rows_of(self.loop, self.ideal))
@@ -76,20 +78,22 @@ class Rest:
         return np.linalg.eigvals(np.asarray(jacobian_function(self.loop)(self.state, self.signals)))
 
     def broken(self, *, frozen: bool) -> StateSpace:
-        """The loop of one input from the plant's input v to -u, with the estimates ``frozen``, as by a freeze, or with their law.
+        """The loop from the plant's input v to -u, for one input, with the estimates ``frozen`` or with their law.
 
-        Left out: the model, which v doesn't move, the dynamics at the plant's input, the sensor's lag, and combinations of
-        the state that nothing moves, such as the estimates in directions in which the regressor has no part.
+        The result excludes the model, which v doesn't move, the dynamics at the plant's input, the sensor's lag, and combinations
+        of the state that nothing moves, such as the estimates in directions without a share of the regressor. With an observer,
+        which also receives u, the lag is not in series with the loop, and stays in it.
         """
         whole = self.loop.unpack(self.state)
-        inner = replace(self.loop, paths=(None,), lag=None)
-        rest = flatten(whole._replace(input=((),), sensor=np.zeros(0)))
+        stays = self.loop.observer is not None
+        inner = replace(self.loop, paths=(None,), lag=self.loop.lag if stays else None)
+        rest = flatten(whole._replace(input=((),), sensor=whole.sensor if stays else np.zeros(0)))
         jacobians = open_jacobians(inner, lambda state, v: inner.derivative_given_input(state, self.signals, v))
         reaches = self.loop.undelayed_input(self.state, self.signals)
         return _reduced(inner, jacobians(rest, reaches), frozen)
 
     def broken_at(self, i: int, *, frozen: bool) -> StateSpace:
-        """The loop from what reaches the plant's input i to what would, with L's sign, the others closed, with all dynamics."""
+        """The loop broken at the plant's input i, with the sign of L, the other inputs closed and all dynamics included."""
         loop, alone = self.loop, np.arange(self.loop.inputs) == i
 
         def given_input(state: Value, v: Value) -> tuple[Value, Value]:
@@ -101,10 +105,10 @@ class Rest:
 
 
 def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateSpace:
-    """L of A, B and C of the flat state, without what is not part of the loop.
+    """L from A, B and C of the flat state, without the parts that don't belong to the loop.
 
-    Left out: the model, frozen estimates and what a freeze keeps, what nothing moves, and what acts on nothing, such as a second
-    layer behind frozen estimates, which would be an integrator of its own.
+    These are the model, frozen estimates and everything else that a freeze holds, states that nothing moves, and states without
+    effect, such as a second layer behind frozen estimates, which would be an integrator.
     """
     A, B, C = (np.array(part) for part in jacobians)
     marked = loop.unpack(np.arange(loop.size))
@@ -119,7 +123,7 @@ def _reduced(loop: ClosedLoop, jacobians: Iterable[Any], frozen: bool) -> StateS
 
 
 def _acting(A: Array, C: Array) -> Array:
-    """Which states reach the output, directly or through others; an entry of these Jacobians that is zero is exactly that."""
+    """The states that affect the output, directly or through others; a zero entry of these Jacobians is exactly zero."""
     acts = C != 0
     for _ in range(len(C)):
         acts = acts | (A[acts] != 0).any(axis=0)
@@ -127,7 +131,8 @@ def _acting(A: Array, C: Array) -> Array:
 
 
 def _moved_by(rates: Array, *, left_over: bool = False) -> Array:
-    """Orthonormal columns that span what [A B] moves: w'[A B] = 0 says that w'state is conserved. Or, ``left_over``, those w."""
+    """Orthonormal columns that span the range of [A B]: w'[A B] = 0 means that w'state is conserved. With ``left_over``, the
+    vectors w instead."""
     rows = np.linalg.norm(rates, axis=1)
     scaled = rates / np.where(rows > 0, rows, 1.0)[:, None]
     columns = np.linalg.norm(scaled, axis=0)
@@ -142,13 +147,12 @@ def _moved_by(rates: Array, *, left_over: bool = False) -> Array:
 
 
 def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest | NotApplicable:
-    """Where the loop rests; with the estimates ``frozen`` they, and what the law remembers, keep their values.
+    """The equilibrium of the loop; with ``frozen``, estimates and the law's memory keep their values.
 
-    Newton's steps, the shortest where there are many places of rest, from x = x_m and from estimates at their true values, where
-    both fit.
+    Newton's steps, the shortest ones if there are many equilibria, start from x = x_m and from true estimates, if both fit.
     """
     if loop.sampled:
-        return NotApplicable("it acts at samples, and no continuous form of it is known")
+        return NotApplicable("it acts at samples, and it has no known continuous form")
     why = why_no_rest(loop)
     if why is not None:
         return why
@@ -159,7 +163,7 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
     held = rows_of(loop, resting_parts(loop) if frozen else [part for part in estimates_of(loop) if part not in adapting])
     start, everything, state = _start(loop, signals, true), np.arange(loop.size), None
     ideal: tuple[StatePart, ...] = ()
-    if true and not frozen:  # of many places of rest the one at which the estimates are right, if it is one
+    if true and not frozen:  # among many equilibria, the one with true estimates, if it is one
         free = np.setdiff1d(everything, np.union1d(held, rows_of(loop, true)))
         state = _solved(loop, signals, start, free, everything)
         ideal = tuple(true) if state is not None else ()
@@ -167,9 +171,9 @@ def rest_of(problem: TrackingProblem, loop: ClosedLoop, *, frozen: bool) -> Rest
         state = _solved(loop, signals, start, np.setdiff1d(everything, held))
     under = words_of(level)
     if state is None:
-        return NotApplicable(f"no state was found at which the loop rests {under}")
+        return NotApplicable(f"no equilibrium of the loop was found {under}")
     if not np.allclose(loop.limit(state), state, rtol=REST_TOLERANCE, atol=0):
-        return NotApplicable(f"where the loop would rest {under}, its own limit acts")
+        return NotApplicable(f"at the equilibrium of the loop {under}, its own limit acts")
     ideal = ideal or tuple(part for part, value in true.items() if np.array_equal(state[part.rows], value))
     return Rest(loop, state, signals, level, ideal)
 
@@ -189,25 +193,25 @@ def without_limits(loop: ClosedLoop) -> ClosedLoop:
 
 
 def why_no_rest(loop: ClosedLoop) -> NotApplicable | None:
-    """Why no place of rest is looked for; None where one is."""
+    """Why no equilibrium is searched for; None if one is."""
     if loop.clocked:
-        return NotApplicable("the plant depends on time, so that nothing rests")
+        return NotApplicable("the plant depends on time, so there is no equilibrium")
     try:
         budget.require(
             "the closed loop",
             loop.size,
             budget.of_linearisation,
-            given=f"has {loop.size} states, and its place of rest and modes",
+            given=f"has {loop.size} states, and its equilibrium and modes",
             fits=lambda most: f"at most {most} states",
             what=f"the linearised loop of {loop.size} states",
         )
-    except InputError as beyond:  # what else is certified stands
+    except InputError as beyond:  # the rest of the certificate is unaffected
         return NotApplicable(str(beyond))
     return None
 
 
 def largest_commands(problem: TrackingProblem, loop: ClosedLoop) -> tuple[Array, Array]:
-    """The commands at the largest values that they take, zero where that is not known, and the loop's signals with them."""
+    """The commands at their largest values, zero if these are unknown, and the corresponding signals of the loop."""
     bounds = [command.bound if isinstance(command, BoundedSignal) else 0.0 for command in problem.commands]
     level = np.array(bounds, dtype=float)
     return level, np.concatenate([level, np.zeros(loop.signal_count - len(level))])
@@ -219,30 +223,31 @@ def words_of(level: Array) -> str:
 
 
 def estimates_of(loop: ClosedLoop) -> list[StatePart]:
-    """All that is estimated, what results have as theta_hat first."""
+    """All estimates, with those that results call theta_hat first."""
     found = [*(() if loop.estimates is None else (loop.estimates,)), *loop.other_estimates]
     return [part for part in found if part.size]
 
 
 def resting_parts(loop: ClosedLoop) -> list[StatePart]:
-    """What a freeze keeps."""
+    """The parts of the state that a freeze holds."""
     return [part for part in loop.parts if part.role.rests]
 
 
 def rows_of(loop: ClosedLoop, parts: Iterable[StatePart]) -> Array:
-    """The rows of the flat state in which the parts stand."""
+    """The rows of the parts in the flat state."""
     return np.concatenate([np.zeros(0, dtype=int), *(np.arange(loop.size)[part.rows] for part in parts)])
 
 
 def adapting_parts(loop: ClosedLoop, signals: Array) -> list[StatePart]:
-    """The estimates that move; those whose rates are zero whatever the state are settings, other numbers than the plant's."""
+    """The estimates that move; if an estimate's rate is zero for every state, it is a setting and not an estimate of the
+    plant's numbers."""
     _, state = symbols("state", loop.size)
     rates = column(loop.derivative(state, signals))
     return [part for part in estimates_of(loop) if not rates[part.rows].is_zero()]
 
 
 def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) -> Array:
-    """The initial state with the model at rest, the plant there too, and the estimates at their true values, where these fit."""
+    """The initial state with the model at rest, the plant at the same state, and true estimates, if these fit."""
     start = np.array(loop.initial(), dtype=float)
     places = loop.unpack(np.arange(loop.size))
     solved = _solved(loop, signals, start, places.x_m)
@@ -251,15 +256,17 @@ def _start(loop: ClosedLoop, signals: Array, true: Mapping[StatePart, Array]) ->
     start[places.x_m] = solved[places.x_m]
     if len(places.x) == len(places.x_m):
         start[places.x] = start[places.x_m]
-    if loop.lag is not None:  # settled, so that nothing else has to move for its sake
-        start[places.sensor] = loop.plant.output(start[places.x])
+    if len(places.observer) == len(places.x):  # settled, like a sensor
+        start[places.observer] = start[places.x]
+    if loop.lag is not None:  # settled, so that no other state has to move because of it
+        start[places.sensor] = loop.reading(start[places.x])
     for part, value in true.items():
         start[part.rows] = value
     return start
 
 
 def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array, resting: Array | None = None) -> Array | None:
-    """The state in which what is ``free``, or all that is ``resting``, rests, (size,), by moving what is free alone."""
+    """The state in which the ``free`` parts, or all ``resting`` ones, have zero rates, (size,); only free parts move."""
     jacobian = jacobian_function(loop)
     return newton(
         lambda state: np.asarray(loop.derivative(state, signals), dtype=float),
@@ -273,9 +280,9 @@ def _solved(loop: ClosedLoop, signals: Array, start: Array, free: Array, resting
 def newton(
     rates: Callable[[Array], Array], jacobian: Callable[[Array], Array], start: Array, free: Array, resting: Array
 ) -> Array | None:
-    """The state at which the ``resting`` ones of the rates vanish, by moving what is ``free`` alone, in the shortest steps.
+    """The state at which the ``resting`` rates vanish, found by moving only the ``free`` parts, in the shortest steps.
 
-    None where no step leads nearer to one.
+    None if no step leads closer to one.
     """
     state = start.copy()
 

@@ -18,23 +18,23 @@ from barbalat.validate import Array
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The loop at rest at zero, without limits and quantisation at the plant's input and without f(t, y), its delay apart.
+    """The loop at zero, without limits and quantisation at the plant's input and without f(t, y); its delay is separate.
 
-    rows  where in X stand the controller's own parts by their names, u, x, what is measured and what was, held
+    rows  positions in X of the controller's own parts by name, of u, x, the measurement and the held measurement
     """
 
     loop: SampledLoop
     rows: dict[str, Array]
 
     def beside(self, b: Array, change: Array) -> SampledLoop:
-        """The loop on the plant whose theta differs by ``change`` (n,), for phi(x) = x and one input with the column b."""
+        """The loop for the plant whose theta differs by ``change`` (n,), for phi(x) = x and one input with the column b."""
         A, x = self.loop.A.copy(), self.rows["x"]
         A[np.ix_(x, x)] += np.outer(b, change)
         return replace(self.loop, A=A)
 
 
 def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
-    """Exact for a linear plant and a linear controller, at zero."""
+    """Linearise at zero; exact for a linear plant and a linear controller."""
     if isinstance(problem, OutputProblem) and problem.plant.nonlinear is not None:
         problem = replace(problem, plant=replace(problem.plant, nonlinear=None))
     loop = ClosedLoop.of(problem, controller)
@@ -49,14 +49,14 @@ def linearised(problem: TrackingProblem, controller: Controller) -> Linearised:
 def of_jacobians(
     loop: ClosedLoop, slopes: Array, J: Array, *, left_out: Array | None = None, estimates: Array | None = None
 ) -> Linearised:
-    """Of the Jacobians between samples and of a sample; what v does not move, the models and the command, and the rows
-    ``left_out`` are not in it. The rows of what is estimated stand under "estimates"."""
+    """The loop from the Jacobians between samples and of a sample, without states that v does not move, the models, the
+    command and the rows ``left_out``. The rows of the estimates have the name "estimates"."""
     assert loop.sample_time is not None
     marked = loop.unpack(np.arange(loop.size))
     held = marked.held
     out = np.concatenate([part.reshape(-1) for part in (marked.x_m, held.x_m, held.r, held.started, held.theta_hat)])
     idle = [row for row in range(loop.size) if not (J[row].any() or J[:, row].any() or slopes[row].any() or slopes[:, row].any())]
-    # idle: what counts missed samples, of which there are none
+    # constant: the counter of missed samples, of which there are none
     out = np.concatenate([out, np.array(idle, dtype=int), np.zeros(0, dtype=int) if left_out is None else left_out])
     kept = np.setdiff1d(np.arange(loop.size), out)
     where = np.full(loop.size, -1)

@@ -1,4 +1,4 @@
-"""The robust MRAC with its estimates frozen: a linear loop, and the modelling error that this loop bears.
+"""The robust MRAC with frozen estimates: a linear loop, and the modelling error that this loop tolerates.
 
 With theta_hat constant, xi, Xi and Q(s) are linear in x and u, and so is the control. By hand, for phi(x) = x, from the
 plant's input v to -u, with F = 1/(tau s + 1)^n* and G = (sI - A_m - b theta')^-1 b:
@@ -6,9 +6,9 @@ plant's input v to -u, with F = 1/(tau s + 1)^n* and G = (sI - A_m - b theta')^-
     L = [F + (theta_hat + F (theta - theta_hat))'G]/(1 - F),    affine in theta_hat;
     T = L/(1 + L) = (F + theta'G)/(1 + theta'G)                 where theta_hat = theta.
 
-The loop is taken from the scheme's own equations, by their exact Jacobians; the formula is what tests hold it against.
-A modelling error Delta_m at the plant's input closes T: stable for every Delta_m with |Delta_m(j w)| |T(j w)| < 1, by the
-small-gain theorem. None of this is a guarantee for the loop that adapts.
+The loop is computed from the scheme's own equations, by their exact Jacobians; tests compare it with the formula. A modelling
+error Delta_m at the plant's input closes T: stable for every Delta_m with |Delta_m(j w)| |T(j w)| < 1, by the small-gain theorem.
+None of this is a guarantee for the adapting loop.
 
 Source: Theorem 2; Ioannou and Sun, section 8.2; Skogestad and Postlethwaite, section 7.5.
 """
@@ -35,15 +35,16 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
 POINTS_INSIDE, FREQUENCY_STRIDE = 100, 4
-"""Over the known set: seeded points inside beside the extreme ones, at every fourth frequency of the grid: an estimate anyway."""
+"""Over the known set: seeded points inside in addition to the extreme ones, at every fourth frequency of the grid; the
+result is an estimate in any case."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrozenLoops:
     """The loops of one robust MRAC on one problem, broken at the plant's input, for any constant theta_hat.
 
-    The linear dynamics that the plant's input has already are part of them. Raises InputError for a problem whose frozen
-    loop is not rational: phi(x) other than x, several inputs, limits, quantisation or a delay at the plant's input.
+    They include the linear dynamics at the plant's input. Raises InputError for a problem whose frozen loop is not rational:
+    phi(x) other than x, several inputs, limits, quantisation or a delay at the plant's input.
     """
 
     problem: Problem
@@ -54,7 +55,7 @@ class FrozenLoops:
         validate.instance("controller", self.controller, (RobustMrac, NormalizedMrac))
         plant = self.problem.plant
         if plant.inputs > 1:
-            raise InputError(f"the frozen loop is that of one input, but plant.b has {plant.inputs} columns")
+            raise InputError(f"the frozen loop has one input, but plant.b has {plant.inputs} columns")
         if not plant.is_linear:
             raise InputError("the frozen loop is linear only for phi(x) = x: plant.regressor must be left out")
         path = plant.paths[0]
@@ -67,7 +68,7 @@ class FrozenLoops:
     def at(self, theta_hat: Array) -> StateSpace:
         """L with the estimates frozen at ``theta_hat`` (n,); its states are x, the sensor's, a baseline's own, zeta and Q's.
 
-        Of xi and Xi the control contains zeta = xi + Xi theta_hat alone, with zeta' = A_m zeta + b (theta_hat'x + u).
+        The control depends on xi and Xi only through zeta = xi + Xi theta_hat, with zeta' = A_m zeta + b (theta_hat'x + u).
         """
         n = self.problem.plant.n
         theta_hat = validate.vector("theta_hat", theta_hat, n)
@@ -87,9 +88,9 @@ class FrozenLoops:
 
     @cached_property
     def gain_over_set(self) -> tuple[Array, Array] | None:
-        """Frequencies (K,) and the largest |T| found over the known set, infinite if a loop is unstable; ``None`` without one.
+        """Frequencies (K,) and the largest |T| found over the known set, infinite if a loop is unstable; ``None`` without a set.
 
-        L and the closed loop's matrix are affine in theta_hat: n + 1 loops give those of all points.
+        L and the closed loop's matrix are affine in theta_hat, so that n + 1 loops give those of all points.
         """
         known_set, n = self.problem.uncertainty, self.problem.plant.n
         if known_set is None:
@@ -110,10 +111,10 @@ class FrozenLoops:
 
     @cached_property
     def _jacobians(self) -> Any:
-        """theta_hat -> A, B, C of what moves while the estimates rest: xi, Xi, x, the sensor and Q's state.
+        """theta_hat -> A, B, C of the states that move while the estimates are frozen: xi, Xi, x, the sensor and Q's state.
 
-        Their rates are linear in themselves and v, so the Jacobians at zero are exact. The law's rate enters the swapping
-        term alone, which stays zero; x_m and n_d reach no control.
+        Their rates are linear in themselves and v, so the Jacobians at zero are exact. The law's rate enters only the swapping
+        term, which stays zero; x_m and n_d do not affect the control.
         """
         loop = replace(ClosedLoop.of(self.problem, self.controller), paths=(None,), delayed=False)
         at_zero = signals_at_rest(loop, 0.0)
@@ -133,11 +134,11 @@ class FrozenLoops:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BorneSizes:
-    """Sizes of a modelling error: what a frozen loop bears.
+    """Sizes of a modelling error that a frozen loop tolerates.
 
-    small_gain  below this size the small-gain theorem shows the loop with theta_hat = theta stable
-    limit       where that loop, exactly, loses stability; infinite where it doesn't
-    over_set    the small-gain size for the worst theta_hat of the known set that was found: an estimate. 0 where the loop is
+    small_gain  below this size the loop with theta_hat = theta is stable by the small-gain theorem
+    limit       the exact size at which that loop loses stability; infinite if it never does
+    over_set    the small-gain size for the worst theta_hat of the known set that was found: an estimate. 0 if the loop is
                 unstable with one of them without any modelling error; ``None`` without a known set
     Both small-gain sizes are minima over a grid of frequencies, the first one refined.
     """
@@ -148,7 +149,7 @@ class BorneSizes:
 
 
 def borne(loops: FrozenLoops, error: ModellingError) -> BorneSizes:
-    """What the loop with frozen estimates bears of one family of modelling errors."""
+    """The sizes of one family of modelling errors that the loop with frozen estimates tolerates."""
     over_set = None
     if loops.gain_over_set is not None:
         w, gain = loops.gain_over_set
@@ -157,9 +158,9 @@ def borne(loops: FrozenLoops, error: ModellingError) -> BorneSizes:
 
 
 def small_gain(loop: StateSpace, error: ModellingError) -> float:
-    """The size below which |Delta_m| |T| < 1 at all frequencies: on a grid around T's poles, its lowest valleys refined.
+    """The size below which |Delta_m| |T| < 1 at all frequencies: on a grid around T's poles, with its lowest minima refined.
 
-    InputError where the loop is unstable without any modelling error.
+    InputError if the loop is unstable without any modelling error.
     """
     from scipy.optimize import minimize_scalar
 

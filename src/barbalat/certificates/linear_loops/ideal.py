@@ -1,7 +1,7 @@
-"""The linear loops that the schemes become: broken at the plant input, L from the plant's input v to -u.
+"""The linear loops to which the schemes reduce: broken at the plant input, L from the plant's input v to -u.
 
-With the parameters known and with infinitely fast adaptation the loops are linear and exact; around a constant command the
-adaptive loop is linearised with its adaptive law inside.
+With known parameters and with infinitely fast adaptation the loops are linear and exact; at a constant command the adaptive loop
+is linearised together with its law.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from barbalat.validate import Array
 
 
 def known_parameters(plant: Plant, theta_hat: Array, C: StateSpace | None = None) -> StateSpace:
-    """u = C(s)[-theta_hat'x] on the plant with its own theta: what MRAC (C = 1) or L1-AC is once the estimates rest."""
+    """u = C(s)[-theta_hat'x] on the plant with its own theta: the loop of MRAC (C = 1) or L1-AC with constant estimates."""
     A = plant.A_m + np.outer(plant.b, plant.theta)
     feedback = StateSpace(A, plant.b, np.array(theta_hat, dtype=float), 0.0)
     return feedback if C is None else series(feedback, C)
@@ -34,12 +34,12 @@ def known_parameters(plant: Plant, theta_hat: Array, C: StateSpace | None = None
 def fast_adaptation(plant: Plant, C: StateSpace) -> StateSpace:
     """L1-AC for Gamma -> infinity, inside the projection bounds: an LTI controller.
 
-    The predictor error vanishes, so theta_hat'x becomes theta'x + v - u: what is missing of the desired dynamics. Then
-    u = -C [theta'x + v - u], that is L = C/(1 - C) (1 + theta'G), G = (sI - A_m - b theta')^-1 b.
+    The predictor error vanishes, so theta_hat'x becomes theta'x + v - u: the deviation from the desired dynamics. Then u = -C
+    [theta'x + v - u], that is L = C/(1 - C) (1 + theta'G), G = (sI - A_m - b theta')^-1 b.
     """
     A = plant.A_m + np.outer(plant.b, plant.theta)
     disturbance = StateSpace(A, plant.b, plant.theta, 1.0)  # 1 + theta'G
-    # C/(1 - C): the filter with its output fed back to its input
+    # C/(1 - C): the filter with positive feedback of its output
     integrator = StateSpace(C.A + np.outer(C.B, C.C), C.B, C.C, 0.0)
     return series(disturbance, integrator)
 
@@ -47,7 +47,7 @@ def fast_adaptation(plant: Plant, C: StateSpace) -> StateSpace:
 def open_jacobians(loop: ClosedLoop, given_input: Callable[[Value, Value], tuple[Value, Value]]) -> Any:
     """A, B and C of a loop opened at one input v, as a function of its flat state and v.
 
-    given_input  from state and v to the state's rate and to what comes out, a scalar
+    given_input  from state and v to the state's rate and to the scalar output
     """
     import casadi as ca
 
@@ -60,12 +60,11 @@ def open_jacobians(loop: ClosedLoop, given_input: Callable[[Value, Value], tuple
 
 
 def around_equilibrium(problem: Problem, controller: Mrac | L1Adaptive, r: float) -> StateSpace:
-    """The adaptive loop linearised where e = 0, theta_hat = theta under the constant command r, the law included.
+    """The adaptive loop linearised at e = 0, theta_hat = theta under the constant command r, including the law.
 
-    From the plant's input to the controller's output: unmodelled dynamics between the two, and the sensor's lag, are left to the
-    caller.
+    From the plant's input to the controller's output; the caller adds unmodelled dynamics in between and the sensor's lag.
 
-    Exact Jacobians; for laws of the form theta_hat' = Gamma x (scalar), which are the MRAC's and the L1-AC's.
+    The Jacobians are exact; the law must have the form theta_hat' = Gamma x (scalar), as in MRAC and L1-AC.
     """
     loop = replace(ClosedLoop.of(problem, controller), paths=(None,), delayed=False, lag=None)
     jacobians = open_jacobians(loop, lambda state, v: loop.derivative_given_input(state, signals_at_rest(loop, r), v))
@@ -76,9 +75,9 @@ def around_equilibrium(problem: Problem, controller: Mrac | L1Adaptive, r: float
 
 
 def _moving_directions(loop: ClosedLoop, gamma: Gain, x: Array) -> Array:
-    """Orthonormal columns that span what v moves: not the model, and of the estimates only along Gamma x.
+    """Orthonormal columns that span the states that v moves: not the model, and the estimates only along Gamma x.
 
-    At rest the law's rate is Gamma x times a scalar, so the other directions neither move nor show in theta_hat'x.
+    At the equilibrium the law's rate is Gamma x times a scalar, so that the other directions neither move nor affect theta_hat'x.
     """
     rows, model = loop.theta_hat_rows, loop.unpack(np.arange(loop.size)).x_m
     identity = np.eye(loop.size)
@@ -95,7 +94,7 @@ def _moving_directions(loop: ClosedLoop, gamma: Gain, x: Array) -> Array:
 def equilibrium(problem: Problem, loop: ClosedLoop, r: float) -> tuple[Array, float]:
     """The flat state with e = 0 and theta_hat = theta under the constant command r, and the control there.
 
-    Whatever else the controller integrates is solved for: a rest of its linear parts at the given x and u.
+    The rest of the controller's state is solved for: an equilibrium of its linear parts at the given x and u.
     """
     import casadi as ca
 

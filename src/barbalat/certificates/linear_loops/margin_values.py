@@ -31,9 +31,9 @@ KEYS_OF_MARGINS = {
     "gain_up": "gain_margin",
     "gain_down": "gain_reduction_margin",
 }
-"""The certificate's names of what ``Margins`` holds."""
-PLAIN_LAW_ONLY = "it is given for the plain law only: with the modification the loop rests elsewhere"
-"""Why a law with a leakage, a dead zone or a memory has no margin with the law inside."""
+"""The certificate's keys for the entries of ``Margins``."""
+PLAIN_LAW_ONLY = "it is given only for the plain law: with the modification the loop has another equilibrium"
+"""The reason why a law with leakage, a dead zone or a memory has no margin that includes the law."""
 
 
 def add_margins(
@@ -44,7 +44,7 @@ def add_margins(
     assumed: str = LINEAR_LOOP_ONLY,
     rest: PlaceOfRest | None = None,
 ) -> None:
-    """Margins and peaks of the loop, with the plant's input dynamics and delay in it, and which loop that is."""
+    """Add margins and peaks of the named loop, including the plant's input dynamics and delay."""
     if is_left_out("delay_margin"):
         return
     with draft.part("delay_margin"):
@@ -66,12 +66,13 @@ def _add_margins(
 def add_margins_of_each(
     draft: Draft, problem: TrackingProblem, loops: Sequence[StateSpace], which: str, rest: PlaceOfRest | None = None
 ) -> None:
-    """Add the margins of each input: each loop is broken at one input and has the dynamics of all inputs in it."""
+    """Add the margins of each input: each loop is broken at one input and includes the dynamics of all inputs."""
     if is_left_out("delay_margin_each"):
         return
     if problem.delay > 0:
         why = (
-            "beside a delay the loop that the other inputs close is not rational: a sampled controller's margins are known there"
+            "with a delay, the loop closed through the other inputs is not rational; margins are then known for a sampled "
+            "controller"
         )
         draft.missing("delay_margin_each", why)
         return
@@ -90,15 +91,15 @@ def add_margins_of_each(
 
 
 def in_the_loop(problem: TrackingProblem) -> str:
-    """Which of the case's delay and sensor lag stand in the loop, and that its limits do not, as the end of a name."""
+    """The end of a loop's name: whether it includes the case's delay and sensor lag, and that it excludes the limits."""
     paths, sensor = problem.plant.paths, problem.sensor
-    beside = f", beside its delay of {problem.delay:g} s" if problem.delay > 0 else ""
+    beside = f", with its delay of {problem.delay:g} s" if problem.delay > 0 else ""
     lagged = f", with its sensor's lag of {sensor.lag:g} s" if sensor is not None and sensor.lag > 0 else ""
     return beside + lagged + ("" if all(path.is_linear for path in paths) else ", without its limits")
 
 
 def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, notes: list[str]) -> dict[str, Any]:
-    """Margins by the certificate's keys; the delay margin is what the loop bears besides the delay that it has."""
+    """Margins by the certificate's keys; the delay margin is the delay that the loop tolerates in addition to the present one."""
     loop = with_dynamics(problem, loop)
     try:
         found = margins(loop, problem.delay)
@@ -111,7 +112,7 @@ def margins_of(problem: TrackingProblem, loop: StateSpace, which: str, notes: li
 
 
 def _peaks(loop: StateSpace, delay: float, which: str, notes: list[str]) -> dict[str, float]:
-    """max |S| and max |T|; a finding where they are not known."""
+    """max |S| and max |T|; a finding if they are not known."""
     try:
         if delay > 0:
             S, T = delayed_peaks(loop, delay)
@@ -126,7 +127,7 @@ def _peaks(loop: StateSpace, delay: float, which: str, notes: list[str]) -> dict
 def add_adapting_margins(draft: Draft, problem: Problem, controller: Mrac | L1Adaptive) -> None:
     """The delay margin of the adaptive loop linearised at the constant command sup |r|."""
     command = problem.commands[0]
-    assert isinstance(command, BoundedSignal)  # ``model_bounds`` has refused others
+    assert isinstance(command, BoundedSignal)  # ``model_bounds`` refuses others
     level = command.bound
     if level == 0 or not is_needed("delay_margin_adapting"):
         return
@@ -143,7 +144,7 @@ def add_adapting_margins(draft: Draft, problem: Problem, controller: Mrac | L1Ad
 def add_delay_margin_adapting(
     draft: Draft, problem: TrackingProblem, loop: StateSpace, at: str, rest: PlaceOfRest | None
 ) -> None:
-    """The delay margin of the loop with its law inside, which was ``linearised at`` a command."""
+    """Add the delay margin of the loop with its law, which was ``linearised at`` a command."""
     try:
         found = margins(with_dynamics(problem, loop), problem.delay)
     except InputError as error:
@@ -155,15 +156,16 @@ def add_delay_margin_adapting(
 
 
 def with_dynamics(problem: TrackingProblem, loop: StateSpace) -> StateSpace:
-    """The loop with the actuator, the unmodelled dynamics at the plant's input and the sensor's lag in it; the delay is not.
+    """The loop including the actuator, the unmodelled dynamics at the plant's input and the sensor's lag, but not the delay.
 
-    All that the controller feeds back is measured, each quantity with the same lag: it is in series with the loop.
+    Every signal that the controller feeds back is measured with the same lag, which is therefore in series with the loop. With an
+    observer it is not in series, and the loop already contains it.
     """
-    dynamics, lag = problem.plant.paths[0].dynamics, problem.sensor_lag
+    dynamics, lag = problem.plant.paths[0].dynamics, None if problem.fixed_observer is not None else problem.sensor_lag
     loop = loop if dynamics is None else series(dynamics.realise(), loop)
     return loop if lag is None else series(loop, lag)
 
 
 def finite(value: float) -> float | None:
-    """The value, or ``None`` for what has none."""
+    """The value, or ``None`` if it is not finite."""
     return value if np.isfinite(value) else None

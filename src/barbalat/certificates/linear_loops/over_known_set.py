@@ -1,13 +1,14 @@
-"""The margins of linear loops over the known set, and mu against it, under the certificate's keys.
+"""The margins of linear loops over the known set, and mu with respect to it, under the certificate's keys.
 
-A sampled loop is looked at in the extreme points and the case's theta, for stability in seeded points too. One delay margin
-from sample to sample takes as long as a hundred of the others: it is computed where the phase margin over its frequency is
-least.
+A sampled loop is analysed at the extreme points and the case's theta, and checked for stability at seeded points too; an input
+gain of the known set is varied with theta. One delay margin of a sampled loop takes as long as a hundred other margins: it is
+computed where the ratio of phase margin and frequency is smallest. Remainders that no theta and no gain match are left out.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -37,43 +38,67 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
 POINTS_INSIDE, DELAYS = 100, 3
-"""Seeded points at which stability alone is asked for, and points at which the delay margin is computed."""
+"""Seeded points at which only stability is checked, and points at which the delay margin is computed."""
 SEARCHED = (
-    "from sample to sample: the set's {extremes} extreme points, the case's theta, {inside} seeded points inside for stability "
-    "alone; the delay margin at the {delays} where the phase margin over its frequency is least: the least found, no guarantee"
+    "from sample to sample: the set's {extremes} extreme points{varied}, the case's theta, {inside} seeded points inside for "
+    "stability only; the delay margin at the {delays} points with the least ratio of phase margin to frequency: the least "
+    "found, not a guarantee"
 )
+UNMATCHED_REMAINDERS = "the unmatched remainders of the parameters' ranges"
 
 
-def sampled_worst_case(loop_at: Callable[[Array], SampledLoop], delay: float, known_set: KnownSet, theta: Array) -> WorstCase:
-    """The least margins beside ``delay`` of one input's loop; ``loop_at`` gives it for a theta."""
-    rng = np.random.default_rng(0)
+def sampled_worst_case(
+    loop_at: Callable[[Array], SampledLoop],
+    delay: float,
+    known_set: KnownSet,
+    theta: Array,
+    gain: float = 1.0,
+    gains: tuple[float, float] | None = None,
+) -> WorstCase:
+    """The smallest margins of one input's loop in addition to ``delay``; ``loop_at`` gives the loop for a theta.
+
+    With ``gains`` the input's gain, which is ``gain`` in these loops, varies over that interval, and is the last entry of points.
+    """
+    rng, p = np.random.default_rng(0), known_set.size
     extremes = known_set.extreme_points(rng, EXACT_VERTICES)
-    own = np.reshape([theta] if known_set.contains(theta) else [], (-1, known_set.size))
+    own = np.reshape([theta] if known_set.contains(theta) else [], (-1, p))
     inside = points_inside(known_set, rng, np.mean(known_set.extent, axis=0), 1.0, POINTS_INSIDE)
+    count, varied = len(extremes), ""
+    if gains is not None:
+        omegas = np.unique([gains[0], sum(gains) / 2, gains[1]])
+        extremes = np.column_stack([np.repeat(extremes, len(omegas), axis=0), np.tile(omegas, count)])
+        own = np.insert(own, p, gain, axis=1) if gains[0] <= gain <= gains[1] else np.zeros((0, p + 1))
+        inside = np.column_stack([inside, rng.uniform(*gains, len(inside))])
+        varied = f" with omega = {', '.join(f'{one:.4g}' for one in omegas)}"
+
+    def loop_of(point: Array) -> SampledLoop:
+        loop = loop_at(point[:p])
+        return loop if gains is None else replace(loop, E=point[p] / gain * loop.E)
+
     looked_at = np.concatenate([extremes, own])
-    searched = SEARCHED.format(extremes=len(extremes), inside=POINTS_INSIDE, delays=min(DELAYS, len(looked_at)))
+    searched = SEARCHED.format(extremes=count, varied=varied, inside=POINTS_INSIDE, delays=min(DELAYS, len(looked_at)))
     points = np.concatenate([looked_at, inside])
-    radii = np.array([loop_at(point).radius(delay) for point in points])
+    radii = np.array([loop_of(point).radius(delay) for point in points])
     if radii.max() >= 1:
         return WorstCase({}, points[int(radii.argmax())], searched)
-    found = [margins(loop_at(point).as_continuous(delay)) for point in looked_at]
+    found = [margins(loop_of(point).as_continuous(delay)) for point in looked_at]
     least = {name: _least(name, found, looked_at) for name in MARGIN_NAMES if name != "delay"}
     order = np.argsort([one.delay for one in found], kind="stable")[:DELAYS]
-    delays = [(value, looked_at[k]) for k in order if (value := _delay(loop_at(looked_at[k]), delay)) is not None]
+    delays = [(value, looked_at[k]) for k in order if (value := _delay(loop_of(looked_at[k]), delay)) is not None]
     if delays:
         least["delay"] = min(delays, key=lambda one: one[0])
     return WorstCase(least, None, searched)
 
 
 def _least(name: str, found: list[Margins], points: Array) -> tuple[float, Array]:
-    """The least of a margin and where; of a factor below 1 the largest."""
+    """The smallest value of a margin and where it occurs; for a factor below 1 the largest."""
     values = np.array([getattr(one, name) for one in found])
     k = int(values.argmax() if name == "gain_down" else values.argmin())
     return float(values[k]), points[k]
 
 
 def _delay(loop: SampledLoop, delay: float) -> float | None:
-    """The delay margin; None where none is found up to the longest delay that is tried."""
+    """The delay margin; None if none is found up to the longest delay that is tried."""
     try:
         return delay_margin(loop, delay)
     except InputError:
@@ -81,24 +106,25 @@ def _delay(loop: SampledLoop, delay: float) -> float | None:
 
 
 MARGINS_KEY = "margins_over_known_set"
-LOOP_AT_REST = "with the estimates at rest on theta"
+LOOP_AT_REST = "with the estimates fixed at theta"
 LOOP_OF_FAST_ADAPTATION = "in the limit of fast adaptation"
 
 
 def add_at_rest(draft: Draft, problem: Problem) -> None:
-    """Add the margins over the known set of the loop that every scheme with C = 1 becomes; nothing without a known set."""
+    """Add the margins over the known set of the loop to which every scheme with C = 1 reduces; nothing without a known set."""
     known_set = problem.uncertainty
     if known_set is not None and is_needed(MARGINS_KEY):
         with draft.part(MARGINS_KEY):
-            _add(draft, [(LOOP_AT_REST, _worst_at_rest(problem.plant, known_set, problem.sensor_lag))])
+            _add(draft, problem, [(LOOP_AT_REST, _worst_at_rest(problem.plant, known_set, problem.sensor_lag))])
 
 
 def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
-    """Add the margins over the known set for L1-AC's two readings: the limit of fast adaptation, and the estimates at rest."""
+    """Add the margins over the known set for L1-AC's two interpretations: the limit of fast adaptation, and constant
+    estimates."""
     known_set = problem.uncertainty
     if known_set is not None and is_needed(MARGINS_KEY):
         with draft.part(MARGINS_KEY):
-            _add(draft, _worst_filtered(problem.plant, known_set, C, problem.sensor_lag))
+            _add(draft, problem, _worst_filtered(problem.plant, known_set, C, problem.sensor_lag))
 
 
 def add_fixed(draft: Draft, problem: Problem, family: LoopsOverTheta) -> None:
@@ -106,7 +132,7 @@ def add_fixed(draft: Draft, problem: Problem, family: LoopsOverTheta) -> None:
     known_set = problem.uncertainty
     if known_set is not None and is_needed(MARGINS_KEY):
         with draft.part(MARGINS_KEY):
-            _add(draft, [("with a fixed controller", worst_case(family, known_set))])
+            _add(draft, problem, [("with a fixed controller", worst_case(family, known_set))])
 
 
 def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
@@ -118,23 +144,28 @@ def add_sampled(draft: Draft, problem: Problem, found: Linearised) -> None:
 
 
 def add_sampled_at(draft: Draft, problem: Problem, loop_at: Callable[[Array], SampledLoop], which: str) -> None:
-    """The same of the loop that is given for each theta, which ``which`` names."""
+    """The same for a loop that is given for each theta; ``which`` names it."""
     known_set, plant = problem.uncertainty, problem.plant
     if known_set is None or not is_needed(MARGINS_KEY):
         return
+    gains = None
+    if problem.input_gain is not None:
+        low, high = np.ravel(problem.input_gain).tolist()
+        gains = (low, high)
     with draft.part(MARGINS_KEY):
-        _add(draft, [(which, sampled_worst_case(loop_at, problem.delay, known_set, plant.theta))])
+        worst = sampled_worst_case(loop_at, problem.delay, known_set, plant.theta, float(plant.paths[0].gain), gains)
+        _add(draft, problem, [(which, worst)])
 
 
 @lru_cache(maxsize=16)
 def _worst_at_rest(plant: Plant, known_set: KnownSet, lag: StateSpace | None) -> WorstCase:
-    """The worst case of the loop at rest, which several schemes of one case share."""
+    """The worst case of the loop with constant estimates, which several schemes of one case share."""
     return worst_case(LoopsOverTheta(plant, lambda plant: known_parameters(plant, plant.theta), lag), known_set)
 
 
 @lru_cache(maxsize=16)
 def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace, lag: StateSpace | None) -> list[tuple[str, WorstCase]]:
-    """The worst cases of L1-AC's two readings, which L1-ACs of one case that differ in the gain alone share."""
+    """The worst cases of L1-AC's two interpretations, shared by all L1-ACs of one case that differ only in the gain."""
     families = {
         LOOP_OF_FAST_ADAPTATION: LoopsOverTheta(plant, lambda plant: fast_adaptation(plant, C), lag),
         LOOP_AT_REST: LoopsOverTheta(plant, lambda plant: known_parameters(plant, plant.theta, C), lag),
@@ -142,20 +173,27 @@ def _worst_filtered(plant: Plant, known_set: KnownSet, C: StateSpace, lag: State
     return [(which, worst_case(family, known_set)) for which, family in families.items()]
 
 
-def _add(draft: Draft, found: list[tuple[str, WorstCase]]) -> None:
-    draft.estimate({MARGINS_KEY: [_of_one_loop(draft, which, worst) for which, worst in found]}, LINEAR_LOOP_ONLY)
+def _add(draft: Draft, problem: Problem, found: list[tuple[str, WorstCase]]) -> None:
+    unmatched = problem.derived is not None and bool(problem.derived.unmatched)
+    beside = {"left_out": UNMATCHED_REMAINDERS} if unmatched else {}
+    value = [_of_one_loop(draft, which, worst, problem.plant.n) | beside for which, worst in found]
+    draft.estimate({MARGINS_KEY: value}, LINEAR_LOOP_ONLY)
 
 
-def _of_one_loop(draft: Draft, which: str, worst: WorstCase) -> dict[str, Any]:
-    """JSON for one loop: each finite margin with its theta, beside the delay that the plant has."""
+def _of_one_loop(draft: Draft, which: str, worst: WorstCase, n: int) -> dict[str, Any]:
+    """JSON for one loop: each finite margin with its theta and, if it varies, the input's gain, in addition to the plant's
+    delay."""
     entry: dict[str, Any] = {"loop": which, "searched": worst.searched, "unlimited": []}
     unstable_at = worst.unstable_at
     if unstable_at is not None:
-        draft.note(f"linear loop {which}: unstable at theta = [{', '.join(f'{v:.4g}' for v in unstable_at)}] of the known set")
-        return entry | {"unstable_at": unstable_at.tolist()}
-    for name, (value, theta) in worst.least.items():
+        theta, omega = unstable_at[:n], unstable_at[n:].tolist()
+        beside = f" and omega = {omega[0]:.4g}" if omega else ""
+        draft.note(f"linear loop {which}: unstable at theta = [{', '.join(f'{v:.4g}' for v in theta)}]{beside} of the known set")
+        return entry | {"unstable_at": theta.tolist()} | ({"unstable_at_gain": omega[0]} if omega else {})
+    for name, (value, point) in worst.least.items():
         if np.isfinite(value):
-            entry[KEYS_OF_MARGINS[name]] = {"value": value, "theta": theta.tolist()}
+            gain = {"input_gain": float(point[n])} if len(point) > n else {}
+            entry[KEYS_OF_MARGINS[name]] = {"value": value, "theta": point[:n].tolist()} | gain
         else:
             entry["unlimited"].append(KEYS_OF_MARGINS[name])
     return entry
@@ -167,9 +205,9 @@ MU_KEYS = ("mu_parameters", "parameter_scale", "theta_destabilising", "mu_dynami
 def robustness(
     loop: StateSpace, known_set: KnownSet | None, weight: TransferFunction | None, findings: list[str]
 ) -> dict[str, Any]:
-    """mu against the known set, against the unmodelled dynamics of size ``weight``, and against both, by the certificate's keys.
+    """mu with respect to the known set, to the unmodelled dynamics of size ``weight``, and to both, by the certificate's keys.
 
-    ``loop`` stands at the set's centre, or where there is none, at the true theta.
+    ``loop`` is the loop at the set's centre or, without a set, at the true theta.
     """
     values: dict[str, Any] = {}
     if not is_needed(*MU_KEYS):
@@ -186,7 +224,7 @@ def robustness(
             if found.delta is not None:
                 values["theta_destabilising"] = (known_set.middle + width * found.delta).tolist()
             if not known_set.fills_its_extent:
-                findings.append("mu is that of the box around the known set: more than the set's own")
+                findings.append("mu is that of the box around the known set, which is more than the set's own")
         if weight is not None:
             values["mu_dynamics"] = measure(0 * width, weight).peak
             if known_set is not None:

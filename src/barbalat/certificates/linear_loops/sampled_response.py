@@ -1,25 +1,32 @@
-"""What commands and disturbances of known sizes can do to a sampled linear loop, at all times: sums of its impulse responses.
+"""Bounds of a sampled linear loop's response to commands and disturbances of known sizes, at all times, by sums of impulse
+responses.
 
 Plant, actuator, sensor lag, delay, controller and the model under the sampled command are one linear system from sample to
-sample. With z its state just after a sample, the held command in it, and u as it is on its way through the delay,
+sample. With z its state just after a sample, including the held command and the values of u in the delay,
 
     z[k+1] = M z[k] + N r[k+1] + J integral_0^T e^(A (T - s)) B d(t_k + s) ds.
 
-What r can do to a row C z is the sum of |C M^i N|, for every sequence within its size. Of d only its bound is used: in a part of
-the sample, T/P long, e^(A s) B is off its value at the part's start by at most e^(|A| T) (e^(|A| T/P) - I) |B|.
+The largest effect of r on a row C z is the sum of |C M^i N|, for every sequence within its size. Only the bound of d is used: in
+a part of the sample, of length T/P, e^(A s) B differs from its value at the start of the part by at most e^(|A| T) (e^(|A| T/P) -
+I) |B|.
 
-Between samples the motion under the held inputs is known at the parts' ends and where the delayed input switches. Within a part
-of length h it is off the straight line between its ends by at most h^2/8 times |x''| <= e^(|A| h) |A (A x + E v)|. What d adds
-within a sample is at most what it does to a row by the sample's end or by the part's.
+Between samples the motion under the held inputs is known at the ends of the parts and where the delayed input switches. Within a
+part of length h it differs from the straight line between its ends by at most h^2/8 times |x''| <= e^(|A| h) |A (A x + E v)|. The
+contribution of d within a sample is at most its effect on a row at the end of the sample or of the part.
 
-The model follows r between the samples too: ``missed`` bounds what that changes.
+The model follows r between the samples too: ``missed`` bounds this difference.
+
+Noise that is independent from sample to sample enters as W w[k+1]. A row C z then has at most the variance sum |C M^i W|^2; with
+standard deviations, for which the triangle inequality holds as well, the same argument covers the time between samples.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,7 +35,7 @@ from barbalat.certificates.linear_loops.at_rest import estimates_of, rows_of, wi
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.l1_norms import l1_norm
 from barbalat.linear.sampled_loop import SampledLoop
-from barbalat.linear.sampled_norms import SampledNorms, grown
+from barbalat.linear.sampled_norms import SampledNorms, contraction_witness, grown
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.linearization import jacobian_function, sampled_jacobian_function
 from barbalat.problem.state_feedback import Problem
@@ -37,13 +44,13 @@ from barbalat.signals.piecewise import rounding_of
 from barbalat.validate import Array, InputError
 
 PARTS = 16
-"""Parts of a sample, at whose ends the motion is known exactly."""
+"""Number of parts of a sample; the motion is exact at their ends."""
 
 
 class Response(NamedTuple):
     """Bounds at all times, of every component.
 
-    held     |x - x_m|, x_m of the model under the command as it is sampled
+    held     |x - x_m|, with x_m of the model under the sampled command
     x        |x|
     u        |u|, before any limit
     """
@@ -53,66 +60,103 @@ class Response(NamedTuple):
     u: float
 
 
+class Deviation(NamedTuple):
+    """Standard deviations due to measurement noise, at all times.
+
+    x  (n,) of x, and so of x - x_m, since the model has no noise
+    u  (m,) of u, before any limit
+    """
+
+    x: Array
+    u: Array
+
+
 @dataclass(frozen=True, eq=False)
 class _Whole:
-    """The loop with its model and the held command: z by the names of ``rows``."""
+    """The loop with its model and the held command; ``rows`` names the entries of z."""
 
     loop: SampledLoop
-    N: Array  # (z, q) what a command does in a sample
+    N: Array  # (z, q) effect of a command in a sample
     B: Array  # (z, d) where disturbances enter
-    free: Array  # (z,) after the first sample without a command
-    first: Array  # (z, q) what the first command does to that
+    W: Array  # (z, p) effect of the noise at a sample, a column for each independent number with standard deviation 1
+    free: Array  # (z,) state after the first sample without a command
+    first: Array  # (z, q) effect of the first command on that state
     rows: dict[str, Array]
     A_m: Array
     b_r: Array  # (n, q)
 
 
 def response(problem: Problem, controller: Controller, r: Array, d: Array) -> Response:
-    """For commands of the sizes ``r`` (q,) and disturbances of the sizes ``d``; InputError where the loop forgets too slowly."""
-    whole, delay = _whole(problem, controller), problem.delay
-    loop, s = whole.loop, len(whole.loop.A)
-    M = loop.closed(delay)
-    behind = np.zeros((len(M) - s, 1))
-
-    def padded(part: Array) -> Array:
-        return np.vstack([part, np.tile(behind, part.shape[1])])
-
+    """Bounds for commands of the sizes ``r`` (q,) and disturbances of the sizes ``d``; InputError if the loop decays too
+    slowly."""
+    whole = _whole(problem, controller)
+    loop, M = whole.loop, whole.loop.closed(problem.delay)
     reached, weights = _reached(loop.A, whole.B, loop.T)
-    free = np.concatenate([whole.free, behind[:, 0]])
 
     def largest(C: Array) -> Array:
-        norms = SampledNorms(M, C)
-        found = (norms.summed(padded(whole.N)) + norms.largest(padded(whole.first))) @ r + norms.largest(free[:, None])[:, 0]
+        norms, free = SampledNorms(M, C), _padded(whole.free[:, None], M)
+        of_r = norms.summed(_padded(whole.N, M)) + norms.largest(_padded(whole.first, M))
+        found = of_r @ r + norms.largest(free)[:, 0]
         if len(d):
-            found = found + norms.summed(padded(loop.J @ reached)) @ (weights @ d)
+            found = found + norms.summed(_padded(loop.J @ reached, M)) @ (weights @ d)
         return np.asarray(found * OUTWARD_FACTOR)
 
-    x, x_m, n = whole.rows["x"], whole.rows["x_m"], len(whole.rows["x"])
-    at_ends, bends, lengths = _between(loop, delay, M)
+    within = (np.abs(reached[whole.rows["x"]]) @ weights @ d if len(d) else np.zeros(len(whole.A_m))) * 2
+    held, x, u = _at_all_times(whole, problem.delay, M, largest)
+    return Response(*(float(one.max()) * OUTWARD_FACTOR for one in (held + within, x + within, u)))
+
+
+def noise_deviation(problem: Problem, controller: Controller) -> Deviation:
+    """Bounds of the effect of the case's measurement noise if it is independent from sample to sample.
+
+    Its covariance grows from zero to that of sum_k M^k W w, so that the root of the sum of squares bounds it at all times.
+    InputError if the loop decays too slowly.
+    """
+    whole = _whole(problem, controller)
+    M = whole.loop.closed(problem.delay)
+
+    def deviation(C: Array) -> Array:
+        return np.linalg.norm(SampledNorms(M, C).root_of_squares(_padded(whole.W, M)), axis=1) * OUTWARD_FACTOR
+
+    _, x, u = _at_all_times(whole, problem.delay, M, deviation)
+    return Deviation(x * OUTWARD_FACTOR, u * OUTWARD_FACTOR)
+
+
+def _padded(part: Array, M: Array) -> Array:
+    """Columns of the loop's state, with zeros for the inputs in the delay."""
+    return np.vstack([part, np.zeros((len(M) - len(part), part.shape[1]))])
+
+
+def _at_all_times(whole: _Whole, delay: float, M: Array, size_of: Callable[[Array], Array]) -> tuple[Array, Array, Array]:
+    """Bounds of x - x_m, x (n,) and u (m,), also between samples, from the sizes (p,) of rows C (p, z) of the state at samples.
+
+    A size is a norm of the row's response: the norm of a sum is at most the sum.
+    """
+    x, x_m = whole.rows["x"], whole.rows["x_m"]
+    at_ends, bends, lengths = _between(whole.loop, delay, M)
     of_model, bends_of_model = _model_between(whole, M, lengths)
     start = np.eye(len(M))
     ends, models = [start[x], *(end[x] for end in at_ends)], [start[x_m], *of_model]
     differences = [end - model for end, model in zip(ends, models, strict=True)]
-    groups = [differences, ends, bends, bends_of_model, [loop.broken(delay)[2]]]
+    groups = [differences, ends, bends, bends_of_model, [whole.loop.broken(delay)[2]]]
     blocks = [block for group in groups for block in group]
-    found = iter(np.split(largest(np.vstack(blocks)), np.cumsum([len(block) for block in blocks])[:-1]))
+    found = iter(np.split(size_of(np.vstack(blocks)), np.cumsum([len(block) for block in blocks])[:-1]))
     away, far, bent, bent_model, (u,) = ([next(found) for _ in group] for group in groups)
-    within = (np.abs(reached[x]) @ weights @ d if len(d) else np.zeros(n)) * 2
     held, of_x = away[0], far[0]
     for k, h in enumerate(lengths):
-        curved = h**2 / 8 * (grown(loop.A, h) @ bent[k])[x]
+        curved = h**2 / 8 * (grown(whole.loop.A, h) @ bent[k])[x]
         curved_model = h**2 / 8 * (grown(whole.A_m, h) @ bent_model[k])
         held = np.maximum(held, np.maximum(away[k], away[k + 1]) + curved + curved_model)
         of_x = np.maximum(of_x, np.maximum(far[k], far[k + 1]) + curved)
-    return Response(*(float(one.max()) * OUTWARD_FACTOR for one in (held + within, of_x + within, u)))
+    return held, of_x, u
 
 
 def _whole(problem: Problem, controller: Controller) -> _Whole:
-    """By the equations' own exact Jacobians, which of a linear loop are the same everywhere."""
+    """The loop from the equations' own exact Jacobians, which are constant for a linear loop."""
     closed = ClosedLoop.of(problem, controller)
     closed = without_limits(closed)
     if closed.clocked:
-        raise InputError("the plant depends on time, and the theorem is of one that does not")
+        raise InputError("the plant depends on time, and the theorem holds for time-invariant plants")
     size, count = closed.size, closed.signal_count
     places, sizes = closed.unpack(np.arange(size)), closed.signals
     held = places.held
@@ -123,7 +167,7 @@ def _whole(problem: Problem, controller: Controller) -> _Whole:
     zero[estimates] = start[estimates]
     slopes = np.array(jacobian_function(closed)(zero, signals))
     J = np.array(sampled_jacobian_function(closed)(zero, signals))
-    settings = [row for row in estimates if (J[row] == np.eye(size)[row]).all()]  # numbers that it was given: nothing moves them
+    settings = [row for row in estimates if (J[row] == np.eye(size)[row]).all()]  # given numbers that nothing moves
     q = sizes.commands or 1
     units = np.eye(count)
     N = np.column_stack([np.asarray(closed.sample(zero, units[j])) - np.asarray(closed.sample(zero, signals)) for j in range(q)])
@@ -131,6 +175,8 @@ def _whole(problem: Problem, controller: Controller) -> _Whole:
     first = np.column_stack([np.asarray(closed.sample(start, units[j])) - free for j in range(q)])
     acting = range(q, q + sizes.matched + sizes.unmatched)
     B = np.array([np.asarray(closed.derivative(zero, units[j])) - np.asarray(closed.derivative(zero, signals)) for j in acting]).T
+    noisy = range(sizes.timed, sizes.timed + sizes.noise)
+    W = np.array([np.asarray(closed.sample(zero, units[j])) - np.asarray(closed.sample(zero, signals)) for j in noisy]).T
     out = [*places.x_m, int(held.started), *np.reshape(held.theta_hat, -1).tolist(), *settings]
     kept = np.setdiff1d(np.arange(size), np.array(out, dtype=int))
     where = np.full(size, -1)
@@ -142,7 +188,7 @@ def _whole(problem: Problem, controller: Controller) -> _Whole:
     assert closed.sample_time is not None
     loop = SampledLoop(between[inner], slopes[np.ix_(kept, inputs)], J[inner], C[:, kept], closed.sample_time)
     A_m, b_r, _ = problem.model.matrices
-    return _Whole(loop, N[kept], B.reshape(size, -1)[kept], free[kept], first[kept], rows, A_m, b_r)
+    return _Whole(loop, N[kept], B.reshape(size, -1)[kept], W.reshape(size, -1)[kept], free[kept], first[kept], rows, A_m, b_r)
 
 
 def _reached(A: Array, B: Array, T: float) -> tuple[Array, Array]:
@@ -158,12 +204,13 @@ def _reached(A: Array, B: Array, T: float) -> tuple[Array, Array]:
 
 
 def _between(loop: SampledLoop, delay: float, M: Array) -> tuple[list[Array], list[Array], list[float]]:
-    """At the ends of the parts of a sample X as rows of z, in each part A (A X + E v) at its start, and the parts' lengths."""
+    """At the ends of the parts of a sample, X as rows of z; in each part, A (A X + E v) at its start; and the lengths of the
+    parts."""
     s, size = len(loop.A), len(M)
     found = loop.effects(delay)
     whole, part = int(found.whole[0]), float(found.part[0])
     m = loop.inputs
-    u = [np.hstack([loop.C, np.zeros((m, size - s))])]  # of this sample, then those before
+    u = [np.hstack([loop.C, np.zeros((m, size - s))])]  # of this sample, followed by the previous ones
     u += [np.eye(size)[s + (age - 1) * m : s + age * m] for age in range(1, (size - s) // m + 1)]
     switch = part * loop.T
     times = np.unique(np.concatenate([np.linspace(0, loop.T, PARTS + 1), [switch]]))
@@ -179,7 +226,7 @@ def _between(loop: SampledLoop, delay: float, M: Array) -> tuple[list[Array], li
 
 
 def _model_between(whole: _Whole, M: Array, lengths: list[float]) -> tuple[list[Array], list[Array]]:
-    """The same of the model under the held command."""
+    """The same for the model under the held command."""
     n, size = len(whole.A_m), len(M)
     X, R = np.eye(size)[whole.rows["x_m"]], np.eye(size)[whole.rows["r"]]
     model = SampledLoop(whole.A_m, whole.b_r, np.eye(n), np.zeros((1, n)), whole.loop.T)
@@ -193,9 +240,9 @@ def _model_between(whole: _Whole, M: Array, lengths: list[float]) -> tuple[list[
 
 
 def missed(A: Array, b: Array, C: Array, r: Signal, T: float, t_end: float) -> float | NotApplicable:
-    """At least |C W[r - r_held]| in every component up to t_end, W = (sI - A)^-1 b, r_held that of samples T apart.
+    """A bound of |C W[r - r_held]| in every component up to t_end, with W = (sI - A)^-1 b and r_held held for samples T apart.
 
-    With r of slope at most L between jumps of at most J that are D apart it is at most
+    If r has at most the slope L between jumps of at most J that are D apart, it is at most
 
         ||C W||_1 L T + J T (||s C W||_1 + ||C W||_1/(D - T)):
 
@@ -203,7 +250,7 @@ def missed(A: Array, b: Array, C: Array, r: Signal, T: float, t_end: float) -> f
     integral |h|/(D - T).
     """
     if not isinstance(r, SlopedSignal) or not isinstance(r, BoundedSignal):
-        return NotApplicable("how far r goes within a sample is not known")
+        return NotApplicable("the variation of r within a sample is not known")
     whole = l1_norm(A, b, C, np.zeros((len(C), b.shape[1]))).upper
     rate = l1_norm(A, b, C @ A, C @ b).upper
     largest, apart = _jumps(r, T, t_end)
@@ -213,7 +260,7 @@ def missed(A: Array, b: Array, C: Array, r: Signal, T: float, t_end: float) -> f
 
 
 def _jumps(r: Signal, T: float, t_end: float) -> tuple[float, float]:
-    """The largest jump between samples, and how far such jumps are apart at least."""
+    """The largest jump between samples, and the smallest distance between such jumps."""
     at = r.breaks(0.0, t_end) if isinstance(r, BreakingSignal) else np.zeros(0)
     at = at[np.abs(at - T * np.round(at / T)) > rounding_of(at)]
     sizes = np.abs(r(at) - r.before(at))
@@ -222,8 +269,50 @@ def _jumps(r: Signal, T: float, t_end: float) -> tuple[float, float]:
 
 
 def bounds_of(signals: tuple[Signal, ...]) -> Array:
-    """Their sizes; InputError for one without a bound."""
+    """The signals' bounds; InputError for a signal without one."""
     for signal in signals:
         if not isinstance(signal, BoundedSignal):
             raise InputError(f"{type(signal).__name__} has no known bound")
     return np.array([signal.bound for signal in signals if isinstance(signal, BoundedSignal)])
+
+
+def grounds(problem: Problem, controller: Controller, t_end: float) -> dict[str, Any]:
+    """What ``barbalat-check`` needs of the loop: its matrices, and how the commands move between samples."""
+    whole, T = _whole(problem, controller), float(controller.sample_time)  # type: ignore[attr-defined]
+    loop, effects = whole.loop, whole.loop.effects(problem.delay)
+    parts = {
+        "A": loop.A,
+        "E": loop.E,
+        "J": loop.J,
+        "C": loop.C,
+        "N": whole.N,
+        "first": whole.first,
+        "B": whole.B,
+        "b_r": whole.b_r,
+    }
+    between = [
+        {"slope": one.slope, "jump": jump, "apart": apart if math.isfinite(apart) else None}
+        if isinstance(one, SlopedSignal) and math.isfinite(one.slope) and (apart > T or jump == 0)
+        else None
+        for one in problem.commands
+        for jump, apart in (_jumps(one, T, t_end),)
+    ]
+    facts: dict[str, Any] = {name: np.asarray(part, dtype=float).tolist() for name, part in parts.items()}
+    facts |= {"free": whole.free[:, None].tolist(), "T": T, "whole": int(effects.whole[0]), "part": float(effects.part[0])}
+    rows = {name: np.asarray(row).tolist() for name, row in whole.rows.items()}
+    return {"scheme": "sampled", "sampled": facts | {"rows": rows}, "between": between}
+
+
+def witness(problem: Problem, controller: Controller) -> dict[str, Any]:
+    """P and the samples that show what a sum leaves out; InputError where the loop forgets too slowly."""
+    whole = _whole(problem, controller)
+    M, counts = whole.loop.closed(problem.delay), list[int]()
+    reached = whole.loop.J @ _reached(whole.loop.A, whole.B, whole.loop.T)[0]
+    starts = [whole.free[:, None], whole.first, whole.N, *([reached] if reached.size else [])]
+
+    def followed(C: Array) -> Array:
+        counts.extend(SampledNorms(M, C).samples(_padded(one, M)) for one in starts)
+        return np.zeros(len(C))
+
+    _at_all_times(whole, problem.delay, M, followed)
+    return contraction_witness(M, max(counts))

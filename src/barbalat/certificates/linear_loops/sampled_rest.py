@@ -1,12 +1,12 @@
-"""A sampled controller's loop where it rests under a constant command, linearised from sample to sample.
+"""A sampled controller's loop at its equilibrium for a constant command, linearised from sample to sample.
 
-A place of rest is a state that neither a sample nor the time between two samples changes. The plant's motion is exact there,
-and the law's own step, Euler's or an implicit one, is differentiated as it is computed.
+An equilibrium is a state that changes neither at a sample nor between two samples. The plant's motion is exact there, and the
+law's own step, Euler's or an implicit one, is differentiated as it is computed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -36,21 +36,21 @@ from barbalat.protocols import Controller
 from barbalat.roles import StatePart
 from barbalat.validate import Array
 
-ON_A_FACE = "where it would rest the estimates are on the known set's boundary, where the projection has a corner"
+ON_A_FACE = "at its equilibrium the estimates are on the known set's boundary, at a corner of the projection"
 POLISHING_STEPS = 2
-"""Of Newton's, beyond its tolerance: a combination that nothing moves is told from rounding only where the loop rests to the
+"""Additional Newton steps: states that don't move can be distinguished from rounding only if the equilibrium is exact to the
 last digits."""
 BESIDE = 1e-10
-"""Of the state's size: how far beside the rest the law is differentiated, on both sides, so that what this adds cancels."""
+"""Distance from the equilibrium, as a share of the state's size, for central differences of the law."""
 BY_ROUNDING = 1e-9
-"""Relative to what moves: motions below this are rounding, or what ``BESIDE`` leaves."""
+"""Relative size below which motions are rounding, or errors of the central differences."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampledRest:
-    """A loop at rest under the constant commands ``level``; ``state`` is flat, of ``loop``, just after a sample.
+    """A loop at its equilibrium for the constant commands ``level``; ``state`` is the flat state of ``loop`` just after a sample.
 
-    ideal  the estimates that rest at their true values
+    ideal  the estimates that have their true values at the equilibrium
     """
 
     problem: TrackingProblem
@@ -66,7 +66,7 @@ class SampledRest:
         return place_of(self.loop, self.state, self.level, self.ideal)
 
     def with_estimates_frozen(self) -> Linearised:
-        """The loop with estimates and memory at rest, as by a freeze."""
+        """The loop with estimates and memory frozen."""
         return _acting(self._frozen_at(self.state))
 
     def _frozen_at(self, state: Array) -> Linearised:
@@ -90,7 +90,7 @@ class SampledRest:
     def at(self, theta: Array) -> SampledLoop:
         """The loop with frozen estimates on the plant with another theta, for phi(x) = x and one input.
 
-        It is linear: the state at which it is differentiated is of no matter, but for the estimates.
+        It is linear: of the state at which it is differentiated only the estimates matter.
         """
         problem = self.problem
         assert isinstance(problem, Problem)
@@ -101,7 +101,7 @@ class SampledRest:
             assert value is not None
             state[part.rows] = value
         found = self._frozen_at(state)
-        own = problem.plant.states  # a baseline's own states are known, and what moves them is
+        own = problem.plant.states  # a baseline's own states are known, and so are their inputs
         return _acting(replace(found, loop=found.beside(problem.plant.b[:own], (theta - problem.plant.theta)[:own]))).loop
 
     def with_its_law(self) -> SampledLoop:
@@ -121,13 +121,15 @@ class SampledRest:
 
     @cached_property
     def has_a_corner(self) -> bool:
-        """Whether the law bends where it rests, as on a face of the known set: its Jacobians on either side differ."""
+        """Whether the law has a corner at the equilibrium, as on a face of the known set: its Jacobians on the two sides
+        differ."""
         one, other = self._on_both_sides
         return not np.allclose(one, other, rtol=1e-3, atol=1e-6 * np.abs(one).max())
 
     @cached_property
     def _on_both_sides(self) -> tuple[Array, Array]:
-        """The Jacobians of a sample a hair beside the rest: an implicit step takes the size of an error that is zero there."""
+        """The Jacobians of a sample on both sides of the equilibrium: an implicit step uses the magnitude of an error that is
+        zero there."""
         rows = rows_of(self.loop, estimates_of(self.loop))
         hair = np.zeros(self.loop.size)
         hair[rows] = BESIDE * max(1.0, float(np.linalg.norm(self.state))) * np.cos(1.0 + np.arange(len(rows)))
@@ -136,11 +138,11 @@ class SampledRest:
 
 
 def sampled_rest(
-    problem: TrackingProblem, controller: Controller, continuous: Controller, *, frozen: bool
+    problem: TrackingProblem, controller: Controller, adapting: Container[str], *, frozen: bool
 ) -> SampledRest | NotApplicable:
-    """Where the loop rests, at the true estimates if they are known; ``frozen`` estimates keep the values that they start with.
+    """The equilibrium of the loop, with true estimates if they are known; ``frozen`` estimates keep their initial values.
 
-    ``continuous`` is the controller that is sampled.
+    ``adapting``: see ``adapting_of``.
     """
     loop = ClosedLoop.of(problem, controller)
     why = why_no_rest(loop)
@@ -148,31 +150,30 @@ def sampled_rest(
         return why
     loop = without_limits(loop)
     level, signals = largest_commands(problem, loop)
-    moving = {part.name for part in adapting_of(problem, continuous)}
     estimates = estimates_of(loop)
-    true = {part: value for part in estimates if part.name in moving and (value := truth_of(problem, part)) is not None}
-    if not frozen and (not true or any(part.name in moving and part not in true for part in estimates)):
-        return NotApplicable("its estimates have no true values, so that the place at which it rests is not known")
+    true = {part: value for part in estimates if part.name in adapting and (value := truth_of(problem, part)) is not None}
+    if not frozen and (not true or any(part.name in adapting and part not in true for part in estimates)):
+        return NotApplicable("its estimates have no true values, so its equilibrium is not known")
     everything = np.arange(2 * loop.size)
     kept = rows_of(loop, resting_parts(loop) if frozen else estimates)
     free, resting = np.setdiff1d(np.arange(loop.size), kept), np.setdiff1d(everything, kept) if frozen else everything
     moves, slopes = _moves(loop, signals, frozen=frozen), _slopes(loop, signals, frozen=frozen)
     state = newton(moves, slopes, _start(loop, level, signals, true), free, resting)
     if state is None:
-        return NotApplicable(f"no state was found at which the loop rests from sample to sample {words_of(level)}")
+        return NotApplicable(f"no equilibrium of the loop was found from sample to sample {words_of(level)}")
     for _ in range(POLISHING_STEPS):
         state[free] -= np.linalg.lstsq(slopes(state)[np.ix_(resting, free)], moves(state)[resting], rcond=None)[0]
     return SampledRest(problem, loop, state, signals, level, tuple(true))
 
 
-def adapting_of(problem: TrackingProblem, continuous: Controller) -> list[StatePart]:
-    """The estimates of a continuous controller that move."""
+def adapting_of(problem: TrackingProblem, continuous: Controller) -> frozenset[str]:
+    """The names of the estimates that move, by the continuous controller that is sampled."""
     loop = without_limits(ClosedLoop.of(problem, continuous))
-    return adapting_parts(loop, largest_commands(problem, loop)[1])
+    return frozenset(part.name for part in adapting_parts(loop, largest_commands(problem, loop)[1]))
 
 
 def _moves(loop: ClosedLoop, signals: Array, *, frozen: bool) -> Callable[[Array], Array]:
-    """What a sample changes, and the rates between samples, (2 size,)."""
+    """The change at a sample, and the rates between samples, (2 size,)."""
     sampled, rates = sampled_function(loop, frozen=frozen), right_hand_side(loop)
 
     def moves(state: Array) -> Array:
@@ -188,7 +189,7 @@ def _slopes(loop: ClosedLoop, signals: Array, *, frozen: bool) -> Callable[[Arra
 
 
 def _start(loop: ClosedLoop, level: Array, signals: Array, true: dict[StatePart, Array]) -> Array:
-    """After a sample: model and plant where the commands bring the model, held there, the estimates at their true values."""
+    """The state after a sample: model and plant at the model's steady state, held there, with true estimates."""
     start, places = np.array(loop.initial(), dtype=float), loop.unpack(np.arange(loop.size))
     held = places.held
     start[held.started] = 1.0
@@ -200,10 +201,12 @@ def _start(loop: ClosedLoop, level: Array, signals: Array, true: dict[StatePart,
         start[part.rows] = value
     if len(places.x) + (0 if loop.baseline is None else loop.baseline.order) == len(x_m):
         start[places.x], start[held.baseline] = x_m[: len(places.x)], x_m[len(places.x) :]
+        if len(held.observer) == len(places.x):
+            start[held.observer] = x_m[: len(places.x)]
     for part in loop.parts:
         if part.role.kind == "predictor" and part.size == len(x_m):
             start[part.rows] = x_m
-    # the held control, and what lies before the plant and behind it, by the rates alone
+    # the held control, and the dynamics before and after the plant, only by their rates
     between = [places.x, held.u.reshape(-1), places.sensor, *(np.reshape(part, -1) for path in places.input for part in path)]
     free = np.concatenate([part.reshape(-1) for part in between]).astype(int)
     jacobian = jacobian_function(loop)
@@ -223,7 +226,7 @@ def _start(loop: ClosedLoop, level: Array, signals: Array, true: dict[StatePart,
 def _moved(J: Array, rows: Array) -> Array:
     """Orthonormal columns that span all but the combinations of these ``rows`` of the state that no sample moves.
 
-    A row whose motion is this much smaller than another's moves by rounding alone.
+    A row whose motion is smaller than another's by this factor moves only by rounding.
     """
     moves = (J - np.eye(len(J)))[rows]
     sizes = np.linalg.norm(moves, axis=1)
@@ -240,7 +243,7 @@ def _moved(J: Array, rows: Array) -> Array:
 
 
 def _acting(found: Linearised) -> Linearised:
-    """Without what reaches no control: an entry of these Jacobians that is zero is exactly that."""
+    """The loop without states that don't affect the control: a zero entry of these Jacobians is exactly zero."""
     loop = found.loop
     acts = (loop.C != 0).any(axis=0)
     for _ in range(len(acts)):

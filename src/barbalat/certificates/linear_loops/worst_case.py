@@ -1,7 +1,8 @@
 """Margins of a linear loop over the known set: its extreme points, seeded points inside, and a search around the worst.
 
-Thousands of points are screened on one grid of frequencies; the extreme points, the case's theta and the worst of each round are
-computed exactly, and the least of these is kept. A local minimum between the points may be lower: an estimate, no guarantee.
+Thousands of points are screened on one grid of frequencies; the extreme points, the case's theta and the worst points of each
+round are computed exactly, and the smallest of these margins is kept. A local minimum between the points may be lower: the result
+is an estimate, not a guarantee.
 """
 
 from __future__ import annotations
@@ -20,22 +21,22 @@ from barbalat.validate import Array, InputError
 POINTS_INSIDE, POINTS_AROUND, ROUNDS, MOST_EXTREMES = 1000, 200, 4, 1024
 """Seeded points inside the set, around the worst of each margin in each round (a quarter as wide), and extreme points at most."""
 EXACT_VERTICES, EXACT_POINTS = 64, 20
-"""How many extreme points, and how many of the worst screened points for each margin, are computed exactly."""
+"""Numbers of extreme points, and of the worst screened points for each margin, that are computed exactly."""
 MARGIN_NAMES = ("delay", "phase", "gain_up", "gain_down")
 SEARCH_SENTENCE = (
-    "the set's {extremes} extreme points, {inside} seeded points inside, then {rounds} rounds of {around} around the worst, all "
-    "screened; the {exactly} worst of each round exactly, and the case's theta: the least found, no guarantee"
+    "the set's {extremes} extreme points, {inside} seeded points inside, then {rounds} rounds of {around} around the worst, "
+    "all screened; the {exactly} worst of each round and the case's theta exactly: the least found, not a guarantee"
 )
 
 
 @dataclass(frozen=True, eq=False)
 class LoopsOverTheta:
-    """A linear loop for every theta: around (A_m + b theta', b), from the plant's input.
+    """A linear loop for every theta: the controller's loop around (A_m + b theta', b), broken at the plant's input.
 
-    plant   whose theta is replaced; its input dynamics are put into the loop here
-    around  the controller's loop around a plant; (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, which
-            they are for every linear controller around the plant, and for one that contains theta in its gains once
-    lag     of the sensor, in series with all that is fed back
+    plant   the plant whose theta is replaced; its input dynamics are added to the loop here
+    around  the controller's loop around a plant; (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, as they
+            are for every fixed linear controller, and for one whose gains contain theta once
+    lag     lag of the sensor, in series with everything that is fed back
     """
 
     plant: Plant
@@ -56,7 +57,7 @@ class LoopsOverTheta:
     def responses(self, w: Array) -> Callable[[Array], tuple[Array, Array]]:
         """A function from thetas (M, n) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.
 
-        Both are affine in theta: from the origin and the unit vectors.
+        Both are affine in theta: they are interpolated from the origin and the unit vectors.
         """
         units = np.eye(self.plant.n)
         W_b = states_response(self.plant.A_m, self.plant.b, w).T
@@ -71,9 +72,10 @@ class LoopsOverTheta:
         return np.asarray(np.linalg.eigvals(origin + np.tensordot(thetas, slopes, 1)).real.max(axis=1))
 
     def frequencies(self, thetas: Array) -> Array:
-        """Frequencies from far below to far above every pole and every crossover that the set allows, denser at faint damping.
+        """Frequencies from far below to far above every pole and every crossover that the set allows, denser near lightly damped
+        modes.
 
-        A loop that is stable with the delay d has its crossovers below 2 pi/d: some turns are looked at closely.
+        A loop that is stable with the delay d has its crossovers below 2 pi/d: some of the delay's periods are resolved finely.
         """
         loop = self.loop(np.zeros(self.plant.n))
         poles = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(sensitivity(loop).A)])
@@ -95,10 +97,10 @@ def _combined(thetas: Array, rows: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class WorstCase:
-    """The least margins that were found over the set, each with its theta.
+    """The smallest margins found over the set, each with its theta, which the input's gain follows where it varies too.
 
-    least        by the margin's name in ``Margins``; gain_down is the largest one. Infinite where nothing destabilises
-    unstable_at  a theta of the set at which the loop is unstable already; ``None`` if none was met
+    least        by the margin's name in ``Margins``; gain_down is the largest one. Infinite if nothing destabilises
+    unstable_at  a theta of the set at which the loop is unstable from the start; ``None`` if none was found
     """
 
     least: dict[str, tuple[float, Array]]
@@ -107,7 +109,7 @@ class WorstCase:
 
 
 def worst_case(family: LoopsOverTheta, known_set: KnownSet) -> WorstCase:
-    """Search the set for the least margins beside the plant's delay, and for the greatest gain reduction margin."""
+    """Search the set for the smallest margins in addition to the plant's delay, and for the largest gain reduction margin."""
     rng = np.random.default_rng(0)
     extremes = known_set.extreme_points(rng, MOST_EXTREMES)
     center = np.mean(known_set.extent, axis=0)
@@ -137,7 +139,7 @@ class _Unstable(Exception):
 
 
 class _WorstCaseSearch:
-    """The least margins so far, all of them exact."""
+    """The smallest margins so far, all of them exact."""
 
     def __init__(self, family: LoopsOverTheta, w: Array) -> None:
         self.family, self.w = family, w
@@ -146,7 +148,7 @@ class _WorstCaseSearch:
         self._seen: set[bytes] = set()
 
     def screen(self, points: Array) -> None:
-        """Screen the points, and look at the worst of them for each margin."""
+        """Screen the points, and compute the worst of them for each margin exactly."""
         real_parts = self.family.largest_real_parts(points)
         if real_parts.max() >= 0:
             raise _Unstable(points[int(real_parts.argmax())])
@@ -157,7 +159,7 @@ class _WorstCaseSearch:
             self.look(points[worst[np.isfinite(values[worst])]])
 
     def look(self, points: Array) -> None:
-        """Take the exact margins at the points into account."""
+        """Include the exact margins at the points."""
         for theta in points:
             if theta.tobytes() in self._seen:
                 continue
@@ -175,16 +177,16 @@ class _WorstCaseSearch:
 
 
 def points_inside(known_set: KnownSet, rng: np.random.Generator, around: Array, share: float, count: int) -> Array:
-    """Points of the set in a box around a point, ``share`` of the set's extent wide; what falls outside is brought back."""
+    """Points of the set in a box around a point, ``share`` of the set's extent wide; points outside are moved to the set."""
     lower, upper = known_set.extent
     return known_set.brought_in(around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, known_set.size)))
 
 
 def screen(N: Array, D: Array, w: Array, delay: float = 0.0) -> dict[str, Array]:
-    """Each (M,): what is smallest where the margin is worst, from responses (M, K) over w (K,), N with the delay in it.
+    """Each (M,): a quantity that is smallest where the margin is worst, from responses (M, K) over w (K,), with the delay in N.
 
-    By the names of ``Margins``; 1 - gain_down stands for gain_down: all four are then to be made small. "delay" is what is borne
-    with the delay that is there already.
+    By the names of ``Margins``; 1 - gain_down stands for gain_down, so that small values are bad for all four. "delay" is the
+    tolerated delay in addition to the present one.
     """
     count = len(N)
     at, N_at, D_at, rows = _crossings(np.abs(N) - np.abs(D), N, D, w)

@@ -1,4 +1,4 @@
-"""The certificates of the schemes: the file here has the name of the controller's file in ``barbalat.controllers``."""
+"""The certificates of the schemes: each file has the name of the controller's file in ``barbalat.controllers``."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ CONTROLLERS = "barbalat.controllers."
 
 
 class SchemeFile(Protocol):
-    """What the file of a scheme has; it is asked about controllers of its scheme, on the problems that these take, alone."""
+    """The functions of a scheme's file; they are called only with controllers of the scheme and problems that these take."""
 
     def certificate(self, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
-        """What is known before any run."""
+        """The certificate, computed before any run."""
         ...
 
     def column(self, problem: TrackingProblem, controller: Controller, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
@@ -29,7 +29,7 @@ class SchemeFile(Protocol):
 
 @runtime_checkable
 class HeldFile(SchemeFile, Protocol):
-    """The file of a scheme that integrates nothing but its law, so that the plant's motion between Euler steps is exact."""
+    """The file of a scheme that integrates only its law, so that the plant's motion between Euler steps is exact."""
 
     def held_limits(
         self, problem: TrackingProblem, controller: Controller, simulation: Simulation, nu_0: float
@@ -40,26 +40,26 @@ class HeldFile(SchemeFile, Protocol):
 
 @runtime_checkable
 class ProvenFile(SchemeFile, Protocol):
-    """The file of a scheme whose guarantees can be checked by somebody else."""
+    """The file of a scheme whose guarantees can be checked independently."""
 
     def grounds(self, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> dict[str, Any]:
-        """The controller's numbers; ``scheme`` is the name of the rules that speak of it."""
+        """The controller's numbers; ``scheme`` is the name of the rules that apply to it."""
         ...
 
 
 @runtime_checkable
 class LinearFile(SchemeFile, Protocol):
-    """The file of a scheme that may be linear and time-invariant: sampled, its loop is known exactly from sample to sample."""
+    """The file of a scheme that may be linear and time-invariant: in sampled form its loop is then known exactly."""
 
     def linear_when(self, problem: TrackingProblem, controller: Controller) -> str | None:
-        """What makes the continuous controller linear on this plant, as a sentence; None where it is not."""
+        """What makes the continuous controller linear on this plant, as a sentence; None if it is not."""
         ...
 
 
 def scheme_file(controller: Controller) -> SchemeFile | None:
-    """The certificate's file of a controller's scheme; None for one of which none is known: see ``unregistered``.
+    """The certificate's file for a controller's scheme; None if there is none: see ``unregistered``.
 
-    A subclass has the certificate of the scheme that it is made from, unless it binds other equations.
+    A subclass has its base scheme's certificate unless it binds other equations.
     """
     bind = type(controller).bind
     for kind in type(controller).__mro__:

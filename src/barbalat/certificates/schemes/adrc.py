@@ -1,7 +1,7 @@
-"""The certificate of active disturbance rejection: it is a linear controller, whose loop and margins are exact.
+"""The certificate of active disturbance rejection, a linear controller whose loop and margins are exact.
 
-Where the observer starts at x(0) and f_hat = 0, theta = theta_0 and b_0 the input's gain, it follows without an error: f_hat
-stays zero and x is x_m. What theta - theta_0 adds is a matched disturbance: ``fixed_loop``, with T the response of x to it.
+If the observer starts at x(0) and f_hat = 0, theta = theta_0 and b_0 is the input's gain, it has no error: f_hat stays zero and x
+is x_m. theta - theta_0 adds a matched disturbance: see ``fixed_loop``, where T is the response of x to it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ STEP = "step_max is that of the linear loop, without delay and limits"
 
 
 def loop_at(theta: Array, equations: Equations, known: Known) -> StateSpace:
-    """The loop broken at the plant's input, from v to -u, on the plant with ``theta``; the plant's states come first."""
+    """The loop broken at the plant's input, from v to -u, for the plant with ``theta``; the plant's states come first."""
     o, n, b_0 = equations.observer, known.n, equations.b_0
     feedback = np.hstack([equations.theta_0.T, np.eye(1)]) / b_0  # of (x_hat, f_hat)
     of_x, of_xi = (feedback @ o.N)[0], (feedback @ o.M)[0]
@@ -61,22 +61,22 @@ def loop_of(problem: Problem, controller: Adrc) -> FixedLoop | None:
 
 
 def certificate(problem: Problem, controller: Adrc, simulation: Simulation) -> Certificate:
-    """The error's bound in Theorem 1's form, exact margins and peaks on the true plant, mu of the family."""
+    """The bound of the error in the form of Theorem 1, exact margins and peaks for the true plant, mu of the family."""
     loop, draft = loop_of(problem, controller), Draft()
     if loop is None:
         draft.note(BEYOND_ONE_LINEAR_INPUT)
-        why = "its bound is known for one input with phi(x) = x"
+        why = "a bound is known only for one input with phi(x) = x"
         draft.missing("error_bound", why, *nominal(problem), theorem=theorems.LINEAR_BEYOND)
         add_linearised(draft, problem, controller, simulation)
         return draft.finish()
-    add_loop(draft, problem, loop)
+    add_loop(draft, problem, loop, simulation.t_end)
     modes = np.linalg.eigvals(sensitivity(with_dynamics(problem, loop.at(problem.plant.theta))).A)
     draft.estimate({"step_max": largest_step(simulation, modes)}, STEP, of=WHOLE_LOOP)
     return draft.finish()
 
 
 def grounds(problem: Problem, controller: Adrc, _: Simulation) -> dict[str, Any]:
-    """The numbers of the loop around the observer."""
+    """The numbers of the loop with the observer."""
     equations = controller.bind(problem.known)
     observer = {key: getattr(equations.observer, key).tolist() for key in "FGHMN"}
     own = {"observer": observer, "b_0": controller.b_0, "theta_0": equations.theta_0[:, 0].tolist()}
@@ -84,7 +84,7 @@ def grounds(problem: Problem, controller: Adrc, _: Simulation) -> dict[str, Any]
 
 
 def linear_when(problem: Problem, _: Adrc) -> str | None:
-    """The controller is linear on every plant with phi(x) = x, with several inputs too."""
+    """The controller is linear on every plant with phi(x) = x, including those with several inputs."""
     return LINEAR_CONTROLLER if problem.plant.is_linear else None
 
 

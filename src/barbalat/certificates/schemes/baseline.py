@@ -1,4 +1,5 @@
-"""The certificate of the baseline alone: ``fixed_loop`` around u = k_0 r - theta_0'x; beyond one linear input its margins."""
+"""The certificate of the baseline alone: ``fixed_loop`` around u = k_0 r - theta_0'x; for other plants than linear ones with
+one input, its margins."""
 
 from __future__ import annotations
 
@@ -17,25 +18,25 @@ from barbalat.solvers.simulation import Simulation
 
 
 def loop_of(problem: Problem, controller: BaselineAlone) -> FixedLoop:
-    """The loop broken at the plant's input; with theta = theta_0 it is the model."""
+    """The loop broken at the plant's input; with theta = theta_0 the closed loop is the model."""
     known, theta_0 = problem.known, controller.bind(problem.known).theta_0
     return FixedLoop(
         at=lambda theta: StateSpace(known.A_m + np.outer(known.b, theta), known.b, theta_0, 0.0),
         theta_0=theta_0,
         norm="W_b",
         own=(),
-        integrates="the baseline takes a constant disturbance out of the state",
+        integrates="the baseline removes a constant disturbance from the state",
     )
 
 
 def certificate(problem: Problem, controller: BaselineAlone, simulation: Simulation) -> Certificate:
-    """The error's bound in Theorem 1's form, margins and peaks on the true plant, mu of the family."""
+    """The bound of the error in the form of Theorem 1, margins and peaks for the true plant, mu of the family."""
     draft = Draft()
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         add_linearised(draft, problem, controller, simulation)
     else:
-        add_loop(draft, problem, loop_of(problem, controller))
+        add_loop(draft, problem, loop_of(problem, controller), simulation.t_end)
         add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
 

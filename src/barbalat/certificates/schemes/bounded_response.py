@@ -1,7 +1,7 @@
-"""The bound of e of a sampled linear controller on the plant as it is: with its delay, actuator, sensor lag and disturbances.
+"""The bound of e for a sampled linear controller on the actual plant: with its delay, actuator, sensor lag and disturbances.
 
-``linear_loops/sampled_response`` has the theorem. Limits of the input are no part of the linear loop: the bound of |u| says
-whether they are ever met.
+``linear_loops/sampled_response`` has the theorem. The linear loop has no input limits: the bound of |u| shows whether they are
+ever reached.
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ from barbalat.certificates.assumptions import bounded_command
 from barbalat.certificates.cells import statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry, NotApplicable
-from barbalat.certificates.linear_loops.sampled_response import Response, bounds_of, missed, response
+from barbalat.certificates.linear_loops.margin_values import in_the_loop
+from barbalat.certificates.linear_loops.sampled_response import Response, bounds_of, missed, noise_deviation, response
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.rows import up
@@ -24,45 +25,83 @@ from barbalat.protocols import BoundedSignal, Controller
 from barbalat.validate import InputError
 
 KEYS = ("error_bound", "error_bound_held", "state_bound", "control_bound")
+OF_NOISE = ("error_noise_rms", "control_noise_rms")
 OF_RESPONSES = {
     "error_bound_held": Quantity(
-        "of every component of x - x_m at all times, x_m of the model under the command as it is sampled"
+        "bound of every component of x - x_m at all times, with x_m of the model under the sampled command"
     ),
-    "state_bound": Quantity("of every component of |x|, at all times"),
-    "control_bound": Quantity("of every entry of |u|, at all times"),
+    "state_bound": Quantity("bound of every component of |x|, at all times"),
+    "control_bound": Quantity("bound of every entry of |u|, at all times"),
+    "error_noise_rms": Quantity("bound of the standard deviation that measurement noise adds to x - x_m, component by component"),
+    "control_noise_rms": Quantity("bound of the standard deviation that measurement noise adds to u, input by input"),
+    "error_rms_bound": Quantity("bound of the root mean square of every component of x - x_m over all realisations of the noise"),
 }
 UP_TO_THE_END = Assumption("jumps of r are those up to t_end")
+INDEPENDENT = Assumption("the noise of different samples is independent and has zero mean")
+RMS = "error_rms_bound"
+OF_THE_LOOP = "from sample to sample with the case's theta"
+SAME_INSTANT = 1e-9
+"""Relative distance of two sample times that count as equal."""
 THE_CASE_S = Assumption("theta is the case's")
-"""Holds by construction: the loop is made of it."""
+"""This holds by construction of the loop."""
 
 
 def add(draft: Draft, problem: TrackingProblem, controller: Controller, t_end: float) -> None:
-    """Add the bounds of e, x and u for every command and disturbance of the case's sizes; nothing where phi(x) is not x."""
-    if not isinstance(problem, Problem) or not problem.plant.is_linear or not is_needed(*KEYS):
+    """Add the bounds of e, x and u for every command and disturbance of the case's sizes; nothing if phi(x) is not x."""
+    if not isinstance(problem, Problem) or not problem.plant.is_linear or not is_needed(*KEYS, *OF_NOISE, RMS):
         return
     if problem.plant.states < problem.plant.n:
-        why = "no bound is known beside a baseline with states of its own, which are sampled too"
+        why = "no bound is known with a dynamic baseline, whose states are also sampled"
         draft.all_missing(KEYS, why, theorem=theorems.SAMPLED_BASELINE)
         return
     acting = (*(() if problem.disturbance is None else (problem.disturbance,)), *(one.signal for one in problem.unmatched))
-    try:  # in the order in which the loop has its signals
+    try:  # in the loop's order of signals
         found = response(problem, controller, bounds_of(problem.commands), bounds_of(acting))
     except InputError as error:
         draft.all_missing(KEYS, str(error), theorem=theorems.OUTPUT_LOOP)
         return
-    rests_on = _rests_on(problem, found)
-    draft.guarantee("error_bound_held", found.held, *rests_on)
-    draft.guarantee("state_bound", found.x, *rests_on)
-    draft.guarantee("control_bound", found.u, *rests_on)
+    linear, quiet = _linear(problem, found), _quiet(problem)
+    draft.guarantee("error_bound_held", found.held, *linear, quiet)
+    draft.guarantee("state_bound", found.x, *linear, quiet)
+    draft.guarantee("control_bound", found.u, *linear, quiet)
     beside = _missed(problem, controller, t_end)
     if isinstance(beside, NotApplicable):
-        draft.missing("error_bound", beside.why, *rests_on, theorem=theorems.BOUNDED_COMMAND)
+        draft.missing("error_bound", beside.why, *linear, quiet, theorem=theorems.BOUNDED_COMMAND)
     else:
-        draft.guarantee("error_bound", (found.held + beside) * OUTWARD_FACTOR, *rests_on, UP_TO_THE_END)
+        draft.guarantee("error_bound", (found.held + beside) * OUTWARD_FACTOR, *linear, quiet, UP_TO_THE_END)
+    if quiet.broken:
+        _add_noise(draft, problem, controller, linear, None if isinstance(beside, NotApplicable) else found.held + beside)
+
+
+def _add_noise(
+    draft: Draft, problem: Problem, controller: Controller, linear: tuple[Assumption, ...], error: float | None
+) -> None:
+    """Add the contribution of the noise and, with the bound of e without noise, the root mean square of both."""
+    assert problem.noise is not None
+    T = float(controller.sample_time)  # type: ignore[attr-defined]  # of every sampled controller
+    if problem.noise.sample_time > T * (1 + SAME_INSTANT):
+        why = f"the noise is held for {problem.noise.sample_time:g} s, longer than a sample, so that samples are not independent"
+        draft.all_missing((*OF_NOISE, RMS), why)
+        return
+    try:
+        found = noise_deviation(problem, controller)
+    except InputError as failed:
+        draft.all_missing((*OF_NOISE, RMS), str(failed))
+        return
+    unlimited = _never_limited(problem)
+    values = {"error_noise_rms": found.x.tolist(), "control_noise_rms": found.u.tolist()}
+    if any(one.broken for one in (*linear, unlimited)):
+        draft.estimate(values, INDEPENDENT.sentence, of=OF_THE_LOOP + in_the_loop(problem))
+    else:
+        for key, value in values.items():
+            draft.guarantee(key, value, *linear, unlimited, INDEPENDENT)
+    if error is not None:
+        rms = (error + float(found.x.max())) * OUTWARD_FACTOR
+        draft.guarantee(RMS, rms, *linear, unlimited, INDEPENDENT, UP_TO_THE_END)
 
 
 def _missed(problem: Problem, controller: Controller, t_end: float) -> float | NotApplicable:
-    """What the model makes of all commands between their samples."""
+    """The contribution of all commands between the model's samples."""
     A_m, b_r, _ = problem.model.matrices
     T, total = float(controller.sample_time), 0.0  # type: ignore[attr-defined]  # of every sampled controller
     for j, command in enumerate(problem.commands):
@@ -73,8 +112,9 @@ def _missed(problem: Problem, controller: Controller, t_end: float) -> float | N
     return total
 
 
-def _rests_on(problem: Problem, found: Response) -> tuple[Assumption, ...]:
-    paths, sensor = problem.plant.paths, problem.sensor
+def _linear(problem: Problem, found: Response) -> tuple[Assumption, ...]:
+    """The assumptions of the linear loop's bounds, apart from the noise."""
+    paths = problem.plant.paths
     unknown = "" if problem.derived is None else problem.derived.unmatched
     on_the_way = [
         ("a converter", any(path.quantization is not None for path in paths)),
@@ -83,20 +123,29 @@ def _rests_on(problem: Problem, found: Response) -> tuple[Assumption, ...]:
     ]
     acting = [problem.disturbance, *(one.signal for one in problem.unmatched)]
     unbounded = any(one is not None and not isinstance(one, BoundedSignal) for one in acting)
-    noise = sensor is not None and sensor.noise is not None
     limits = [tuple(map(float, path.saturation)) for path in paths if path.saturation is not None]
     beyond = any(found.u > min(-low, high) for low, high in limits)
     reached = f"u may reach {found.u:.4g}, beyond its limits" if beyond else ""
-    noisy = "Gaussian measurement noise has no bound" if noise else ""
     return (
-        Assumption("the plant is linear, with its delay and its dynamics before it", unknown, theorems.UNMATCHED_RESTS),
-        Assumption("nothing but a delay, an actuator and limits stands before the plant", _listed(on_the_way), theorems.LIMITS),
+        Assumption("the plant is linear, including its delay and its input dynamics", unknown, theorems.UNMATCHED_RESTS),
+        Assumption(
+            "the plant has no input dynamics other than a delay, an actuator and limits", _listed(on_the_way), theorems.LIMITS
+        ),
         Assumption("u stays within its limits", reached, theorems.LIMITS),
         Assumption("disturbances are bounded", "a disturbance without a bound" if unbounded else "", theorems.OUTPUT_LOOP),
-        Assumption("what is measured has no noise", noisy, theorems.MEASUREMENT),
         bounded_command(problem),
         THE_CASE_S,
     )
+
+
+def _quiet(problem: Problem) -> Assumption:
+    noisy = "" if problem.noise is None else "Gaussian measurement noise has no bound"
+    return Assumption("the measurement has no noise", noisy, theorems.MEASUREMENT)
+
+
+def _never_limited(problem: Problem) -> Assumption:
+    limited = any(path.saturation is not None for path in problem.plant.paths)
+    return Assumption("u has no limits", "Gaussian noise may lead u beyond its limits" if limited else "", theorems.LIMITS)
 
 
 def _listed(words: list[tuple[str, bool]]) -> str:
@@ -104,13 +153,13 @@ def _listed(words: list[tuple[str, bool]]) -> str:
 
 
 def cells(certificate: Certificate) -> dict[str, Entry]:
-    """The cells of Table 1 that follow where the bounds are guaranteed; none where they are not."""
+    """The cells of Table 1 that follow if the bounds are guaranteed; none otherwise."""
     state, error = certificate.entry("state_bound"), certificate.entry("error_bound")
     found = {}
     if state is not None and state.kind == "guaranteed":
-        text = f"for every r and d of the case's sizes: |x| <= {up(state.value)}"
+        text = f"for every r and d within the case's bounds: |x| <= {up(state.value)}"
         found["stability"] = statement("stability", text, *state.rests_on)
     if state is not None and error is not None and error.kind == "guaranteed":
-        text = f"|e| <= {up(error.value)} at all times, for every r and d of the case's sizes"
+        text = f"|e| <= {up(error.value)} at all times, for every r and d within the case's bounds"
         found["transient"] = statement("transient", text, *error.rests_on)
     return found

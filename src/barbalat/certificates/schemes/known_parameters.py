@@ -1,4 +1,5 @@
-"""The certificate of the controller that knows the parameters: where they are the plant's, the plant is the reference model."""
+"""The certificate of the controller that knows the parameters: if they are the plant's, the closed loop is the reference
+model."""
 
 from __future__ import annotations
 
@@ -23,7 +24,7 @@ def certificate(problem: Problem, controller: KnownParameters, simulation: Simul
 
 def column(problem: Problem, controller: KnownParameters, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
-    given = "" if np.array_equal(controller.theta, problem.parameters) else "other parameters than the plant's"
+    given = "" if np.array_equal(controller.theta, problem.parameters) else "parameters other than the plant's"
     rests_on = (*of_the_case(problem, None, 0.0), Assumption("the parameters are the plant's", given))
     return "known parameters, u = k_0 r - theta'phi(x)", {
         "stability": statement("stability", f"for {commands_and_gains(problem)[0]}", *rests_on),

@@ -9,8 +9,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from barbalat.certificates import theorems
-from barbalat.certificates.assumptions import FREQUENCIES_TRIED, FROZEN_LAW, beyond_the_paper, constant_in_the_end
-from barbalat.certificates.bounds import disturbed, laws, theorem_1
+from barbalat.certificates.assumptions import (
+    FREQUENCIES_TRIED,
+    FROZEN_LAW,
+    beyond_the_paper,
+    constant_in_the_end,
+    theta_in_the_set,
+)
+from barbalat.certificates.bounds import disturbed, known_command, laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import denied, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -52,7 +58,9 @@ OWN_QUANTITIES = {
     "kappa_max": Quantity("1/(theta_max ||sW_b||_1) of Theorem 1", "s", below=True, timeless=True),
     "nu_1": Quantity("of (10)"),
     "nu_2": Quantity("of (10)"),
-    "reference_error_bound": Quantity("of every component of x - x_ref, the filtered loop with theta known, at all times"),
+    "reference_error_bound": Quantity(
+        "bound of every component of x - x_ref at all times; x_ref is the filtered loop with theta known"
+    ),
 }
 FILTER_AT_REST = Assumption("the filter starts at rest")
 """Holds by construction."""
@@ -80,7 +88,9 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
         _without_projection(draft, problem, controller)
     else:
         reach = _add_bound_10(draft, problem, controller, C, model)
-    if reach is None:  # no bound on x: take what the model asks for, and say so
+        if reach is not None and is_needed(known_command.KEY):
+            _add_command_bound(draft, problem, controller, C, simulation.t_end)
+    if reach is None:  # no bound of x: assume what the model requires, and say so
         reach, assumed = StateReach(model.x_m_euclidean, draft["nu_0"]), (FROZEN_LAW, REACH_ASSUMED)
     limits = frozen_laws.of_lyapunov_law(
         problem, controller.gamma, simulation, reach.offset, reach.factor, np.linalg.eigvals(C.A)
@@ -118,13 +128,13 @@ def grounds(problem: Problem, controller: L1Adaptive, _: Simulation) -> dict[str
 
 
 def midpoint_form(problem: Problem, controller: L1Adaptive, sample_time: float) -> midpoint.MidpointForm:
-    """The predictor's; with C = 1 the MRAC's."""
+    """The predictor's midpoint form; with C = 1 the MRAC's."""
     delayed = () if controller.filter is not None else (mrac.one_sample_of_delay(sample_time),)
     return midpoint.of_predictor(problem, controller, *delayed)
 
 
 def _without_projection(draft: Draft, problem: Problem, controller: L1Adaptive) -> None:
-    """No condition on C(s); with C = 1 the bound (9) all the same."""
+    """Without projection there is no condition on C(s); with C = 1 the bound (9) still holds."""
     why, void = "without projection there is no theta_max", laws.why_no_bound(controller, problem)
     draft.missing("condition", why)
     if controller.filter is None and void is None:
@@ -137,7 +147,7 @@ def _without_projection(draft: Draft, problem: Problem, controller: L1Adaptive) 
 
 
 def add_condition(draft: Draft, problem: Problem, C: StateSpace) -> tuple[theorem_1.FilterCondition, Enclosure]:
-    """||W_b (1 - C)||_1 theta_max < 1 with the filters that would satisfy it, and ||s W_b||_1."""
+    """Add ||W_b (1 - C)||_1 theta_max < 1 with the filters that would satisfy it, and ||s W_b||_1."""
     known, theta_max = problem.known, draft["theta_max"]
     found, slope = theorem_1.filter_condition(known, C, theta_max), theorem_1.derivative_norm(known)
     draft.guarantee("norms", {"W_b(1-C)": found.norm.ends, "sW_b": slope.ends}, NUMBERS_ALONE)
@@ -149,7 +159,7 @@ def add_condition(draft: Draft, problem: Problem, C: StateSpace) -> tuple[theore
 
 
 def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: StateSpace, model: ModelBounds) -> StateReach | None:
-    """The condition and, where it holds, the bound; None, with the reason in the entry, where there is none."""
+    """Add the condition and, if it holds, the bound; None, with the reason in the entry, if there is none."""
     known, theta_max, nu_0 = problem.known, draft["theta_max"], draft["nu_0"]
     found, slope = add_condition(draft, problem, C)
     void = laws.why_no_bound(controller, problem)
@@ -167,7 +177,7 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
                 draft.guarantee(key, value, *rests_on)
     if not found.holds:
         not_below = _too_large(found.value_upper)
-        why = f"{not_below}: bound (10) says nothing here"
+        why = f"{not_below}: bound (10) gives no information here"
         draft.missing("error_bound", why, *rests_on, theorem=theorems.FILTER_NOT_SMALL)
         draft.missing("reference_error_bound", f"{not_below}: the distance to the reference system is not bounded")
         return None
@@ -182,8 +192,21 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
     return StateReach(model.x_m_euclidean + root_n * offset, root_n * level.nu / remaining)
 
 
+def _add_command_bound(draft: Draft, problem: Problem, controller: L1Adaptive, C: StateSpace, t_end: float) -> None:
+    """Add the bound for the case's command: e = G[(theta - theta_0)'x - k_0 r] + C[x_tilde], G = W_b (1 - C)."""
+    known, equations = problem.known, controller.bind(problem.known)
+    A, B, _, _ = theorem_1.filtered_model(known, C)
+    origin = np.zeros(known.n) if known.theta_0 is None else known.theta_0
+    x_tilde = known_command.of_adapting(problem, known, controller.gamma, equations.theta_hat0)
+    loop = known_command.KnownLoop(
+        A, B[:, 0], origin, float(known.adapted_command), draft["norms"]["W_b(1-C)"]["upper"], theorem_1.filter_norm(C) * x_tilde
+    )
+    rests_on = (*of_the_case(problem, equations.estimate_set), FILTER_AT_REST, theta_in_the_set(problem))
+    known_command.add(draft, problem, loop, t_end, rests_on)
+
+
 def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Equations) -> None:
-    """Margins and mu of what L1-AC tends to for fast adaptation: a linear controller with S = 1 - C at theta = 0."""
+    """Add margins and mu of the limit of L1-AC for fast adaptation: a linear controller with S = 1 - C at theta = 0."""
     plant, C, known_set = problem.plant, equations.C, None if equations.estimate_set is None else problem.known.theta_set
     add_margins(draft, problem, fast_adaptation(plant, C), over_known_set.LOOP_OF_FAST_ADAPTATION)
     over_known_set.add_filtered(draft, problem, C)
@@ -221,7 +244,7 @@ def _stability(problem: Problem, controller: L1Adaptive, certificate: Certificat
     if condition is None and projected(controller.bind(problem.known).estimate_set):
         return nothing("stability", "the condition on C(s) is not known for this plant", *rests_on)
     if condition is None:
-        why = "without a known set that is projected onto there is no theta_max for the condition on C(s)"
+        why = "without projection onto a known set there is no theta_max for the condition on C(s)"
         return nothing("stability", why, *rests_on)
     value = up(condition["value_upper"])
     if not condition["holds"]:
@@ -230,17 +253,17 @@ def _stability(problem: Problem, controller: L1Adaptive, certificate: Certificat
 
 
 def _too_large(upper: float) -> str:
-    return f"||W_b (1 - C)||_1 theta_max is only known to be <= {up(upper)}, and less than 1 is needed"
+    return f"||W_b (1 - C)||_1 theta_max is only known to be <= {up(upper)}, but must be below 1"
 
 
 def _tracking(problem: Problem, controller: L1Adaptive, stability: Entry) -> Entry:
-    """Theorem 1 (iii): x_tilde, x_tilde' and theta_hat' vanish, and lim sup |x'| <= N theta_max lim sup |x'| where r comes to
-    rest. A memory without forgetting is not covered: its pull need not vanish."""
+    """Theorem 1 (iii): x_tilde, x_tilde' and theta_hat' vanish, and lim sup |x'| <= N theta_max lim sup |x'| if r becomes
+    constant. A memory without forgetting is not covered: its pull need not vanish."""
     if not stability.applies:
         return nothing("tracking", stability.why)
     constant = constant_in_the_end(problem)
     if constant.broken or controller.learning is not None or laws.why_no_bound(controller, problem) is not None:
-        return nothing("tracking", "not to zero in general: an error of the order of the filter's lag stays")
+        return nothing("tracking", "not to zero in general: an error of the order of the filter's lag remains")
     rests_on = of_the_case(problem, controller.bind(problem.known).estimate_set)
     return statement("tracking", "converges to zero for the case's r (Theorem 1 (iii))", *rests_on, FILTER_AT_REST, constant)
 
@@ -249,5 +272,6 @@ def _transient(certificate: Certificate) -> Entry:
     bound = certificate.entry("error_bound")
     if bound is None or bound.value is None:
         return nothing("transient", "no bound is known" if bound is None else bound.why)
-    text = f"|e| <= {up(bound.value)} at all times, (10); the filter's part stays however large Gamma is"
+    size = f"|e| <= {up(bound.value)} at all times, (10){known_command.told(certificate)}"
+    text = f"{size}; the filter's contribution remains for any Gamma"
     return statement("transient", text, *bound.rests_on)

@@ -1,18 +1,18 @@
 """The certificate of the piecewise-constant L1 law: a linear time-invariant sampled controller, whose loop is known exactly.
 
-With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a sigma that is constant and a state that rests, where F is
-the predictor's own step and S what acts in a sample, and sigma_hat = -G x~: so sigma_hat(infinity) = G (I - F + S G)^-1 S sigma,
-which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
+With x~ = x_hat - x, x~[k+1] = F x~[k] + S (sigma_hat - sigma)[k] for a constant sigma and a constant state, where F is the
+predictor's own step and S the effect of sigma over a sample, and sigma_hat = -G x~: so sigma_hat(infinity) = G (I - F + S G)^-1 S
+sigma, which is B^-1 e^(A_m T) B in the exact form (F = S G) and B^-1 e^(A_s T) B as flown, never I.
 
-``distance`` bounds how far the loop is from its theory's reference system, on the plant (1) with phi(x) = x.
+``distance`` bounds the distance of the loop from its theory's reference system, for the plant (1) with phi(x) = x.
 
-x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[k_0 r - theta'x_ref], x_ref(0) = x(0), C at rest, under the command as
-it is sampled; as flown u_ref = k_0 r - theta_0'x_ref - C(s)[(theta - theta_0)'x_ref]. Loop and reference system are linear and,
-under held commands, exact from sample to sample, so their difference is one linear system: what r can do to it is the sum of
+x_ref' = A_m x_ref + b (theta'x_ref + u_ref), u_ref = C(s)[k_0 r - theta'x_ref], x_ref(0) = x(0), C at rest, under the sampled
+command; as flown u_ref = k_0 r - theta_0'x_ref - C(s)[(theta - theta_0)'x_ref]. Loop and reference system are linear and, under
+held commands, exact from sample to sample, so their difference is one linear system: the largest effect of r on it is the sum of
 its impulse response, for every bounded r.
 
-Between samples a motion is off the straight line between its ends by at most T^2/8 times its second derivative. With v held,
-x'' = e^(A tau) A (A x_k + B v_k), at most e^(|A| T) |A (A x_k + B v_k)| in every component: so for the plant, and for the
+Between samples a motion differs from the straight line between its ends by at most T^2/8 times its second derivative. With v
+held, x'' = e^(A tau) A (A x_k + B v_k), at most e^(|A| T) |A (A x_k + B v_k)| in every component, both for the plant and for the
 reference system.
 
 Source of the reference system: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 3.3, where C(s) acts in continuous
@@ -56,7 +56,7 @@ class Distance(NamedTuple):
 
 
 def distance(problem: Problem, controller: L1PiecewiseConstant, levels: Array) -> Distance:
-    """The distance to the reference system for held commands of these sizes (q,); InputError where one of the two is unstable."""
+    """The distance to the reference system for held commands of these sizes (q,); InputError if one of the two is unstable."""
     equations, plant = controller.bind(problem.known), problem.plant
     T, n, q = controller.sample_time, plant.n, len(levels)
     single = StateSpace.gain(1.0) if controller.filter is None else controller.filter.realise()
@@ -67,7 +67,7 @@ def distance(problem: Problem, controller: L1PiecewiseConstant, levels: Array) -
     M, N = _sampled(problem, equations, T)
     a, r, b = len(M), len(A), plant.b.reshape(n, -1)
     free = np.concatenate([plant.x0, started(equations, plant.x0, np.zeros(q)), plant.x0, np.zeros(r - n)])
-    # the filter's first sample is no step of it, so the first command stands in the initial state too
+    # the filter's first sample is not one of its steps, so the first command is in the initial state too
     first = np.array([started(equations, np.zeros(n), unit) for unit in np.eye(q)]).T
     first = np.vstack([np.zeros((n, q)), first, np.zeros((r, q))])
     whole = np.block([[M, np.zeros((a, r))], [np.zeros((r, a)), held.Phi]])
@@ -118,15 +118,17 @@ OWN_QUANTITIES = (
         "controller_z": Quantity(
             "the controller's transfer functions to u in z, from each state and from r", form=Form.TRANSFER_FUNCTIONS
         ),
-        "disturbance_left": Quantity("share of a constant sigma that sigma_hat leaves, for each of its entries"),
-        "sample_time_ratio": Quantity("T as it is over T as the controller's numbers assume it"),
+        "disturbance_left": Quantity("share of a constant sigma that sigma_hat does not cover, for each entry"),
+        "sample_time_ratio": Quantity("T divided by the T that the controller's numbers assume"),
         "baseline_gain": Quantity(
-            "u over its baseline at slow frequencies of a state that still moves: 1/(1 - (1 - ratio) C(0))"
+            "u relative to its baseline at low frequencies of a state that still moves: 1/(1 - (1 - ratio) C(0))"
         ),
         "delay_margin_reference": Quantity(
-            "of the theory's reference system, which the loop tends to with T: beside delay_margin", "s"
+            "delay margin of the theory's reference system, to which the loop tends as T falls; compare delay_margin", "s"
         ),
-        "reference_distance": Quantity("of every component of x - x_ref at the samples, x_ref of the theory's reference system"),
+        "reference_distance": Quantity(
+            "bound of every component of x - x_ref at the samples; x_ref is the state of the theory's reference system"
+        ),
         "reference_distance_between": Quantity("the same at all times, r held between the samples in the reference system"),
     }
 )
@@ -134,7 +136,7 @@ NO_LOOP = "margins and noise are known for phi(x) = x: not for this plant"
 
 
 def certificate(problem: Problem, controller: L1PiecewiseConstant, simulation: Simulation) -> Certificate:
-    """Loop, margins, noise, what is left of a constant disturbance, the distance to the reference system."""
+    """Loop, margins, noise, the remainder of a constant disturbance, the distance to the reference system."""
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_of_the_controller(draft, problem, controller, equations)
     if not problem.plant.is_linear:
@@ -149,7 +151,8 @@ def certificate(problem: Problem, controller: L1PiecewiseConstant, simulation: S
 
 
 def _add_of_the_controller(draft: Draft, problem: Problem, controller: L1PiecewiseConstant, equations: Equations) -> None:
-    """Add what no plant changes: the estimate of a constant sigma, the transfer functions, the ratio of the sample times."""
+    """Add values that don't depend on the plant: the estimate of a constant sigma, the transfer functions, the ratio of the
+    sample times."""
     p, n = equations.predictor, problem.plant.n
     at_dc = p.G @ np.linalg.solve(np.eye(n) - p.of_x_hat + p.of_acting @ p.G, p.of_acting)
     of = "the controller alone"
@@ -160,15 +163,15 @@ def _add_of_the_controller(draft: Draft, problem: Problem, controller: L1Piecewi
         return
     ratio = controller.sample_time / controller.assumed_sample_time
     draft.exact({"sample_time_ratio": ratio}, of, "the loop runs at sample_time")
-    draft.exact({"baseline_gain": 1 / ratio}, of, "predictor_poles times T are small, and the plant integrates what acts on it")
+    draft.exact({"baseline_gain": 1 / ratio}, of, "predictor_poles times T are small, and the plant integrates its inputs")
     if controller.filter is None and ratio >= 2:
         draft.note(
-            f"without C(s) a direct estimate is lost at twice the assumed sample time, and here it is {ratio:.3g} times that"
+            f"without C(s) a direct estimate is unstable at twice the assumed sample time, and here it is {ratio:.3g} times that"
         )
 
 
 def _transfer_functions(equations: Equations) -> dict[str, dict[str, list[float]]]:
-    """Return num and den in z, highest power first, by what they act on: x_1, ..., and r."""
+    """Return num and den in z, highest power first, by the signal that they act on: x_1, ..., and r."""
     A, B, C, D = realisation(equations)
     n = len(equations.x0)
     names = [
@@ -183,7 +186,7 @@ def _transfer_functions(equations: Equations) -> dict[str, dict[str, list[float]
 
 
 def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConstant) -> None:
-    """The distance for every command as large as the case's, and the reference system's own delay margin."""
+    """Add the distance for every command as large as the case's, and the reference system's own delay margin."""
     levels = np.array([command.bound if isinstance(command, BoundedSignal) else np.nan for command in problem.commands])
     try:
         away = distance(problem, controller, levels)
@@ -198,12 +201,12 @@ def _add_reference(draft: Draft, problem: Problem, controller: L1PiecewiseConsta
         except InputError as error:
             draft.missing("delay_margin_reference", str(error))
         else:
-            of = "the reference system, broken at the plant input, without what lies before the plant"
+            of = "the reference system, broken at the plant input, without input dynamics"
             draft.exact({"delay_margin_reference": finite(margin)}, of, LINEAR_CONTROLLER)
 
 
 def rests_on(problem: Problem) -> tuple[Assumption, ...]:
-    """What is guaranteed rests on the case's own theta: no known set is asked for."""
+    """The assumptions of the guarantees, which use the case's own theta: no known set is needed."""
     nonlinear = "" if problem.plant.is_linear else "phi(x) is not x"
     start = Assumption("predictor and reference system start at x(0), the filter at rest")
     linear = Assumption("phi(x) = x, and theta is the case's", nonlinear)
@@ -223,19 +226,21 @@ def column(problem: Problem, controller: L1PiecewiseConstant, certificate: Certi
     if away is None or away.value is None:
         transient = nothing("transient", "no bound: " + ("" if away is None else away.why))
     else:
-        text = f"x is within {up(away.value)} of the theory's reference system, for every r as large as this one"
+        text = f"x is within {up(away.value)} of the theory's reference system, for every r within the case's bound"
         transient = statement("transient", text, *rests_on(problem))
     left = ", ".join(f"{100 * share:.3g} %" for share in values["disturbance_left"])
     noise = values.get("noise_in_u")
     return "L1, piecewise-constant law" + ("" if controller.as_flown is None else ", as flown"), {
         "stability": stability,
-        "tracking": nothing("tracking", f"not to zero in general: sigma_hat leaves {left} of what is constant"),
+        "tracking": nothing("tracking", f"not to zero in general: sigma_hat does not cover {left} of a constant disturbance"),
         "transient": transient,
-        "estimates": advice("estimates", "it estimates no parameters: sigma_hat is what acts on the plant, one sample late"),
+        "estimates": advice(
+            "estimates", "it does not estimate parameters: sigma_hat is the total input disturbance, delayed by one sample"
+        ),
         "modelling_error": estimate("modelling_error", "see the margins: they are those of a linear controller"),
         "tuning": advice(
             "tuning",
-            "no adaptive gain; C(s) and T alone"
+            "no adaptive gain, only C(s) and T"
             + ("" if noise is None else f"; noise in x is {', '.join(f'{one:.3g}' for one in noise)} times as large in u"),
         ),
         "margins": margins_cell(certificate),

@@ -24,7 +24,7 @@ from barbalat.validate import Array
 
 
 def loop_at(theta: Array, equations: linear_feedback.Equations, known: Known) -> StateSpace:
-    """The loop broken at the plant's input, from v to -u, on the plant with ``theta``; the plant's states come first."""
+    """The loop broken at the plant's input, from v to -u, for the plant with ``theta``; the plant's states come first."""
     K, n = equations.K, known.n
     A = np.block([[known.A_m + np.outer(known.b, theta), np.zeros((n, K.order))], [np.outer(K.B, equations.c), K.A]])
     C = np.concatenate([equations.theta_0 + K.D * equations.c, K.C])
@@ -32,7 +32,7 @@ def loop_at(theta: Array, equations: linear_feedback.Equations, known: Known) ->
 
 
 def loop_of(problem: Problem, controller: LinearFeedback) -> FixedLoop:
-    """The loop around K(s), by which its margins are measured."""
+    """The loop with K(s), whose margins are computed."""
     known = problem.known
     equations = controller.bind(known)
     return FixedLoop(
@@ -46,18 +46,18 @@ def loop_of(problem: Problem, controller: LinearFeedback) -> FixedLoop:
 
 
 def certificate(problem: Problem, controller: LinearFeedback, simulation: Simulation) -> Certificate:
-    """The error's bound in Theorem 1's form, margins and peaks on the true plant, mu of the family."""
+    """The bound of the error in the form of Theorem 1, margins and peaks for the true plant, mu of the family."""
     loop, draft = loop_of(problem, controller), Draft()
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
     else:
-        add_loop(draft, problem, loop)
+        add_loop(draft, problem, loop, simulation.t_end)
         add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
 
 
 def grounds(problem: Problem, controller: LinearFeedback, _: Simulation) -> dict[str, Any]:
-    """The numbers of the loop around K(s)."""
+    """The numbers of the loop with K(s)."""
     equations = controller.bind(problem.known)
     own = {"K": of_system(equations.K), "c": equations.c.tolist(), "theta_0": equations.theta_0.tolist()}
     return {"scheme": "linear", "P": problem.known.P.tolist()} | own

@@ -1,4 +1,5 @@
-"""What a scheme's midpoint form keeps of its Lyapunov function from sample to sample; docs/sampled.md has the proofs."""
+"""Properties of the Lyapunov function that a scheme's midpoint form preserves from sample to sample; proofs in
+docs/sampled.md."""
 
 from __future__ import annotations
 
@@ -15,8 +16,8 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 
 PREDICTOR_BESIDE_PROJECTION = (
-    "with a gain matrix or learning the predictor is fed with the estimate before its projection: while the projection acts, "
-    "x_hat leaves x_m, and with a delay the loop may be lost"
+    "with a gain matrix or a memory, the predictor uses the estimate before its projection: while the projection acts, "
+    "x_hat departs from x_m, and with a delay the loop may be lost"
 )
 
 
@@ -24,10 +25,10 @@ class MidpointForm(NamedTuple):
     """V = theta_tilde'Gamma^-1 theta_tilde never grows by the law's step.
 
     metric    Gamma
-    box       what is projected onto
-    kept      whether that holds with the leakage too, where there is one
-    rests_on  what it rests on where the continuous law claims nothing; None where nothing is then known
-    findings  what else is known of the form, as sentences
+    box       the set that is projected onto
+    kept      whether that also holds with the leakage, if there is one
+    rests_on  its assumptions if the continuous law claims nothing; None if nothing is then known
+    findings  further findings about the form, as sentences
     """
 
     metric: Gain
@@ -38,7 +39,7 @@ class MidpointForm(NamedTuple):
 
     @property
     def never_cut(self) -> Assumption:
-        """What lies outside after a step with a coupling gain is brought back face by face, which is exact for two of them."""
+        """A point outside after a step with a coupling gain is brought back face by face, which is exact for two faces."""
         cut = self.metric.is_matrix and self.estimate_set is not None and self.estimate_set.steps_cut_corners
         return Assumption("a step never cuts a corner", "a gain matrix in corners of the known set" if cut else "")
 
@@ -48,12 +49,12 @@ class MidpointFile(SchemeFile, Protocol):
     """A scheme's file that knows its midpoint form."""
 
     def midpoint_form(self, problem: TrackingProblem, controller: Controller, sample_time: float) -> MidpointForm:
-        """Say what the sampled form of a continuous controller keeps."""
+        """Return the preserved properties of a continuous controller's sampled form."""
         ...
 
 
 def of_predictor(problem: Problem, controller: laws.ModifiedScheme, *findings: str) -> MidpointForm:
-    """Say what the sampled form keeps for L1-AC and for the MRAC, whose sampled form has a predictor too."""
+    """Return the preserved properties for L1-AC and for the MRAC, whose sampled form has a predictor too."""
     metric, estimate_set = Gain(controller.gamma), controller.bind(problem.known).estimate_set
     kept = controller.leakage is None or controller.leakage.harmless_within is not None
     if metric.is_matrix or controller.learning is not None:
@@ -62,7 +63,7 @@ def of_predictor(problem: Problem, controller: laws.ModifiedScheme, *findings: s
 
 
 def of_law(law: AdaptiveLaw | OutputErrorLaw, estimate_set: EstimateSet | None) -> MidpointForm:
-    """Say what the sampled form keeps for a law on the parametric model, whose own implicit step keeps its V."""
+    """Return the preserved properties for a law on the parametric model, whose own implicit step preserves its V."""
     assert isinstance(law, SampledLaw)  # any other law is refused: ``adaptation.implicit``
     found = laws.guarantee_of(law, estimate_set)
     return MidpointForm(law.metric, estimate_set, kept=not found.leaks or found.M_0 is not None)

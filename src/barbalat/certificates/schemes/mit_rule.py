@@ -1,10 +1,10 @@
-"""The certificate of the MIT rule: no proof is known, and its known limit is a number of the case.
+"""The certificate of the MIT rule: no proof is known, and its known limitation is a number of the case.
 
 At a constant command r with e = 0 the law is linear: with q = omega (k_x_tilde'phi - k_r_tilde r), e = -(sI - A_m)^-1 b [q] and
 q' = kappa c'e, kappa = omega G(0) (phi'Gamma phi + gamma_r r^2), so that it is the loop kappa G(s)/s with G = c'(sI - A_m)^-1 b;
-of the feedforward alone kappa = omega G(0) gamma_r r^2. Its gain grows with Gamma and with the square of the command: where G's
-phase falls below -90 degrees, each is too large from some value on. Source: Astrom and Wittenmark, Adaptive Control, section 5.3,
-for a feedforward gain alone.
+for the feedforward alone kappa = omega G(0) gamma_r r^2. Its gain grows with Gamma and with the square of the command: if G's
+phase falls below -90 degrees, each of them is too large from some value on. Source: Astrom and Wittenmark, Adaptive Control,
+section 5.3, for a feedforward gain alone.
 """
 
 from __future__ import annotations
@@ -29,20 +29,20 @@ from barbalat.problem.state_feedback import Known, Problem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
-ITS_BASIS = "the rule follows a gradient that is right only while the gains stand still"
+ITS_BASIS = "the rule follows a gradient that is correct only for constant gains"
 NONE_KNOWN = f"none known: {ITS_BASIS}"
 MARGIN = "adaptation_gain_margin"
 OWN_QUANTITIES = {
     MARGIN: Quantity("factor on Gamma and gamma_r, or on the squared command, at which the ideal gains become unstable")
 }
 SLOW_ADAPTATION_RATIO = 1e-4
-"""Of the model's slowest mode: an integrator's loop as slow as this is stable whatever follows."""
+"""Share of the model's slowest mode: a loop with an integrator this slow is stable with any following dynamics."""
 
 
 def certificate(problem: Problem, controller: MitRule, simulation: Simulation) -> Certificate:
     """The findings of the rule's linearisations: nothing is guaranteed."""
     draft = Draft(own=OWN_QUANTITIES)
-    draft.note(f"of the MIT rule no bound is known, {ITS_BASIS}")
+    draft.note(f"no bound is known for the MIT rule, {ITS_BASIS}")
     draft.missing("error_bound", NONE_KNOWN, theorem=theorems.MIT_RULE)
     _add_gain_margin(draft, problem, controller)
     add_linearised(draft, problem, controller, simulation)
@@ -58,11 +58,11 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
     known, equations = problem.known, controller.bind(problem.known)
     omega = float(problem.plant.paths[0].gain)
     if equations.feedforward_only and not np.allclose(equations.gains.theta_hat0, problem.parameters / omega, rtol=1e-9, atol=0):
-        draft.missing(MARGIN, "the feedback's gains, which stay at theta_hat0, are not the ideal ones: e has no rest at zero")
+        draft.missing(MARGIN, "the feedback's gains, fixed at theta_hat0, are not the ideal ones: e = 0 is not an equilibrium")
         return
     kappa, steady = _loop_gain(known, equations, level, omega)
     if kappa == 0:
-        draft.missing(MARGIN, "G(0) = 0: at a constant command the rule stands still")
+        draft.missing(MARGIN, "G(0) = 0: at a constant command the rule is inactive")
         return
     slow = SLOW_ADAPTATION_RATIO * float(np.abs(np.linalg.eigvals(known.A_m).real).min()) / steady
     try:
@@ -74,7 +74,7 @@ def _add_gain_margin(draft: Draft, problem: Problem, controller: MitRule) -> Non
     if largest < 1:
         draft.note(
             f"linearised at the constant command {level:g} the ideal gains are unstable: Gamma is {1 / largest:.3g} times too "
-            f"high, or the command {math.sqrt(1 / largest):.3g} times too large, and the gains burst away"
+            f"high, or the command {math.sqrt(1 / largest):.3g} times too large, and the gains diverge"
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from barbalat.certificates.assumptions import FROZEN_LAW, beyond_the_paper, theta_in_the_set
-from barbalat.certificates.bounds import disturbed, laws, theorem_1
+from barbalat.certificates.bounds import disturbed, known_command, laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.cells import estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -32,7 +32,7 @@ from barbalat.controllers import Mrac
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
-ESTIMATES_STATEMENT = "V never grows; where phi is persistently exciting, which isn't checked here, they converge to theta"
+ESTIMATES_STATEMENT = "V never grows; if phi is persistently exciting, which is not checked here, they converge to theta"
 
 
 def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> Certificate:
@@ -52,6 +52,8 @@ def certificate(problem: Problem, controller: Mrac, simulation: Simulation) -> C
         if nu_0_worst is not None and not level.pushed:
             worst = theorem_1.mrac_bound(nu_0_worst, laws.least_gain(controller.gamma))
             draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
+            command = known_command.of_adapting(problem, problem.known, controller.gamma, equations.theta_hat0)
+            draft.guarantee(known_command.KEY, command, *rests_on, theta_in_the_set(problem))
     add_ingredients(draft, problem, equations.estimate_set, model)
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, model.x_m_euclidean + level.pushed, level.nu)
     draft.estimate(frozen_laws.with_modifications(limits, controller, simulation), FROZEN_LAW)
@@ -73,7 +75,7 @@ def grounds(problem: Problem, controller: Mrac, _: Simulation) -> dict[str, Any]
 
 
 def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0: float) -> dict[str, Any]:
-    """gamma_max and step_max from sample to sample, |x| within the bounds of the model and of e; and at the model's motion."""
+    """gamma_max and step_max from sample to sample, for |x| within the bounds of model and e, and for the model's motion."""
     held = HeldOscillator(problem.known)
     if beyond_the_paper(problem):
         excited = _excited(problem, controller)
@@ -87,15 +89,16 @@ def held_limits(problem: Problem, controller: Mrac, simulation: Simulation, nu_0
 
 
 def midpoint_form(problem: Problem, controller: Mrac, sample_time: float) -> midpoint.MidpointForm:
-    """Say what the sampled MRAC keeps, which has no filter between fast estimates and the input."""
+    """Return the properties that the sampled MRAC preserves; it has no filter between fast estimates and the input."""
     return midpoint.of_predictor(problem, controller, one_sample_of_delay(sample_time))
 
 
 def one_sample_of_delay(sample_time: float) -> str:
-    """What is known of the delay that such a controller bears."""
+    """What is known about the delay that such a controller tolerates."""
     return (
-        f"for a high gain and short samples its loop inside the known set bears a delay of one sample, {sample_time:g} "
-        "s, at the plant's input; beyond that the estimates run between their bounds, and no bound of e is proven"
+        "with a high gain and short samples, its loop inside the known set tolerates a delay of one sample, "
+        f"{sample_time:g} s, at the plant's input; with a longer delay the estimates swing between their bounds, and no bound "
+        "of e is proven"
     )
 
 
@@ -105,7 +108,7 @@ def column(problem: Problem, controller: Mrac, certificate: Certificate) -> tupl
 
 
 def cells(problem: Problem, controller: laws.ModifiedScheme, certificate: Certificate) -> dict[str, Entry]:
-    """The cells; those of L1-AC too where C = 1, since the two coincide."""
+    """The cells, which are also those of L1-AC with C = 1, since the two coincide."""
     void = laws.why_no_bound(controller, problem)
     rests_on = of_the_lyapunov_law(problem, controller, certificate)
     found = lyapunov_cells(problem, certificate, rests_on, "nu_0/sqrt(Gamma) = ", ", (9)")
@@ -117,14 +120,16 @@ def cells(problem: Problem, controller: laws.ModifiedScheme, certificate: Certif
 def lyapunov_cells(
     problem: Problem, certificate: Certificate, rests_on: tuple[Assumption, ...], formula: str = "", source: str = ""
 ) -> dict[str, Entry]:
-    """What a Lyapunov function of the error and the estimates gives; ``formula`` and ``source`` are those of the bound of e."""
+    """The cells that follow from a Lyapunov function of error and estimates; ``formula`` and ``source`` belong to the bound of
+    e."""
     bound, worst = certificate.entry("error_bound"), certificate.entry("error_bound_worst")
     transient = nothing("transient", "no bound is known" if bound is None else bound.why)
     if bound is not None and bound.applies and bound.value is not None:
-        said = (", for every d of the case's size", "") if disturbed.is_disturbed(problem) else (source, formula)
+        said = (", for every d within the case's bound", "") if disturbed.is_disturbed(problem) else (source, formula)
         text = f"|e| <= {said[1]}{up(bound.value)} at all times{said[0]}"
         if worst is not None and worst.applies:
             text += f"; {up(worst.value)} for the worst theta of the known set"
+        text += known_command.told(certificate)
         transient = statement("transient", text, *bound.rests_on)
     falls = "the bound falls with 1/sqrt(Gamma); " if transient.applies and not disturbed.is_disturbed(problem) else ""
     commands, both = commands_and_gains(problem)
@@ -134,7 +139,7 @@ def lyapunov_cells(
         "tracking": statement("tracking", f"converges to zero for {commands}", *rests_on),
         "transient": transient,
         "estimates": statement("estimates", ESTIMATES_STATEMENT, *rests_on),
-        "modelling_error": nothing("modelling_error", "that x stays bounded is not known without normalisation"),
+        "modelling_error": nothing("modelling_error", "boundedness of x is not known without normalisation"),
         "tuning": estimate("tuning", falls + limits_text(certificate)),
         "margins": margins_cell(certificate),
     }

@@ -1,7 +1,8 @@
-"""The certificate of the MRAC with a closed-loop reference model: what its Lyapunov function gives, and its column of Table 1.
+"""The certificate of the MRAC with a closed-loop reference model: the bounds from its Lyapunov function, and its column of Table
+1.
 
 V = e_c'P e_c + theta_tilde'Gamma^-1 theta_tilde has V' <= -|e_c|^2 with P of A_m + L, so |e_c|_2 <= nu_0/sqrt(Gamma) with that P.
-The error against the open-loop model (2) is e = [I - (sI - A_m)^-1 L] e_c, whose L1 norm carries the bound over.
+The error with respect to the open-loop model (2) is e = [I - (sI - A_m)^-1 L] e_c; its L1 norm transfers the bound.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, FROZEN_LAW, beyond_the_paper, theta_in_the_set
-from barbalat.certificates.bounds import laws, theorem_1
+from barbalat.certificates.bounds import disturbed, known_command, laws, theorem_1
 from barbalat.certificates.bounds.model import model_bounds
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
@@ -21,6 +22,7 @@ from barbalat.certificates.schemes.mrac import lyapunov_cells
 from barbalat.certificates.schemes.state_feedback import (
     add_margins_at_rest,
     add_parameter_errors,
+    carried_along,
     of_the_case,
     of_the_lyapunov_law,
 )
@@ -35,7 +37,7 @@ from barbalat.solvers.simulation import Simulation
 
 
 def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simulation) -> Certificate:
-    """The bound of e, the limits of gain and step, the margins with the estimates at rest."""
+    """The bound of e, the limits of gain and step, the margins with constant estimates."""
     known, draft, n = problem.known, Draft(), problem.known.n
     equations = controller.bind(known)
     closed = replace(known, A_m=known.A_m + equations.L)  # its P is the controller's
@@ -43,19 +45,23 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
     add_parameter_errors(draft, problem, equations, closed)
     draft.note("P of nu_0 is that of A_m + L, the controller's")
     nu_0, nu_0_worst = draft["nu_0"], draft.get("nu_0_worst")
-    bound = carried.upper * laws.error_level(problem, controller, nu_0, closed) * OUTWARD_FACTOR
+    level = disturbed.level(problem, controller, nu_0, closed)
+    bound = carried.upper * level.value * OUTWARD_FACTOR
     corners = laws.keeps_V_in_corners(controller.gamma, equations.estimate_set)
-    rests_on = (*of_the_case(problem, equations.estimate_set, bound), corners)
+    rests_on = (*of_the_case(problem, equations.estimate_set, bound, carried_along(problem, equations.estimate_set)), corners)
     draft.guarantee("error_bound", bound, *rests_on)
-    if nu_0_worst is not None:
+    if nu_0_worst is not None and not level.pushed:
         worst = carried.upper * theorem_1.mrac_bound(nu_0_worst, laws.least_gain(controller.gamma)) * OUTWARD_FACTOR
         draft.guarantee("error_bound_worst", worst, *rests_on, theta_in_the_set(problem))
+        command = carried.upper * known_command.of_adapting(problem, closed, controller.gamma, equations.theta_hat0)
+        draft.guarantee(known_command.KEY, command * OUTWARD_FACTOR, *rests_on, theta_in_the_set(problem))
     if beyond_the_paper(problem):
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         add_at_rest(draft, problem, controller)
         return draft.finish()
     oscillator = Oscillator(closed, simulation.solver, np.append(np.linalg.eigvals(known.A_m), frozen_laws.input_poles(problem)))
-    offset, factor = model_bounds(problem).x_m_euclidean, np.sqrt(n) * carried.upper * nu_0
+    reach = np.sqrt(n) * carried.upper
+    offset, factor = model_bounds(problem).x_m_euclidean + reach * level.pushed, reach * level.nu
     limits = frozen_laws.of_lyapunov_law(problem, controller.gamma, simulation, offset, factor, oscillator=oscillator)
     draft.estimate(limits, FROZEN_LAW)
     draft.estimate(frozen_laws.of_the_motion(problem, controller.gamma, simulation, oscillator), FROZEN_LAW)
@@ -65,10 +71,11 @@ def certificate(problem: Problem, controller: MracClosedLoop, simulation: Simula
 
 
 def grounds(problem: Problem, controller: MracClosedLoop, _: Simulation) -> dict[str, Any]:
-    """The numbers of Theorem 1 (i) with A_m + L in the place of A_m."""
+    """The numbers of Theorem 1 (i) with A_m + L in place of A_m."""
     equations = controller.bind(problem.known)
     closed = replace(problem.known, A_m=problem.known.A_m + equations.L)
-    return of_lyapunov_law("mrac-closed-loop", equations, controller.gamma, closed) | {"L": equations.L.tolist()}
+    carries = disturbed.is_disturbed(problem)
+    return of_lyapunov_law("mrac-closed-loop", equations, controller.gamma, closed, carries=carries) | {"L": equations.L.tolist()}
 
 
 def column(problem: Problem, controller: MracClosedLoop, certificate: Certificate) -> tuple[str, dict[str, Entry]]:

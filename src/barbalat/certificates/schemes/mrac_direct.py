@@ -1,35 +1,39 @@
-"""The certificate of the direct MRAC: what its Lyapunov function gives, and its column of Table 1.
+"""The certificate of the direct MRAC: the bounds from its Lyapunov function, and its column of Table 1.
 
 With k = (k_x, k_r), z = (-phi, r) and the input's gain omega > 0, e' = A_m e + b omega (k_hat - k)'z. The law makes
 V = e'P e + omega [k_x_tilde'Gamma^-1 k_x_tilde + k_r_tilde^2/gamma_r] fall by |e|^2, so lambda_min(P) |e|^2 <= V(0) at all times.
 With several inputs, each with an omega_i > 0 of its own, e' = A_m e + b diag(omega) (K_hat - K)'z, and omega_i stands in V with
 what is adapted of the input i. V(0) is convex in (theta, omega), as a sum of squares of linear functions over omega: its largest
 value over a known set and an interval of omega is at one of the interval's ends.
+
+Beside bounded disturbances, and with both gains projected, V' <= -q |e|^2 + 2 p |e| as in ``bounds/disturbed``: what the gains
+add to V is at most its largest value over their sets.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from barbalat.certificates.assumptions import FROZEN_LAW, nominal, theta_in_the_set
-from barbalat.certificates.bounds import laws
+from barbalat.certificates.bounds import disturbed, known_command, laws
 from barbalat.certificates.bounds.formulas import largest_square
 from barbalat.certificates.bounds.model import largest_along_the_command, model_bounds, require_lyapunov, state_bounds
 from barbalat.certificates.cells import statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
-from barbalat.certificates.grounds import plain
+from barbalat.certificates.grounds import carried, plain
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.ideal import known_parameters
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.quantities import Quantity
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.schemes.mrac import lyapunov_cells
-from barbalat.certificates.schemes.state_feedback import KNOWN_REGRESSOR, bounded_regressor
+from barbalat.certificates.schemes.state_feedback import KNOWN_REGRESSOR, bounded_regressor, carried_along
 from barbalat.certificates.schemes.unregistered import add_adapting, add_linearised
 from barbalat.certificates.step_limits import frozen_laws
 from barbalat.certificates.step_limits.oscillator import Oscillator
@@ -43,28 +47,28 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 MOST_INTERVALS = 10
-"""V(0) is looked at where every input's gain is at an end of its interval: a thousand places."""
+"""V(0) is evaluated with every input's gain at an end of its interval: up to a thousand combinations."""
 OWN_QUANTITIES = {
     "k_x": Quantity("the feedback's ideal gains theta/omega", timeless=True),
     "k_r": Quantity("the feedforward's ideal gain k_0/omega", timeless=True),
 }
-AT_REST = "with the gains at rest on the ideal ones"
-BOTH_GAINS = "gamma_max is of Gamma with gamma_r in proportion to it"
+AT_REST = "with the gains fixed at the ideal ones"
+BOTH_GAINS = "gamma_max is the limit of Gamma with gamma_r in proportion"
 ESTIMATES = (
-    "V never grows; where phi and r together are persistently exciting, which isn't checked here, they converge to theta/omega "
+    "V never grows; if phi and r together are persistently exciting, which is not checked here, they converge to theta/omega "
     "and k_0/omega"
 )
 
 
 def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation) -> Certificate:
-    """The bound of e, the limits of gain and step, the margins with the gains at rest on the ideal ones."""
+    """The bound of e, the limits of gain and step, the margins with the gains fixed at the ideal ones."""
     draft, gains = Draft(own=OWN_QUANTITIES), controller.bind(problem.known).gains
     require_lyapunov(problem.known)
     if gains.inputs > 1:
         return _of_several(draft, problem, controller, gains, simulation)
     theta, omega, k_0 = problem.plant.theta, _omega(problem), float(problem.model.k_0)
     draft.advise({"k_x": (theta / omega).tolist(), "k_r": k_0 / omega})
-    bound = _error_level(problem, gains, omega)
+    bound = _beside_disturbances(problem, gains) or _error_level(problem, gains, omega)
     rests_on = _rests_on(problem, gains, bound)
     draft.guarantee("error_bound", bound, *rests_on)
     _add_worst(draft, problem, gains, rests_on)
@@ -78,7 +82,7 @@ def certificate(problem: Problem, controller: DirectMrac, simulation: Simulation
 
 
 def grounds(problem: Problem, controller: DirectMrac, _: Simulation) -> dict[str, Any]:
-    """The numbers of V with the input's gains in it."""
+    """The numbers of V, including the input's gains."""
     gains = controller.bind(problem.known).gains
     return {
         "scheme": "mrac-direct",
@@ -88,19 +92,19 @@ def grounds(problem: Problem, controller: DirectMrac, _: Simulation) -> dict[str
         "gamma": plain(gains.gamma.value),
         "gamma_r": gains.gamma_r,
         "projection": gains.estimate_set is not None or gains.interval is not None,
-    }
+    } | ({"carried": carried(gains.gamma.value, problem.known)} if disturbed.is_disturbed(problem) else {})
 
 
 def _of_several(
     draft: Draft, problem: Problem, controller: DirectMrac, gains: ControlGains, simulation: Simulation
 ) -> Certificate:
-    """The bound of e, and what the linearised loop says."""
+    """The bound of e, and the results of the linearised loop."""
     theta, omega = problem.plant.theta, _each_omega(problem)
     k_x, k_r, m = gains.ideal(theta, omega), gains.ideal_feedforward(omega), gains.inputs
     draft.advise({"k_x": k_x.reshape(-1, m).tolist(), "k_r": k_r.reshape(m, -1).tolist()})
     of_x = np.tile(omega, len(k_x) // m) * (gains.theta_hat0 - k_x) ** 2 / gains.gamma.value
     V = math.fsum(of_x.tolist()) + _feedforward_V(gains, omega)
-    bound = math.sqrt(V / smallest_eigenvalue(problem.known.P)) * OUTWARD_FACTOR**2
+    bound = _beside_disturbances(problem, gains) or math.sqrt(V / smallest_eigenvalue(problem.known.P)) * OUTWARD_FACTOR**2
     rests_on = _rests_on(problem, gains, bound)
     draft.guarantee("error_bound", bound, *rests_on)
     _add_worst(draft, problem, gains, rests_on)
@@ -127,13 +131,36 @@ def _error_level(problem: Problem, gains: ControlGains, omega: float) -> float:
     return math.sqrt(omega / smallest_eigenvalue(problem.known.P)) * math.hypot(k_x_off, k_r_off) * OUTWARD_FACTOR**2
 
 
+def _beside_disturbances(problem: Problem, gains: ControlGains) -> float | None:
+    """The bound that V gives beside bounded disturbances; None without any, and where V has none."""
+    push = disturbed.push(problem, problem.known)
+    if push is None or gains.estimate_set is None or gains.interval is None:
+        return None
+    omega, known = _each_omega(problem), problem.known
+    of_x, of_r = (np.tile(omega, len(gains.theta_hat0) // gains.inputs), np.repeat(omega, len(gains.k_0) // gains.inputs))
+    Gamma = laws.least_gain(gains.gamma.value) if gains.gamma.is_matrix else gains.gamma.value
+    off_x = gains.estimate_set.farthest(gains.ideal(problem.plant.theta, omega), of_x / Gamma)
+    off_r = gains.interval.farthest(gains.ideal_feedforward(omega), of_r / gains.gamma_r)
+    radius = 2 * push / disturbed.decay(known)
+    V = disturbed.largest_eigenvalue(known.P) * radius**2 + off_x**2 + off_r**2
+    return math.sqrt(V / smallest_eigenvalue(known.P)) * OUTWARD_FACTOR**3
+
+
+def _acting(problem: Problem, gains: ControlGains) -> Assumption:
+    """What V carries along: bounded disturbances, if both gains are projected."""
+    found = carried_along(problem, gains.estimate_set)
+    if disturbed.is_disturbed(problem) and gains.estimate_set is not None and gains.interval is None:
+        return replace(found, broken="disturbance, with a feedforward's gain that is not bounded by projection")
+    return found
+
+
 def _add_worst(draft: Draft, problem: Problem, gains: ControlGains, rests_on: tuple[Assumption, ...]) -> None:
-    """The largest bound over the known set, and over the intervals of the input's gains where they are known."""
+    """Add the largest bound over the known set, and over the intervals of the input's gains if they are known."""
     known_set, interval = problem.uncertainty, problem.known.gains
-    if known_set is None:
+    if known_set is None or disturbed.is_disturbed(problem):
         return
     if interval is not None and gains.inputs > MOST_INTERVALS:
-        draft.missing("error_bound_worst", f"it is looked for at the ends of at most {MOST_INTERVALS} intervals of input gains")
+        draft.missing("error_bound_worst", f"it is computed at the ends of at most {MOST_INTERVALS} intervals of input gains")
         return
     corners = [tuple(_each_omega(problem))]
     if interval is not None:
@@ -142,6 +169,8 @@ def _add_worst(draft: Draft, problem: Problem, gains: ControlGains, rests_on: tu
     bound = math.sqrt(V / smallest_eigenvalue(problem.known.P)) * OUTWARD_FACTOR**3
     of_the_sets = theta_in_the_set(problem), _gain_in_the_interval(problem), _all_reachable(problem, gains)
     draft.guarantee("error_bound_worst", bound, *rests_on, *of_the_sets)
+    command = bound * known_command.largest_component(problem.known.P, smallest_eigenvalue(problem.known.P))
+    draft.guarantee(known_command.KEY, command * OUTWARD_FACTOR, *rests_on, *of_the_sets)
 
 
 def _largest_V(gains: ControlGains, known_set: KnownSet, omega: Array) -> float:
@@ -158,10 +187,11 @@ def _feedforward_V(gains: ControlGains, omega: Array) -> float:
 
 
 def _rests_on(problem: Problem, gains: ControlGains, bound: float | None) -> tuple[Assumption, ...]:
-    """The plant (1) with any gain of its input, and ideal gains that the projection can reach."""
+    """The plant (1) with any gain of its input, and ideal gains that are inside the projection's set."""
     regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, bound))
     corners = laws.keeps_V_in_corners(gains.gamma.value, gains.estimate_set)
-    return (*nominal(problem, gain_adapted=True), _reachable(problem, gains), *regressor, corners)
+    acting = _acting(problem, gains)
+    return (*nominal(problem, gain_adapted=True, acting=acting), _reachable(problem, gains), *regressor, corners)
 
 
 def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
@@ -171,19 +201,19 @@ def _reachable(problem: Problem, gains: ControlGains) -> Assumption:
     inside = estimate_set is None or estimate_set.contains(gains.ideal(problem.plant.theta, omega))
     inside &= interval is None or interval.contains(gains.ideal_feedforward(omega))
     return Assumption(
-        "the ideal gains theta/omega and k_0/omega lie in the sets that the estimates are projected onto",
-        "" if inside else "ideal gains outside what is projected onto",
+        "the ideal gains theta/omega and k_0/omega are in the sets onto which the estimates are projected",
+        "" if inside else "ideal gains outside the sets of the projection",
     )
 
 
 def _all_reachable(problem: Problem, gains: ControlGains) -> Assumption:
-    """Return a set that holds theta/omega for every theta of the known set; without an interval of omega, omega is 1."""
+    """The set of the projection contains theta/omega for every theta of the known set; without an interval omega is 1."""
     if gains.estimate_set is None or problem.known.gains is not None:
         return NUMBERS_ALONE
     apart = (_each_omega(problem) != 1).any()
     return Assumption(
-        "theta/omega is in the set that is projected onto for every theta of the known set",
-        "an input's gain other than 1 without an interval that is known of it" if apart else "",
+        "for every theta of the known set, theta/omega is in the set of the projection",
+        "an input's gain other than 1 without a known interval" if apart else "",
     )
 
 
@@ -192,11 +222,12 @@ def _gain_in_the_interval(problem: Problem) -> Assumption:
     if gains is None:
         return NUMBERS_ALONE
     inside = gains.contains(_each_omega(problem))
-    return Assumption("omega lies in its interval", "" if inside else "omega outside its interval")
+    return Assumption("omega is in its interval", "" if inside else "omega outside its interval")
 
 
 def _add_limits(draft: Draft, problem: Problem, controller: DirectMrac, simulation: Simulation, bound: float) -> None:
-    """The frozen law moves along q = omega (k_hat - k)'z alone, with q' = -omega (phi'Gamma phi + gamma_r r^2) b'P e."""
+    """Add the limits: the frozen law moves only along q = omega (k_hat - k)'z, with q' = -omega (phi'Gamma phi + gamma_r r^2)
+    b'P e."""
     gain, omega, model = Gain(controller.gamma), _omega(problem), model_bounds(problem)
     share = math.sqrt(feedforward_gain(controller) / gain.largest) * model.r
     oscillator = Oscillator(problem.known, simulation.solver, frozen_laws.input_poles(problem))

@@ -1,21 +1,21 @@
-"""The certificate of the MRAC with a network: bounded by its modification, with numbers where the case allows; Table 1's column.
+"""The certificate of the MRAC with a network: bounds from its modification, in numbers if the case allows; Table 1's column.
 
-No weights are known to be the ideal ones, so nothing rests on how well the network approximates: see ``bounds``. For a plant
-that the model's feedback alone does not keep, no number is known.
+No ideal weights are known, so nothing depends on how well the network approximates: see ``bounds``. For a plant that the model's
+feedback alone does not stabilise, no number is known.
 
 The modification bounds the weights, and e on the plant (1).
 
-With mu = b'P e, (m,), h = (1, tanh(z)), z = V_hat'x_bar, and |.| of a matrix the root of its entries' squares, the law makes
-U = |W_hat|^2/gamma + |V_hat|^2/gamma_v change by U' = 2 mu'W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2): x_bar drops out. What the
-network adds to (e'P e)' is -2 mu'W_hat'h, so that with e' = A e + b (f - W_hat'h), Q = -(P A + A'P) and L = e'P e + U
+With mu = b'P e, (m,), h = (1, tanh(z)), z = V_hat'x_bar, and |.| of a matrix the Frobenius norm, the law makes U =
+|W_hat|^2/gamma + |V_hat|^2/gamma_v change by U' = 2 mu'W_hat'h - 2 w (|W_hat|^2 + |V_hat|^2): x_bar drops out. The network adds
+-2 mu'W_hat'h to (e'P e)', so that with e' = A e + b (f - W_hat'h), Q = -(P A + A'P) and L = e'P e + U
 
     L' = -e'Q e + 2 mu'f - 2 w (|W_hat|^2 + |V_hat|^2):
 
-whatever the network has learnt, it never makes L grow. With |f_j| <= F_j, lambda = lambda_min(Q) > 0, p_j = |P b_j| and s = |e|,
-mu'f is at most p'F s, and L can grow only where lambda s^2 + 2 w omega^2 <= 2 mu'f, omega^2 = |W_hat|^2 + |V_hat|^2, so that it
-stays below its largest value there, or where it starts. For w = nu |mu|_1 the weights are bounded whatever the plant does: of
-a neuron's outer weights W_i, (m,), (|W_i|^2)' = 2 gamma (c_i mu'W_i - nu |mu|_1 |W_i|^2) with c_i = h_i - h_i' z_i in [-1, 1] is
-negative beyond |W_i| = 1/nu, since |mu| <= |mu|_1.
+whatever the network has learnt, it never increases L. With |f_j| <= F_j, lambda = lambda_min(Q) > 0, p_j = |P b_j| and s = |e|,
+mu'f is at most p'F s, and L can grow only if lambda s^2 + 2 w omega^2 <= 2 mu'f, omega^2 = |W_hat|^2 + |V_hat|^2, so that it
+stays below the larger of its maximum there and its initial value. For w = nu |mu|_1 the weights are bounded whatever the plant
+does: for a neuron's outer weights W_i, (m,), (|W_i|^2)' = 2 gamma (c_i mu'W_i - nu |mu|_1 |W_i|^2) with c_i = h_i - h_i' z_i in
+[-1, 1] is negative for |W_i| > 1/nu, since |mu| <= |mu|_1.
 """
 
 from __future__ import annotations
@@ -46,21 +46,22 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 ROUNDING = 1e-12
-"""Of |P| |A|: far more than the few roundings of an entry of P A + A'P."""
+"""Share of |P| |A|, far more than the rounding errors of an entry of P A + A'P."""
 MOST_TRIALS = 100
 GROWTH = 1.02
-"""From one tried bound of e to the next, beyond what the last one gave: MOST_TRIALS of them span more than all that is of use."""
+"""Factor from one trial bound of e to the next, beyond the result of the last one: MOST_TRIALS of them span the whole useful
+range."""
 
 
 NO_BOUND = (
-    "without weights that are known to approximate theta'phi, its proof needs that A_m outweighs theta'phi by itself, "
-    "and here it does not"
+    "without weights known to approximate theta'phi, its proof requires A_m to dominate theta'phi, which it does not do here"
 )
 
 
 @dataclass(frozen=True)
 class WeightBounds:
-    """Bounds of every component of e, of a neuron's outer weights together, and of |V_hat|; None and the reason without one."""
+    """Bounds of every component of e, of one neuron's outer weights as a vector, and of |V_hat|; None, with the reason,
+    without one."""
 
     error: float | None = None
     W_hat: float | None = None
@@ -92,9 +93,9 @@ class NetworkLaw:
         )
 
     def highest_level(self, F: Array, lowest: float, highest: float, p: Array) -> float:
-        """At least sup L, from |f_j| <= F_j, lambda_min(Q) >= ``lowest``, lambda_max(P) <= ``highest``, |P b_j| <= p_j."""
+        """An upper bound of L, from |f_j| <= F_j, lambda_min(Q) >= ``lowest``, lambda_max(P) <= ``highest``, |P b_j| <= p_j."""
         least, push, most = min(self.gamma, self.gamma_v), float(p @ F), float(F.max())
-        farthest = 2 * push / lowest  # |e|, beyond which L falls
+        farthest = 2 * push / lowest  # |e| beyond which L decreases
         if self.nu is not None:  # omega^2 <= (mu'f - lambda s^2/2)/(nu |mu|_1), mu'f <= most |mu|_1: convex in s, so at an end
             left = max(0.0, most - push / float(p.sum()))  # for s = farthest
             found = max(highest * farthest**2 + left / (self.nu * least), most / (self.nu * least))
@@ -105,10 +106,10 @@ class NetworkLaw:
 
     @property
     def whatever_acts(self) -> WeightBounds | None:
-        """Return the bounds of the weights that the e-modification gives whatever else acts on the loop."""
+        """The bounds of the weights from the e-modification, whatever else acts on the loop."""
         if self.nu is None:
             return None
-        far = math.sqrt(self.rows) / self.nu  # U falls where omega^2 > far |W_hat|
+        far = math.sqrt(self.rows) / self.nu  # U decreases if omega^2 > far |W_hat|
         level = max(self.start, _largest(1 / self.gamma - 1 / self.gamma_v, far / self.gamma_v, far))
         return WeightBounds(W_hat=OUTWARD_FACTOR / self.nu, V_hat=math.sqrt(self.gamma_v * level) * OUTWARD_FACTOR**2)
 
@@ -139,7 +140,8 @@ class ErrorBoundCase:
         return cls(problem, NetworkLaw.of(equations), np.array(state_bounds(problem)), bound)
 
     def largest_matched(self, reach: float) -> Array:
-        """At least |theta_j'phi(x) + d_j| for each input, (m,), every |x_i| at most the model's bound plus ``reach``."""
+        """An upper bound of |theta_j'phi(x) + d_j| for each input, (m,), if every |x_i| is at most the model's bound plus
+        ``reach``."""
         plant, far = self.problem.plant, self.x_m + reach
         theta = plant.theta.reshape(-1, plant.inputs)
         if plant.is_linear:
@@ -153,7 +155,7 @@ class ErrorBoundCase:
         return self.problem.known.b.reshape(self.problem.known.n, -1)
 
     def level(self, A: Array, F: Array) -> float:
-        """At least sup L with |f_j| <= F_j and e' = A e + b (f - W_hat'h)."""
+        """An upper bound of L with |f_j| <= F_j and e' = A e + b (f - W_hat'h)."""
         known = self.problem.known
         P = known.P
         require_lyapunov(known)
@@ -167,7 +169,7 @@ class ErrorBoundCase:
         return math.sqrt(level / smallest_eigenvalue(self.problem.known.P)) * OUTWARD_FACTOR
 
     def driven(self, A: Array, F: Array) -> float:
-        """A bound of e, the network's outputs taken as bounded disturbances; only the e-modification gives one."""
+        """A bound of e with the network's outputs as bounded disturbances; only the e-modification gives one."""
         bound = self.law.whatever_acts
         if bound is None or bound.W_hat is None:
             return math.inf
@@ -176,7 +178,7 @@ class ErrorBoundCase:
         return float(np.dot(norms, largest)) * OUTWARD_FACTOR
 
     def globally(self) -> tuple[float, float | None] | None:
-        """The bound of e, and of L where it follows from that, for phi(x) = x: the true A takes the place of A_m."""
+        """The bound of e, and of L if it follows from that, for phi(x) = x: the true A takes the place of A_m."""
         A, F = self.problem.plant.A, self.largest_matched(0.0)
         found: list[tuple[float, float | None]] = []
         try:
@@ -206,7 +208,7 @@ class ErrorBoundCase:
 
 
 def bounds(problem: Problem, equations: Equations) -> WeightBounds:
-    """All bounds that are found: of e, of the outer and of the inner weights."""
+    """All bounds that can be found: of e, of the outer and of the inner weights."""
     always = NetworkLaw.of(equations).whatever_acts
     try:
         case = ErrorBoundCase.of(problem, equations)
@@ -223,31 +225,31 @@ def bounds(problem: Problem, equations: Equations) -> WeightBounds:
 
 
 def control_bound(problem: Problem, equations: Equations, W_hat: float) -> float:
-    """A bound of every entry of |u|, from that of a neuron's outer weights or, by the sigma-modification, of all together."""
+    """A bound of every entry of |u|, from that of one neuron's outer weights or, with the sigma-modification, of all together."""
     together = equations.leakage.per_error is None
     weights = math.sqrt(1 + equations.neurons) if together else 1 + equations.neurons
     return (weights * W_hat + float(command_bounds(problem).max())) * OUTWARD_FACTOR**2
 
 
 OWN_QUANTITIES = {
-    "W_hat_bound": Quantity("of every outer weight, and of the root of the sum of a neuron's squares, at all times"),
-    "V_hat_bound": Quantity("of the root of the sum of all inner weights' squares, at all times"),
-    "control_bound": Quantity("of every entry of |u|, at all times"),
+    "W_hat_bound": Quantity("bound of every outer weight, and of the norm of a neuron's weights, at all times"),
+    "V_hat_bound": Quantity("bound of the norm of all inner weights, at all times"),
+    "control_bound": Quantity("bound of every entry of |u|, at all times"),
     "V_hat0": Quantity("the initial inner weights, those of the constant 1 first", form=Form.MATRIX, timeless=True),
 }
-NO_WEIGHTS = "with the sigma-modification the weights are bounded where e is, and no bound of e is found"
+NO_WEIGHTS = "with the sigma-modification the weights are bounded if e is, and no bound of e was found"
 STARTS_AT_ZERO = Assumption("W_hat(0) = 0")
 WHATEVER_ACTS = (STARTS_AT_ZERO, ACTS_CONTINUOUSLY)
 CORNER_AT_REST = (
-    "where e'P b = 0 it rests with many weights, and the e-modification's leakage has a corner: it has no linearisation there"
+    "for e'P b = 0 many weights are equilibria, and the e-modification's leakage has a corner, so there is no linearisation"
 )
-NOT_TO_ZERO = "its modification promises no convergence of the error to zero: it stays in a set"
+NOT_TO_ZERO = "its modification does not guarantee convergence of the error to zero; the error stays in a set"
 
 
 def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulation) -> Certificate:
     """The guarantees of the scheme's modification, and the findings of its linearisations."""
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
-    draft.note("the network never makes L = e'P e + |W_hat|^2/gamma + |V_hat|^2/gamma_v grow; that it helps is not proven")
+    draft.note("the network never makes L = e'P e + |W_hat|^2/gamma + |V_hat|^2/gamma_v grow; a benefit is not proven")
     found, nominal, always = bounds(problem, equations), _nominal(problem), _of_the_weights(problem, controller)
     if found.error is None:
         draft.missing("error_bound", found.why, *nominal, theorem=theorems.NETWORK)
@@ -261,7 +263,7 @@ def certificate(problem: Problem, controller: NetworkMrac, simulation: Simulatio
         _add_control_bound(draft, problem, equations, found.W_hat, always)
     draft.advise({"V_hat0": equations.V_0.tolist()})
     if _is_e_modified(controller):
-        draft.note("it rests with many weights: margins are with those nearest to the initial ones")
+        draft.note("many weights are equilibria: the margins are for those nearest to the initial ones")
     add_linearised(draft, problem, controller, simulation, bent=CORNER_AT_REST if _is_e_modified(controller) else "")
     return draft.finish()
 
@@ -276,12 +278,12 @@ def grounds(problem: Problem, controller: NetworkMrac, _: Simulation) -> dict[st
 
 
 def _of_the_weights(problem: Problem, controller: NetworkMrac) -> tuple[Assumption, ...]:
-    """What their bounds rest on: by the e-modification on the law alone."""
+    """The assumptions of their bounds: with the e-modification only the law itself."""
     return WHATEVER_ACTS if _is_e_modified(controller) else _nominal(problem)
 
 
 def _is_e_modified(controller: NetworkMrac) -> bool:
-    assert controller.leakage is not None  # the constructor has seen to it
+    assert controller.leakage is not None  # the constructor has checked it
     return controller.leakage.per_error is not None
 
 
@@ -302,7 +304,7 @@ def _nominal(problem: Problem) -> tuple[Assumption, ...]:
         ("a disturbance without a known bound", d is not None and not isinstance(d, BoundedSignal)),
         ("unmatched disturbance", bool(problem.unmatched)),
     ]
-    beside = Assumption("no disturbance acts but a bounded matched one", ", ".join(word for word, there in acts if there))
+    beside = Assumption("the only disturbance is bounded and matched", ", ".join(word for word, there in acts if there))
     plant = exact_plant(problem), beside, measured(problem)
     return *plant, bounded_command(problem), START_TOGETHER, STARTS_AT_ZERO, ACTS_CONTINUOUSLY
 
@@ -316,12 +318,12 @@ def column(problem: Problem, controller: NetworkMrac, certificate: Certificate) 
         transient = statement("transient", f"|e| <= {up(found.error)} at all times", *nominal)
     estimates = nothing("estimates", NO_WEIGHTS)
     if found.W_hat is not None:
-        text = f"no weights are the true ones; every outer one stays within {up(found.W_hat)}"
+        text = f"there are no true weights; every outer weight stays within {up(found.W_hat)}"
         estimates = statement("estimates", text, *_of_the_weights(problem, controller))
-    robust = nothing("modelling_error", "that x stays bounded is known beside a bounded matched disturbance, not for Delta_m")
+    robust = nothing("modelling_error", "boundedness of x is known with a bounded matched disturbance, not for Delta_m")
     e_modified = _is_e_modified(controller)
     if e_modified:
-        robust = nothing("modelling_error", "weights and u stay bounded whatever acts; that x does is not known for Delta_m")
+        robust = nothing("modelling_error", "weights and u stay bounded in any case; boundedness of x is not known for Delta_m")
     modification = "e-modification" if e_modified else "sigma-modification"
     return f"MRAC with a network, {modification}", {
         "stability": stability,

@@ -1,6 +1,6 @@
-"""What the schemes that are a linear loop around y share: bounds of y and e by small gain, and their cells of Table 1.
+"""Bounds of y and e by small gain, and cells of Table 1, for the schemes that are a linear loop around y.
 
-The bounds are guaranteed for a loop that is linear but for f(t, y), by small gain in the L-infinity norm.
+The bounds are guaranteed, by small gain in the L-infinity norm, for a loop that is linear except for f(t, y).
 
 The loop of plant, model and linear controller is x' = A x + B [r; w; d_y] with w = d + f(t, y) and the output y_G of G. With
 S = ||w -> y_G||_1, |f(t, y)| <= F + L |y| as long as |y| <= Y, and everything at rest at t = 0,
@@ -8,8 +8,9 @@ S = ||w -> y_G||_1, |f(t, y)| <= F + L |y| as long as |y| <= Y, and everything a
     |y_G| <= (||r -> y_G||_1 |r| + ||d_y -> y_G||_1 |d_y| + S (|d| + F))/(1 - S L)  where  S L < 1.
 
 If the right side is below Y, y_G never gets there (it is continuous and starts at 0), and the bound holds for all time. Every
-other signal follows from |w| <= |d| + F + L |y_G|; with the L1 controller sigma among them, so that the projection never acts if
-the bound stays below that of sigma. Source: small-gain theorem, Desoer and Vidyasagar (1975), section III.2; the norms by ``l1``.
+other signal follows from |w| <= |d| + F + L |y_G|, including sigma of the L1 controller, so that the projection never acts if the
+resulting bound is below that of sigma. Source: small-gain theorem, Desoer and Vidyasagar (1975), section III.2; the norms by
+``l1``.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 ENLARGEMENT_FACTOR = 1.05
-"""By which Y is enlarged beyond the bound that it led to, until it is large enough."""
+"""Factor by which Y is enlarged beyond the resulting bound, until it is large enough."""
 MOST_ENLARGEMENTS = 200
 
 
@@ -50,9 +51,9 @@ class OutputBounds:
 
     y, e    bounds of |y_G| and of |y - y_m|
     sigma   bound of |sigma|; 0 for a controller without it
-    slope   of f over |y_G| <= y; 0 without f
+    slope   slope of f over |y_G| <= y; 0 without f
     gain    ||w -> y_G||_1
-    steady  what constant r = 1 and d = 1 leave of e without f, to rounding
+    steady  the steady error for constant r = 1 and d = 1 without f, up to rounding
     """
 
     y: float
@@ -64,7 +65,7 @@ class OutputBounds:
 
 
 def output_bounds(problem: OutputProblem, controller: Controller, t_end: float) -> OutputBounds | NotApplicable:
-    """The bounds with a controller that is linear: an L1 controller without bounds of sigma."""
+    """The bounds with a linear controller, such as an L1 controller without bounds of sigma."""
     drivers = _bounded_drivers(problem)
     if isinstance(drivers, NotApplicable):
         return drivers
@@ -89,7 +90,7 @@ def output_bounds(problem: OutputProblem, controller: Controller, t_end: float) 
 
 
 def _bounded_drivers(problem: OutputProblem) -> list[BoundedSignal | None] | NotApplicable:
-    """Command and disturbances at input and output; or what takes the loop out of reach of these bounds."""
+    """Command and disturbances at input and output, or the reason why these bounds don't apply to the loop."""
     if not problem.plant.paths[0].is_linear or problem.delay > 0:
         return NotApplicable("limits or a delay at the plant's input are not covered")
     if problem.noise is not None:
@@ -117,7 +118,7 @@ def _self_consistent(slope_within: Callable[[float], float], gain: float, forced
 
 
 def linear_loop(problem: OutputProblem, controller: Controller) -> tuple[Array, Array, Array, Array]:
-    """A, B, C, D from (r, w, d_y) to (y_G, e) and sigma, where there is one: exact Jacobians of the loop's own equations."""
+    """A, B, C, D from (r, w, d_y) to (y_G, e) and, if it exists, sigma, by exact Jacobians of the loop's own equations."""
     import casadi as ca
 
     plant = replace(problem.plant, nonlinear=None)
@@ -134,7 +135,7 @@ def linear_loop(problem: OutputProblem, controller: Controller) -> tuple[Array, 
 
 
 def grounds_of_loop(problem: OutputProblem, controller: Controller, simulation: Simulation) -> dict[str, Any]:
-    """What a proof holds of the bounds: the loop's matrices, and what f is bounded by."""
+    """The part of a proof on the bounds: the loop's matrices, and the bounds of f."""
     A, B, C, D = linear_loop(problem, controller)
     facts: dict[str, Any] = {"scheme": "output", "loop": {"A": plain(A), "B": plain(B), "C": plain(C), "D": plain(D)}}
     found, f = output_bounds(problem, controller, simulation.t_end), problem.plant.f
@@ -144,28 +145,28 @@ def grounds_of_loop(problem: OutputProblem, controller: Controller, simulation: 
 
 
 OF_LINEAR_LOOPS = {
-    "output_bound": Quantity("of |y| before what is added at the output, up to t_end"),
-    "steady_error": Quantity("what constant r and d leave of e without f", form=Form.PER_UNIT),
-    "slope": Quantity("of f(t, y) in y within that bound"),
+    "output_bound": Quantity("bound of |y| before disturbances at the output, up to t_end"),
+    "steady_error": Quantity("the steady e for constant r and d without f", form=Form.PER_UNIT),
+    "slope": Quantity("slope of f(t, y) in y within that bound"),
 }
 START_AT_REST = Assumption("plant, model and controller start at rest")
 """Holds by construction."""
-LINEAR_LOOP = "margins are exact for the linear loop named; limits at the input, and f(t, y), are not in it"
+LINEAR_LOOP = "margins are exact for the named linear loop, which does not include limits at the input or f(t, y)"
 SMALL_GAIN = (
-    Assumption("(18): y = G(s)[u + d + f(t, y)], and what the case adds at input, output and sensor; G itself is exact"),
+    Assumption("(18): y = G(s)[u + d + f(t, y)], and the case's disturbances and sensor; G itself is exact"),
     START_AT_REST,
     Assumption(
         "output_bound and error_bound: small gain in the L-infinity norm with the slope of f within the bound, 0 <= t <= t_end"
     ),
 )
-"""What the case adds is in the loop whose norms are taken; where it can't be, ``output_bounds`` gives none."""
+"""The loop whose norms are computed includes the case's additions; if that is impossible, ``output_bounds`` gives no bound."""
 
 NEGLIGIBLE_STEADY_ERROR = 1e-9
-"""Of a steady error per unit of r and d: what roundings leave of zero."""
+"""A steady error per unit of r and d below this is rounding."""
 
 
 def add_linear_loop(draft: Draft, problem: OutputProblem, controller: Controller, simulation: Simulation) -> OutputBounds | None:
-    """Norm and steady error of the loop around a linear controller, and its bounds; None, with the reason, without them."""
+    """Add norm and steady error of the loop with a linear controller, and its bounds; None, with the reason, without them."""
     found = output_bounds(problem, controller, simulation.t_end)
     if isinstance(found, NotApplicable):
         theorem = theorems.OUTPUT_LOOP if problem.plant.f is None else theorems.SLOPE
@@ -185,12 +186,12 @@ def add_bounds(draft: Draft, problem: OutputProblem, found: OutputBounds) -> Non
 
 
 def cells_of_linear_loop(problem: OutputProblem, certificate: Certificate, more: str = "") -> dict[str, Entry]:
-    """Boundedness, tracking and transient of a loop that is linear but for f."""
+    """Boundedness, tracking and transient of a loop that is linear except for f."""
     values, bound = certificate.values, certificate.entry("output_bound")
     if "output_bound" not in values:
         why = "no bound is known" if bound is None else bound.why
         return {name: nothing(name, why) for name in ("stability", "tracking", "transient")}
-    f = "" if problem.plant.f is None else f", where the slope of f is <= {up(values['slope'])}"
+    f = "" if problem.plant.f is None else f", with a slope of f <= {up(values['slope'])}"
     return {
         "stability": statement("stability", f"|y| <= {up(values['output_bound'])} up to t_end{f}{more}", *SMALL_GAIN),
         "tracking": _steady(problem, values["steady_error"]),
@@ -203,7 +204,7 @@ def _steady(problem: OutputProblem, steady: dict[str, float]) -> Entry:
         return nothing("tracking", "not to zero in general: f(t, y) acts")
     text = "converges to zero for the case's r and d"
     if max(map(abs, steady.values())) >= NEGLIGIBLE_STEADY_ERROR:
-        text = f"leaves {steady['r']:.4g} r and {steady['d']:.4g} d, as they are in the end"
+        text = f"leaves {steady['r']:.4g} r and {steady['d']:.4g} d, with the final r and d"
     acts = "disturbance at the output" if problem.output_disturbance is not None else ""
-    alone = Assumption("nothing is added at the output", acts)
+    alone = Assumption("there is no disturbance at the output", acts)
     return statement("tracking", text, *SMALL_GAIN, constant_in_the_end(problem), alone)

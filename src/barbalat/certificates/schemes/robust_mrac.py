@@ -1,6 +1,6 @@
 """The certificate of the MRAC with a normalised law and of the robust MRAC (14)-(16), and their column of Table 1.
 
-What is guaranteed is Lemma 1's boundedness and convergence; its constants are not computable from the case.
+The guarantees are Lemma 1's boundedness and convergence; its constants can't be computed from the case.
 """
 
 from __future__ import annotations
@@ -35,20 +35,21 @@ from barbalat.controllers.robust_mrac import Equations
 from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
-OWN_QUANTITIES = {"tau_below": Quantity("1/delta_0, which tau must stay below (Theorem 2)", "s")}
+OWN_QUANTITIES = {"tau_below": Quantity("1/delta_0, the upper limit of tau (Theorem 2)", "s")}
 MINIMUM_PHASE = Assumption("c_0 makes W_m minimum phase")
-"""``bind`` refuses a c_0 that doesn't."""
+"""``bind`` refuses other c_0."""
 SEVERAL_INPUTS = "none known: Theorem 2 is for one input"
 
 
 def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simulation: Simulation) -> Certificate:
-    """The initial parameter error, the limits of the step, the margins at rest; with an auxiliary input the limit of tau."""
+    """The initial parameter error, the limits of the step, the margins with constant estimates; with an auxiliary input the
+    limit of tau."""
     equations, draft = controller.bind(problem.known), Draft(own=OWN_QUANTITIES)
     error = theorem_1.initial_parameter_error(equations.theta_hat0, problem.plant.theta)
     draft.guarantee("initial_parameter_error", error, *(inside(problem, equations.estimate_set) or (NUMBERS_ALONE,)))
     draft.missing(
         "error_bound",
-        "no number bounds e: Lemma 1's constants can't be computed from the case",
+        "no numerical bound of e: Lemma 1's constants cannot be computed from the case",
         *of_the_case(problem, equations.estimate_set),
         theorem=theorems.LEMMA_1,
     )
@@ -70,14 +71,14 @@ def certificate(problem: Problem, controller: RobustMrac | NormalizedMrac, simul
 
 
 def grounds(problem: Problem, controller: NormalizedMrac | RobustMrac, _: Simulation) -> dict[str, Any]:
-    """Where the estimates start."""
+    """The initial estimates."""
     equations = controller.bind(problem.known)
     projects = equations.estimate_set is not None
     return {"scheme": "robust-mrac", "theta_hat0": plain(equations.theta_hat0), "projection": projects}
 
 
 def midpoint_form(problem: Problem, controller: NormalizedMrac | RobustMrac, _: float) -> midpoint.MidpointForm:
-    """Say what the sampled form keeps: what its law's own implicit step keeps."""
+    """Return the properties that the sampled form preserves: those of its law's own implicit step."""
     return midpoint.of_law(controller.law, controller.bind(problem.known).estimate_set)
 
 
@@ -94,7 +95,7 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificat
     cells = {
         "stability": claimed("stability", "for every bounded r", found.bounded),
         "tracking": claimed("tracking", "converges to zero for every bounded r", found.error_to_zero),
-        "transient": nothing("transient", "no bound before the estimates have settled"),
+        "transient": nothing("transient", "no bound until the estimates have settled"),
         "estimates": claimed("estimates", _estimates(found, problem.plant.is_linear), found.estimates is not Estimates.UNKNOWN),
         "modelling_error": _robustness(problem, controller, found),
         "tuning": estimate("tuning", limits_text(certificate)),
@@ -112,15 +113,15 @@ def column(problem: Problem, controller: NormalizedMrac | RobustMrac, certificat
 def _below_the_ceiling(controller: NormalizedMrac | RobustMrac, tau: float) -> Assumption:
     ceiling = 1 / controller.normalization.delta_0  # Theorem 2: tau in (tau_min, 1/delta_0)
     broken = "" if tau < ceiling else f"tau is {tau:.4g} s"
-    return Assumption(f"Theorem 2 asks for tau < 1/delta_0 = {ceiling:.4g} s", broken)
+    return Assumption(f"Theorem 2 requires tau < 1/delta_0 = {ceiling:.4g} s", broken)
 
 
 def _window(controller: NormalizedMrac | RobustMrac, tau: float) -> str:
     ceiling = down(1 / controller.normalization.delta_0)
     if _below_the_ceiling(controller, tau).broken:
-        return f"tau = {tau:g} s is not below 1/delta_0 = {ceiling} s, as Theorem 2 asks"
-    asked = f"tau = {tau:g} s is below 1/delta_0 = {ceiling} s, as Theorem 2 asks"
-    return f"{asked}; tau_min, which grows with Delta, isn't computed"
+        return f"tau = {tau:g} s is not below 1/delta_0 = {ceiling} s, as Theorem 2 requires"
+    asked = f"tau = {tau:g} s is below 1/delta_0 = {ceiling} s, as Theorem 2 requires"
+    return f"{asked}; tau_min, which grows with Delta, is not computed"
 
 
 def _transient(problem: Problem, controller: NormalizedMrac | RobustMrac, *rests_on: Assumption) -> Entry:
@@ -128,14 +129,14 @@ def _transient(problem: Problem, controller: NormalizedMrac | RobustMrac, *rests
     if isinstance(equations, Equations):
         degree = minimum_phase_model(equations.c_0, problem.known).relative_degree
     power = "" if degree == 1 else f"^{degree}"
-    kept = f"the auxiliary input leaves 1 - 1/(tau s + 1){power} of c_0'e, of the order of tau; no number bounds it"
+    kept = f"the auxiliary input leaves 1 - 1/(tau s + 1){power} of c_0'e, of the order of tau; there is no numerical bound"
     return statement("transient", kept, *rests_on)
 
 
 def _estimates(found: Guarantee, linear: bool) -> str:
     if found.estimates is Estimates.PULLED:
         return "bounded, and pulled towards zero"
-    exciting = "; where phi/m_s is persistently exciting, which isn't checked here, they converge to theta"
+    exciting = "; if phi/m_s is persistently exciting, which is not checked here, they converge to theta"
     return f"V of the law never grows{exciting if found.bounded and linear else ''}"
 
 
@@ -148,7 +149,7 @@ def _robustness(problem: Problem, controller: NormalizedMrac | RobustMrac, found
     if controller.normalization.alpha_0 == 0:
         return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
     if not projected(estimate_set) and not found.leaks:
-        return nothing("modelling_error", "needs projection or leakage, and there is neither")
+        return nothing("modelling_error", "needs projection or leakage, and the law has neither")
     present = ", ".join(departures(problem))
     ceiling = () if controller.tau is None else (_below_the_ceiling(controller, controller.tau),)
     enough = laws.bounds_the_parameters(found, problem.parameters)

@@ -1,7 +1,7 @@
-"""What sampling takes away from a continuous controller's certificate, and the limits of a law that takes Euler steps.
+"""The changes that sampling makes to a continuous controller's certificate, and the limits of a law that takes Euler steps.
 
-No margin of the continuous loop stands for the sampled one. A controller that is linear and time-invariant stays so from sample
-to sample; of any other the loop is linearised from sample to sample where it rests, with its estimates frozen and with its law.
+Margins of the continuous loop don't apply to the sampled one. A linear time-invariant controller stays so from sample to sample;
+for any other, the loop is linearised from sample to sample at its equilibrium, with frozen estimates and with its law.
 """
 
 from __future__ import annotations
@@ -31,15 +31,16 @@ from barbalat.solvers import EULER
 from barbalat.solvers.simulation import Simulation
 
 NO_MIDPOINT_LIMITS = "no gain makes its law numerically unstable, so there is no gamma_max and no step_max"
-EULER_LIMITS = "gamma_max and step_max are those of Euler's method at the sample time, for all that the controller integrates"
+EULER_LIMITS = "gamma_max and step_max are those of Euler's method at the sample time, for all integrators of the controller"
 WHOLE_LOOP_LIMITS = (
-    "step_max is that of Euler's method on the whole loop, plant included; beside a sampled controller the plant moves on "
-    "exactly, so that it may take longer samples, or only shorter ones"
+    "step_max is that of Euler's method "
+    "on the whole loop including the plant; with a sampled controller the plant moves exactly, so that longer samples may "
+    "be possible, or only shorter ones"
 )
-HELD_LIMITS = "gamma_max and step_max are of the frozen law from sample to sample, with A_m's exact motion between them"
+HELD_LIMITS = "gamma_max and step_max are those of the frozen law from sample to sample, with A_m's exact motion between samples"
 LIMIT_KEYS_AT_MODEL = {"gamma_max_at_model", "step_max_at_model"}
-"""Of the continuous law; a sampled one has its own, where they are known."""
-ERROR_BOUND_KEYS = {"error_bound", "error_bound_worst"}
+"""Values of the continuous law; a sampled law has its own, if they are known."""
+ERROR_BOUND_KEYS = {"error_bound", "error_bound_worst", "error_bound_command"}
 OF_THE_CONTINUOUS_LOOP = frozenset(
     {
         *KEYS_OF_MARGINS.values(),
@@ -49,12 +50,12 @@ OF_THE_CONTINUOUS_LOOP = frozenset(
         "delay_margin_adapting",
     }
 )
-"""Keys that say what the closed loop tolerates."""
+"""Keys of the closed loop's margins."""
 LIMIT_KEYS = {"gamma_max", "step_max"}
 
 
 def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
-    """The simulation whose numerics limit the controller: for a law that takes Euler steps, these steps."""
+    """The simulation whose step limits the controller: for a law that takes Euler steps, these steps."""
     if controller.discretization != "euler":
         return simulation
     T = controller.sample_time
@@ -63,15 +64,15 @@ def judged_at(controller: Sampled, simulation: Simulation) -> Simulation:
 
 def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simulation) -> Certificate:
     """The sampled controller's certificate, from that of the continuous one at ``judged_at`` and from its own linear loops."""
-    controller.bind(problem.known)  # refuses what has no sampled form
+    controller.bind(problem.known)  # refuses controllers without a sampled form
     scheme, T, judged = controller.controller, controller.sample_time, judged_at(controller, simulation)
     file = scheme_file(scheme)
-    own_states = problem.fixed is not None and problem.fixed.order > 0  # whose samples the linear bounds don't know
+    own_states = problem.fixed is not None and problem.fixed.order > 0  # the linear bounds don't cover samples of these states
     linear = file.linear_when(problem, scheme) if isinstance(file, LinearFile) and not own_states else None
     with leaving_out(*OF_THE_CONTINUOUS_LOOP):
         continuous = (file or unregistered).certificate(problem, scheme, judged)
     dropped = LIMIT_KEYS_AT_MODEL | OF_THE_CONTINUOUS_LOOP | {"margins_of", "unlimited"}
-    if linear:  # their small gain is of the continuous loop
+    if linear:  # their small gain belongs to the continuous loop
         dropped |= {"norms", "condition"}
     entries = [_sampled(entry, controller) for entry in continuous.entries if entry.key not in dropped]
     notes = [f"the controller runs sampled every {T:g} s ({controller.discretization})"]
@@ -106,7 +107,7 @@ def certificate(problem: TrackingProblem, controller: Sampled, simulation: Simul
 
 
 def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certificate, linear: str, t_end: float) -> Certificate:
-    """The certificate with the sampled loop's own stability and margins; a solver's or a law's step then decides nothing."""
+    """The certificate with the sampled loop's own stability and margins; a solver's or a law's step is then irrelevant."""
     left = {entry.key: entry for entry in continuous.entries if entry.key not in LIMIT_KEYS}
     draft, found = Draft(left, list(continuous.notes), own=OF_SAMPLED_LOOPS | OF_RESPONSES), linearised(problem, controller)
     bounded_response.add(draft, problem, controller, t_end)
@@ -116,22 +117,22 @@ def _of_linear(problem: TrackingProblem, controller: Sampled, continuous: Certif
 
 
 def _unstable(step_max: float, whole_loop: bool, radius: float | None) -> str:
-    """Say what may be unstable: for most schemes what they integrate themselves, for others the plant as well; and what is known
-    of the loop as it is."""
+    """A sentence on what may be unstable: for most schemes their own states, for others the plant as well; and what is known
+    of the actual loop."""
     at_rest = ""
     if radius is not None:
         verdict = "stable" if radius < 1 else "unstable"
-        at_rest = f"; where it rests under its largest command the sampled loop is {verdict}, spectral radius {radius:.4g}"
+        at_rest = f"; at its equilibrium under the largest command the sampled loop is {verdict}, spectral radius {radius:.4g}"
     if not whole_loop:
-        return f"with |x| as large as its bound the law takes samples up to {step_max:.3g} s only{at_rest}"
+        return f"with |x| at its bound the law admits samples only up to {step_max:.3g} s{at_rest}"
     return (
-        f"Euler's method is stable on the whole loop, plant included, where it rests, up to steps of about {step_max:.3g} s: the "
-        f"sampled controller, beside which the plant moves on exactly, may be unstable{at_rest}"
+        f"Euler's method is stable on the whole loop including the plant, at its equilibrium up to steps of about {step_max:.3g} "
+        f"s: the sampled controller, with exact motion of the plant, may be unstable{at_rest}"
     )
 
 
 def _sampled(entry: Entry, controller: Sampled) -> Entry:
-    """The entry that is left of a continuous controller's when the controller acts at samples only."""
+    """The part of a continuous controller's entry that remains for a controller that acts only at samples."""
     if entry.kind == "guaranteed" and not entry.quantity.timeless:
         return _at_samples(entry, f"sampled every {controller.sample_time:g} s")
     return entry
@@ -148,7 +149,7 @@ def _at_samples(entry: Entry, why: str) -> Entry:
 
 
 def column(problem: TrackingProblem, controller: Sampled, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
-    """The column of a sampled controller: it claims of the continuous one's only what the midpoint rule keeps of V."""
+    """The column of a sampled controller: of the continuous one's claims it keeps only what the midpoint rule preserves of V."""
     name, continuous = (scheme_file(controller.controller) or unregistered).column(problem, controller.controller, certificate)
     why = f"sampled every {controller.sample_time:g} s"
     cells = {
@@ -177,7 +178,7 @@ def _estimates(problem: TrackingProblem, continuous: Entry, controller: Sampled,
         rests_on = continuous.rests_on
     if rests_on is None:
         return otherwise
-    more = "" if form.kept else ", and the leakage w no more than T w |theta|^2/2"
-    only = "only the plant's motion between samples, off the midpoint rule, adds to it"
-    text = f"no gain and no sample time make V of the law grow; {only}{more}"
+    more = "" if form.kept else ", and the leakage w at most T w |theta|^2/2"
+    only = "only the deviation of the plant's motion between samples from the midpoint rule adds to it"
+    text = f"V of the law does not grow at any gain and sample time; {only}{more}"
     return statement("estimates", text, *(each for each in rests_on if each != ACTS_CONTINUOUSLY), form.never_cut)

@@ -1,4 +1,4 @@
-"""What the schemes that are linear from sample to sample share: the margins of a loop that is known exactly."""
+"""The margins of schemes that are linear from sample to sample, whose loop is known exactly."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.validate import Array, InputError
 
 OF_SAMPLED_LOOPS = {
-    "spectral_radius": Quantity("of the closed loop from sample to sample: stable below 1"),
-    "spectral_radius_adapting": Quantity("the same with its law, where it rests under the largest constant command"),
-    "sample_time_max": Quantity("sample time up to which that loop with its law is stable, from the present one on", "s"),
-    "noise_in_sigma_hat": Quantity("standard deviation of sigma_hat for one of 1 in all that is measured, new at every sample"),
+    "spectral_radius": Quantity("spectral radius of the closed loop from sample to sample: stable below 1"),
+    "spectral_radius_adapting": Quantity("the same including its law, at the equilibrium under the largest constant command"),
+    "sample_time_max": Quantity("largest sample time, from the present one on, with which that loop with its law is stable", "s"),
+    "noise_in_sigma_hat": Quantity("standard deviation of sigma_hat for independent measurement noise of standard deviation 1"),
     "noise_in_u": Quantity("the same of u"),
-    "sigma_hat_at_dc": Quantity("sigma_hat for a constant sigma at rest, row by row: not I", form=Form.MATRIX),
+    "sigma_hat_at_dc": Quantity("sigma_hat for a constant sigma at equilibrium, row by row; it is not I", form=Form.MATRIX),
 }
 LINEAR_CONTROLLER = "the controller is linear and time-invariant from sample to sample, phi(x) = x, and no limit acts"
-WHITE_NOISE = "noise of one sample is independent of that of all others"
+WHITE_NOISE = "the noise of different samples is independent"
 OF_THE_LOOP = "from sample to sample with the true parameters, broken at the plant input"
 
 
@@ -40,10 +40,10 @@ def name_of(problem: TrackingProblem) -> str:
 def add_loop(
     draft: Draft, problem: TrackingProblem, found: Linearised, linear: str, name: str = "", rest: PlaceOfRest | None = None
 ) -> bool:
-    """Its spectral radius and, where it is stable, its margins; whether it is.
+    """Add its spectral radius and, if it is stable, its margins; returns whether it is stable.
 
-    linear  what makes it a linear one
-    name    of the loop; that with the true parameters by default
+    linear  why it is linear
+    name    of the loop; by default that with the true parameters
     """
     radius, name = found.loop.radius(problem.delay), name or name_of(problem)
     draft.exact({"spectral_radius": radius}, name, linear, rest=rest)
@@ -55,14 +55,14 @@ def add_loop(
 
 
 def unstable(radius: float) -> str:
-    """Why such a loop has no margins."""
+    """Why an unstable loop has no margins."""
     return f"unstable from sample to sample: spectral radius {radius:.6g}"
 
 
 def add_margins(
     draft: Draft, problem: TrackingProblem, found: Linearised, linear: str, name: str, rest: PlaceOfRest | None
 ) -> None:
-    """Add the margins of the loop with its delay in it; the delay margin is what it tolerates beyond that delay."""
+    """Add the margins of the loop including its delay; the delay margin is the delay that it tolerates in addition."""
     loop = found.loop
     try:
         delay = delay_margin(loop, problem.delay)
@@ -83,7 +83,7 @@ def add_margins(
 
 
 def _at_one_input(loop: SampledLoop, delay: float, i: int) -> dict[str, float | None]:
-    """Gain and phase margins and the peaks where the loop is broken at one input, the others closed."""
+    """Gain and phase margins and peaks of the loop broken at one input, with the others closed."""
     L = loop.as_continuous(delay, i)
     of_L = margins(L)
     values = {key: finite(getattr(of_L, one)) for one, key in KEYS_OF_MARGINS.items() if one != "delay"}
@@ -97,13 +97,14 @@ def _add_of_several(
     """Add the margins of several inputs: for one factor on all inputs, and for each input alone."""
     delay = problem.delay
     draft.note(
-        "gain_margin, gain_reduction_margin, delay_margin: of one factor or delay in all inputs; _each: of one input alone"
+        "gain_margin, gain_reduction_margin, delay_margin: for a common factor or delay in all inputs; _each: for one input "
+        "separately"
     )
     down, up = gain_margins(loop, delay)
-    draft.exact({"gain_margin": finite(up), "gain_reduction_margin": down}, f"{name}, at all inputs alike", linear, rest=rest)
+    draft.exact({"gain_margin": finite(up), "gain_reduction_margin": down}, f"{name}, at all inputs together", linear, rest=rest)
     if not is_needed(*EACH_INPUT.values()):
         return
-    alone = f"{name}, at one input alone"
+    alone = f"{name}, at one input separately"
     try:
         each = [_at_one_input(loop, delay, i) for i in range(loop.inputs)]
     except InputError as error:
@@ -120,15 +121,15 @@ def _add_of_several(
 
 
 def add_noise(draft: Draft, problem: TrackingProblem, found: Linearised, measured: Array, linear: str) -> None:
-    """Add the noise of sigma_hat and u just after a sample, by the stationary covariance; ``measured`` (s, q) is what is measured
-    in X."""
+    """Add the standard deviations of sigma_hat and u just after a sample, from the stationary covariance; ``measured`` (s, q)
+    selects the measurements in X."""
     from scipy.linalg import LinAlgError, LinAlgWarning, solve_discrete_lyapunov
 
     loop, rows = found.loop, found.rows
     closed, s = loop.closed(problem.delay), len(loop.A)
     enters = loop.J @ measured
     outside = np.concatenate([rows["u"], *(rows[name] for name in ("x_hat", "sigma_hat", "filter")), rows["held"]])
-    enters[np.setdiff1d(np.arange(s), outside)] = 0.0  # the plant and its sensor carry no noise
+    enters[np.setdiff1d(np.arange(s), outside)] = 0.0  # the plant and its sensor have no noise
     N = np.vstack([enters, np.zeros((len(closed) - s, enters.shape[1]))])
     try:
         with warnings.catch_warnings():

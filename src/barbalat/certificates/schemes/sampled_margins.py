@@ -1,6 +1,7 @@
-"""Margins of a sampled controller that is no linear one: of its loop linearised from sample to sample where it rests.
+"""Margins of a sampled controller that is not linear: of its loop linearised from sample to sample at the equilibrium.
 
-With the estimates frozen at their true values, and with its law. For phi(x) = x the frozen loop is linear, whatever the command.
+They are given with the estimates frozen at their true values, and with the law. For phi(x) = x the frozen loop is linear for
+every command.
 """
 
 from __future__ import annotations
@@ -26,32 +27,29 @@ from barbalat.validate import InputError
 FROZEN = "from sample to sample with its estimates frozen"
 WITH_ITS_LAW = "from sample to sample with its law"
 LONGER_SAMPLE, SHORTER_SAMPLE = 1.4, 2.0
-"""Between two sample times that are tried, up and down from the present one: the first loss of stability counts."""
+"""Ratio of successive sample times, up and down from the present one; the first loss of stability counts."""
 LONGEST_SAMPLE = 100.0
-"""Of the present one, up and down: beyond it no limit is looked for, nor where a delay takes ``MOST_SAMPLES_OF_DELAY``."""
+"""Range of the search as a multiple of the present sample time, up and down; it also ends when the delay exceeds
+``MOST_SAMPLES_OF_DELAY``."""
 SAMPLE_TIME_WITHIN = 2e-3
 NOT_SETTLING = 1e-10
-"""Of a spectral radius to 1: a covariance that has died out, and what else a law does not return from."""
+"""Distance of a spectral radius from 1, for example of a vanished covariance, from which a law does not return."""
 
 
 def add(draft: Draft, problem: TrackingProblem, controller: Sampled, t_end: float) -> None:
-    """Add the margins with the estimates frozen and with the law, and the longest sample time; or why there are none."""
-    still = sampled_rest(problem, controller, controller.controller, frozen=True)
+    """Add the margins with frozen estimates and with the law, and the longest sample time; or the reason why there are none."""
+    adapting = adapting_of(problem, controller.controller)
+    still = sampled_rest(problem, controller, adapting, frozen=True)
     if isinstance(still, NotApplicable):
         draft.missing("delay_margin", still.why)
     else:
         with draft.part("delay_margin"):
             _add_frozen(draft, problem, still)
-    if still_adapts(problem, controller):
+    if adapting:
         with draft.part("delay_margin_adapting"):
-            _add_adapting(draft, problem, controller)
+            _add_adapting(draft, problem, controller, adapting)
     else:
         bounded_response.add(draft, problem, controller, t_end)
-
-
-def still_adapts(problem: TrackingProblem, controller: Sampled) -> bool:
-    """Whether anything is estimated."""
-    return bool(adapting_of(problem, controller.controller))
 
 
 def _add_frozen(draft: Draft, problem: TrackingProblem, still: SampledRest) -> None:
@@ -64,8 +62,8 @@ def _add_frozen(draft: Draft, problem: TrackingProblem, still: SampledRest) -> N
         over_known_set.add_sampled_at(draft, problem, still.at, FROZEN)
 
 
-def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled) -> None:
-    moving = sampled_rest(problem, controller, controller.controller, frozen=False)
+def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled, adapting: frozenset[str]) -> None:
+    moving = sampled_rest(problem, controller, adapting, frozen=False)
     why = moving.why if isinstance(moving, NotApplicable) else ON_A_FACE if moving.has_a_corner else ""
     if isinstance(moving, NotApplicable) or why:
         draft.missing("delay_margin_adapting", why)
@@ -74,11 +72,11 @@ def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled) -
     name = f"{WITH_ITS_LAW}, where {rest.where}{in_the_loop(problem)}"
     radius = loop.radius(problem.delay)
     if abs(radius - 1) < NOT_SETTLING:
-        draft.missing("delay_margin_adapting", "where it rests the law has a part that neither grows nor dies out")
+        draft.missing("delay_margin_adapting", "at the equilibrium the law has a mode that neither grows nor decays")
         return
     draft.exact({"spectral_radius_adapting": radius}, name, LINEAR_LOOP_ONLY, rest=rest)
     if is_needed("sample_time_max"):
-        longest = _longest(problem, controller, radius < 1)
+        longest = _longest(problem, controller, adapting, stable=radius < 1)
         draft.exact({"sample_time_max": longest}, name, LINEAR_LOOP_ONLY, rest=rest)
     if radius >= 1:
         draft.missing("delay_margin_adapting", unstable(radius))
@@ -89,21 +87,21 @@ def _add_adapting(draft: Draft, problem: TrackingProblem, controller: Sampled) -
             draft.missing("delay_margin_adapting", str(error))
 
 
-def _longest(problem: TrackingProblem, controller: Sampled, stable: bool) -> float | NotApplicable:
-    """The sample time up to which the loop with its law is stable: of the first loss above the present one, or of one below."""
+def _longest(problem: TrackingProblem, controller: Sampled, adapting: frozenset[str], *, stable: bool) -> float | NotApplicable:
+    """The sample time up to which the loop with its law is stable: at the first loss above the present one, or below it."""
 
     def bears(T: float) -> bool:
-        rest = sampled_rest(problem, replace(controller, sample_time=T), controller.controller, frozen=False)
+        rest = sampled_rest(problem, replace(controller, sample_time=T), adapting, frozen=False)
         return isinstance(rest, SampledRest) and rest.with_its_law().radius(problem.delay) < 1
 
     T = controller.sample_time
     if not stable:
         least = max(T / LONGEST_SAMPLE, problem.delay / MOST_SAMPLES_OF_DELAY)
         found = largest_from(bears, T, factor=SHORTER_SAMPLE, within=SAMPLE_TIME_WITHIN, least=least)
-        return found or NotApplicable(f"no sample time down to {least:.3g} s was found stable")
+        return found or NotApplicable(f"no sample time down to {least:.3g} s was found to be stable")
     low = T
     while bears(low * LONGER_SAMPLE):
         low *= LONGER_SAMPLE
         if low > LONGEST_SAMPLE * T:
-            return NotApplicable(f"stable at every sample time that was tried, up to {low:.3g} s")
+            return NotApplicable(f"stable at every sample time tried, up to {low:.3g} s")
     return largest(bears, low, low * LONGER_SAMPLE, within=SAMPLE_TIME_WITHIN)

@@ -1,7 +1,8 @@
-"""What the certificates of the state-feedback schemes share."""
+"""Shared parts of the certificates of the state-feedback schemes."""
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -17,7 +18,7 @@ from barbalat.certificates.assumptions import (
     theta_in_the_set,
     undisturbed,
 )
-from barbalat.certificates.bounds import disturbed, laws, theorem_1
+from barbalat.certificates.bounds import disturbed, known_command, laws, theorem_1
 from barbalat.certificates.bounds.formulas import largest_square
 from barbalat.certificates.bounds.model import ModelBounds, state_bounds
 from barbalat.certificates.cells import nothing, statement
@@ -40,88 +41,94 @@ if TYPE_CHECKING:
 
 KNOWN_REGRESSOR = Assumption("the regressor phi(x) is known")
 LARGEST_STATE = 1e12
-"""Where a run counts as diverged: without a bound of e, phi is looked at up to there."""
+"""The size at which a run counts as diverged: without a bound of e, phi is evaluated up to this size."""
 
 
 def of_the_case(
     problem: Problem, estimate_set: EstimateSet | None, error: float | None = None, acting: Assumption | None = None
 ) -> tuple[Assumption, ...]:
-    """What the bounds of Theorem 1 rest on: the plant (1) as it stands and, with projection, theta in the known set.
+    """The assumptions of Theorem 1's bounds: the plant (1) without additions and, with projection, theta in the known set.
 
-    ``error`` is the bound of |e_i| that would follow, where there is one; ``acting`` what may act on the plant, by default
-    nothing.
+    ``error`` is the bound of |e_i| that would follow, if there is one; ``acting`` replaces the assumption that nothing acts on
+    the plant.
     """
     regressor = () if problem.plant.is_linear else (KNOWN_REGRESSOR, bounded_regressor(problem, error))
     return (*nominal(problem, acting=acting), *inside(problem, estimate_set), *regressor)
 
 
 def of_the_lyapunov_law(problem: Problem, controller: laws.LyapunovScheme, certificate: Certificate) -> tuple[Assumption, ...]:
-    """The assumptions of a Lyapunov law's V; with a leakage or a dead zone V is bounded all the same."""
+    """The assumptions of a Lyapunov law's V; with a leakage or a dead zone V is still bounded."""
     estimate_set, bound = controller.bind(problem.known).estimate_set, certificate.entry("error_bound")
     case = of_the_case(problem, estimate_set, None if bound is None else bound.value)
     return (*case, laws.keeps_V_in_corners(controller.gamma, estimate_set))
 
 
 def carried(problem: Problem, controller: laws.ModifiedScheme) -> Assumption:
+    """What V carries along of a law that may learn from a memory."""
+    return carried_along(problem, controller.bind(problem.known).estimate_set, learns=controller.learning is not None)
+
+
+def carried_along(problem: Problem, estimate_set: EstimateSet | None, *, learns: bool = False) -> Assumption:
     """Disturbances that the bound of V carries along: bounded ones, beside estimates that are projected."""
     if not disturbed.is_disturbed(problem):
         return undisturbed(problem)
     words = []
     if problem.plant.baseline is not None:
         words.append("disturbance, beside a baseline")
-    elif disturbed.push(problem) is None:
+    elif disturbed.push(problem, problem.known) is None:
         words.append("a disturbance without a bound")
-    if not projected(controller.bind(problem.known).estimate_set):
-        words.append("disturbance, with estimates that no projection bounds")
-    if controller.learning is not None:
+    if not projected(estimate_set):
+        words.append("disturbance, with estimates not bounded by projection")
+    if learns:
         words.append("disturbance, which the memory learns from")
     sentence = "disturbances are bounded, and the estimates are projected onto the known set"
     return Assumption(sentence, ", ".join(words), theorems.UNPROJECTED)
 
 
 def inside(problem: Problem, estimate_set: EstimateSet | None) -> tuple[Assumption, ...]:
-    """Theta in the set that is projected onto, where one is."""
+    """Theta is in the set of the projection, if there is one."""
     return () if estimate_set is None else (projected_onto(problem, estimate_set),)
 
 
 def bounded_regressor(problem: Problem, error: float | None) -> Assumption:
-    """A formula may divide by zero: then bounded states don't bound phi(x), and no solution need go on."""
+    """A formula may divide by zero: then bounded states don't bound phi(x), and a solution may end."""
     reach = np.full(problem.plant.n, LARGEST_STATE) if error is None else np.array(state_bounds(problem)) + error
     finite = np.isfinite(largest_square(problem.plant.regressor, -reach, reach))
-    why = "" if finite else "phi(x) is not known to be finite wherever x may go"
-    return Assumption("phi(x) is bounded where x is", why, theorems.REGRESSOR)
+    why = "" if finite else "phi(x) is not known to be finite for all x that may occur"
+    return Assumption("phi(x) is bounded if x is", why, theorems.REGRESSOR)
 
 
 def commands_and_gains(problem: Problem) -> tuple[str, str]:
-    """Say for which r and Gamma a Lyapunov function holds: for the case's own where phi(x) is known to be finite only so far.
+    """The words for the commands and gains for which a Lyapunov function holds: only the case's own if phi(x) is known to be
+    finite only there.
 
-    The first is of r alone.
+    The first is about r alone.
     """
     everywhere = problem.plant.is_linear or not bounded_regressor(problem, None).broken
     return ("every bounded r", "every Gamma > 0 and every bounded r") if everywhere else ("this r", "this Gamma and this r")
 
 
 def lyapunov_estimates(problem: Problem, controller: laws.ModifiedScheme, certificate: Certificate, *, bounded: bool) -> Entry:
-    """The estimates of the law (4), (7); that they converge is said only where the signals are ``bounded``."""
+    """The estimates of the law (4), (7); convergence is stated only if the signals are ``bounded``."""
     void = laws.why_no_bound(controller, problem)
     if void is not None:
         return nothing("estimates", void)
     text = "theta_tilde'Gamma^-1 theta_tilde never exceeds its initial value"
     if bounded and controller.learning is not None and controller.learning.forgetting == 0:
-        text += "; once the memory has seen every direction, which isn't checked here, they converge to theta"
+        text += "; once the memory contains every direction, which is not checked here, they converge to theta"
     elif bounded and controller.learning is None:
-        text += "; where phi is persistently exciting, which isn't checked here, they converge to theta"
+        text += "; if phi is persistently exciting, which is not checked here, they converge to theta"
     return statement("estimates", text, *of_the_lyapunov_law(problem, controller, certificate))
 
 
 def unproven_robustness(problem: Problem, controller: laws.ModifiedScheme) -> Entry:
-    """The unnormalised law beside a modelling error: nothing is proven of x."""
+    """The unnormalised law under a modelling error: nothing is proven about x."""
     if controller.leakage is not None or controller.dead_zone is not None:
-        why = "bounded estimates; that x stays bounded is known for bounded disturbances, not for Delta_m"
+        why = "bounded estimates; boundedness of x is known for bounded disturbances, not for Delta_m"
     elif projected(controller.bind(problem.known).estimate_set):
-        why = "projection keeps the estimates in the known set; that x stays bounded is not known without normalisation"
+        why = "projection keeps the estimates in the known set; boundedness of x is not known without normalisation"
     else:
-        why = "the estimates may drift; that x stays bounded is not known without normalisation"
+        why = "the estimates may drift; boundedness of x is not known without normalisation"
     return nothing("modelling_error", why)
 
 
@@ -131,7 +138,7 @@ def projected(estimate_set: EstimateSet | None) -> bool:
 
 
 def add_parameter_errors(draft: Draft, problem: Problem, equations: laws.Bound, closed: Known | None = None) -> None:
-    """nu_0 for the case's theta, and for the worst theta in the known set, with P of ``closed``."""
+    """Add nu_0 for the case's theta, and for the worst theta in the known set, with P of ``closed``."""
     known, known_set = closed or problem.known, problem.uncertainty
     _add_nu_0(draft, problem, equations, known)
     if known_set is not None and problem.input_gain is None:
@@ -147,9 +154,9 @@ def _add_nu_0(draft: Draft, problem: Problem, equations: laws.Bound, known: Know
 def add_ingredients(
     draft: Draft, problem: Problem, estimate_set: EstimateSet | None, model: ModelBounds, adapted: KnownSet | None = None
 ) -> None:
-    """Add what (9) and (10) are computed from, which no controller and no theta changes.
+    """Add the quantities in (9) and (10) that depend neither on the controller nor on theta.
 
-    adapted  the known set of what is left to adaptation; that of theta by default
+    adapted  the known set of the part that is adapted; by default that of theta
     """
     known = problem.known
     draft.advise({"P": known.P.tolist()})
@@ -162,10 +169,9 @@ def add_ingredients(
 def of_lyapunov_law_beyond(
     excited: any_regressor.Excited, simulation: Simulation, filter_poles: Array | None = None, *, no_bound: str = ""
 ) -> Certificate:
-    """Certify a plant beyond the paper's: the Lyapunov bound, which none of the plant's additions changes, and the solver's
-    limits.
+    """Certify a plant beyond the paper's: the Lyapunov bound, which the plant's additions don't change, and the solver's limits.
 
-    ``no_bound`` says why a scheme has none even with the plain law.
+    ``no_bound`` is the reason if a scheme has none even with the plain law.
     """
     problem, controller, draft = excited.problem, excited.controller, Draft()
     draft.note(BEYOND_ONE_LINEAR_INPUT)
@@ -179,11 +185,25 @@ def of_lyapunov_law_beyond(
         bound = disturbed.level(problem, controller, draft["nu_0"]).value
         acting = carried(problem, controller)
         draft.guarantee("error_bound", bound, *of_the_case(problem, equations.estimate_set, bound, acting))
+        _add_worst_beyond(draft, problem, controller, equations)
     limits = any_regressor.of_lyapunov_law(excited, simulation, draft["nu_0"], filter_poles)
     draft.estimate(limits, FROZEN_LAW, ON_THE_BOX, *((ERROR_ASSUMED,) if void or disturbed.is_disturbed(problem) else ()))
     draft.estimate(any_regressor.of_lyapunov_law_at_model(excited, simulation, filter_poles), FROZEN_LAW)
     add_at_rest(draft, problem, cast("Controller", controller), none=PLAIN_LAW_ONLY if laws.is_modified(controller) else "")
     return draft.finish()
+
+
+def _add_worst_beyond(draft: Draft, problem: Problem, controller: laws.LyapunovScheme, equations: laws.Bound) -> None:
+    """Add the bounds for the worst parameters, theta and the input's gains, in the set of the projection."""
+    known_set, P = equations.estimate_set, problem.known.P
+    if known_set is None or not known_set.bounds_theta or disturbed.is_disturbed(problem):
+        return
+    least = smallest_eigenvalue(P)
+    far = disturbed.farthest(known_set, equations.theta_hat0)
+    worst = far / math.sqrt(least * laws.least_gain(controller.gamma)) * OUTWARD_FACTOR**2
+    rests_on = of_the_case(problem, known_set, worst)
+    draft.guarantee("error_bound_worst", worst, *rests_on)
+    draft.guarantee(known_command.KEY, worst * known_command.largest_component(P, least) * OUTWARD_FACTOR, *rests_on)
 
 
 def add_margins_at_rest(draft: Draft, problem: Problem) -> None:

@@ -1,13 +1,13 @@
-"""The certificate of a controller of which no proof is known, as of a class from outside the package: what needs none.
+"""The certificate of a controller without a known proof, such as a class from outside the package: the parts that need none.
 
-Its loop is linearised where it rests under a constant command, by the exact Jacobians of its own equations: margins with the
-estimates frozen and with the law inside, and the step that these modes bear. Everything else is said to be unknown.
+Its loop is linearised at its equilibrium for a constant command, by the exact Jacobians of its own equations: margins with frozen
+estimates and with the law, and the step that these modes tolerate. Everything else is marked as unknown.
 """
 
 from __future__ import annotations
 
 from barbalat.certificates import theorems
-from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell, nothing
+from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry, NotApplicable
 from barbalat.certificates.linear_loops.at_rest import Rest, rest_of
@@ -17,8 +17,10 @@ from barbalat.certificates.linear_loops.margin_values import (
     add_margins,
     add_margins_of_each,
 )
+from barbalat.certificates.lyapunov import entries
 from barbalat.certificates.quantities import EACH_INPUT
 from barbalat.certificates.requested_keys import is_needed
+from barbalat.certificates.rows import up
 from barbalat.certificates.step_limits.oscillator import largest_step
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.tracking import TrackingProblem
@@ -26,15 +28,19 @@ from barbalat.protocols import Controller
 from barbalat.solvers.simulation import Simulation
 
 NONE_KNOWN = "none known"
-WHOLE_LOOP = "the whole loop, plant included"
-MANY_RESTS = "it differs between the places at which the loop rests, of which there are many"
+WHOLE_LOOP = "the whole loop, including the plant"
+MANY_RESTS = "it differs between the equilibria of the loop, of which there are many"
 
 
 def certificate(problem: TrackingProblem, controller: Controller, simulation: Simulation) -> Certificate:
     """Margins and the step's limit by exact linearisation."""
-    draft = Draft()
-    draft.note(f"of {type(controller).__name__} no proof is known: what follows is computed from its equations alone")
-    draft.missing("error_bound", NONE_KNOWN, theorem=theorems.UNKNOWN_LAW)
+    draft = Draft(own=entries.OWN)
+    handed = entries.handed_in(problem, controller)
+    if handed is None:
+        draft.note(f"no proof is known for {type(controller).__name__}: the following is computed only from its equations")
+        draft.missing("error_bound", NONE_KNOWN, theorem=theorems.UNKNOWN_LAW)
+    else:
+        entries.add_bounds(draft, problem, handed)
     add_linearised(draft, problem, controller, simulation)
     return draft.finish()
 
@@ -42,9 +48,9 @@ def certificate(problem: TrackingProblem, controller: Controller, simulation: Si
 def add_linearised(
     draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation, *, bent: str = ""
 ) -> None:
-    """Add what follows from the equations alone: margins, and the step that the modes bear.
+    """Add the values that follow from the equations alone: margins, and the step that the modes tolerate.
 
-    ``bent`` says why the law has no slope where the loop rests.
+    ``bent`` says why the law is not differentiable at the equilibrium.
     """
     loop = ClosedLoop.of(problem, controller)
     moving = rest_of(problem, loop, frozen=False)
@@ -54,7 +60,8 @@ def add_linearised(
 
 
 def add_step_of_modes(draft: Draft, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> None:
-    """The step that the loop's modes bear; where a part of the loop has a limit in the draft already, the smaller of the two."""
+    """Add the step that the loop's modes tolerate; if the draft already has a limit for a part of the loop, the smaller of the
+    two."""
     of_a_part = draft.get("step_max")
     _add_step(draft, simulation, rest_of(problem, ClosedLoop.of(problem, controller), frozen=False), of_a_part)
 
@@ -93,7 +100,7 @@ def _add_adapting(draft: Draft, problem: TrackingProblem, moving: Rest | NotAppl
 
 
 def add_at_rest(draft: Draft, problem: TrackingProblem, controller: Controller, *, none: str = "") -> None:
-    """Margins with the estimates frozen and with the law inside, of a scheme of which no formula gives these loops here."""
+    """Add margins with frozen estimates and with the law, for a scheme without a formula for these loops."""
     if is_needed(*KEYS_OF_MARGINS.values(), *EACH_INPUT.values(), "sensitivity_peak", "complementary_sensitivity_peak"):
         loop = ClosedLoop.of(problem, controller)
         _add_frozen(draft, problem, loop, rest_of(problem, loop, frozen=True))
@@ -101,7 +108,7 @@ def add_at_rest(draft: Draft, problem: TrackingProblem, controller: Controller, 
 
 
 def add_adapting(draft: Draft, problem: TrackingProblem, controller: Controller, *, none: str = "") -> None:
-    """Add the delay margin with the law inside, of one input; ``none`` says why the scheme has none, if it has none."""
+    """Add the delay margin with the law, for one input; ``none`` is the reason if the scheme has none."""
     loop = ClosedLoop.of(problem, controller)
     if not is_needed("delay_margin_adapting") or loop.inputs > 1 or not loop.parameters:
         return
@@ -113,13 +120,15 @@ def add_adapting(draft: Draft, problem: TrackingProblem, controller: Controller,
 
 
 def _add_frozen(draft: Draft, problem: TrackingProblem, loop: ClosedLoop, still: Rest | NotApplicable) -> bool:
-    """Add the margins with the estimates frozen; whether the loop rests."""
+    """Add the margins with frozen estimates; returns whether the loop has an equilibrium."""
     if isinstance(still, NotApplicable):
         draft.missing("delay_margin", still.why)
         return False
     which = f"{'with its estimates frozen, ' if loop.parameters else ''}linearised {_at(still)}{still.place}"
     if loop.inputs > 1:
-        draft.missing("delay_margin", "of one delay in all inputs it is not known; delay_margin_each is of each alone")
+        draft.missing(
+            "delay_margin", "for a common delay in all inputs it is not known; delay_margin_each is for each input separately"
+        )
         add_margins_of_each(draft, problem, [still.broken_at(i, frozen=True) for i in range(loop.inputs)], which, still.found)
     else:
         add_margins(draft, problem, still.broken(frozen=True), which, rest=still.found)
@@ -132,12 +141,28 @@ def _at(rest: Rest) -> str:
 
 
 def column(problem: TrackingProblem, controller: Controller, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
-    """The class's name, and cells that claim nothing but what was computed."""
+    """The class's name, and cells that claim only what was computed."""
     estimates = ClosedLoop.of(problem, controller).parameters
     unknown = {key: nothing(key, NONE_KNOWN) for key in ("stability", "tracking", "transient", "estimates", "modelling_error")}
     return type(controller).__name__, {
         **unknown,
+        **_of_its_V(certificate),
         **({} if estimates else {"estimates": advice("estimates", "it estimates nothing")}),
         "tuning": estimate("tuning", limits_text(certificate)),
         "margins": margins_cell(certificate),
     }
+
+
+def _of_its_V(certificate: Certificate) -> dict[str, Entry]:
+    """The cells that follow from a V supplied by the law's author."""
+    found = {key: certificate.entry(key) for key in ("lyapunov_decay", "error_bound", "estimates_error_bound", "error_limit")}
+    decay, bound, of_estimates, limit = found.values()
+    cells = {}
+    if decay is not None and bound is not None:
+        cells["stability"] = statement("stability", f"what V holds stays bounded: {decay.value}", *decay.rests_on)
+        cells["transient"] = statement("transient", f"every |e_i| <= {up(bound.value)}", *bound.rests_on)
+    if of_estimates is not None:
+        cells["estimates"] = statement("estimates", f"every |theta_tilde_i| <= {up(of_estimates.value)}", *of_estimates.rests_on)
+    if limit is not None:
+        cells["tracking"] = statement("tracking", "e goes to zero", *limit.rests_on)
+    return cells

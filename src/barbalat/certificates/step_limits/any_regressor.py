@@ -1,11 +1,10 @@
 """The limits of the numerics for any regressor, several inputs and an unknown input gain, from a bound of |phi(x)| on a box.
 
-|x_i| <= |x_m,i| + |e|, and |e| <= nu_0/sqrt(Gamma) by (9), which holds for MRAC with every regressor; for L1-AC it is assumed.
-On that box |phi(x)|_2 is bounded by balls, and omega_a^2 <= Gamma |phi|_2^2 ||b'P b||.
+|x_i| <= |x_m,i| + |e|, and |e| <= nu_0/sqrt(Gamma) by (9), which holds for MRAC with every regressor; for L1-AC it is an
+assumption. On that box ball arithmetic bounds |phi(x)|_2, and omega_a^2 <= Gamma |phi|_2^2 ||b'P b||.
 
-Oscillations are due from the limits with the plant at the model's own motion: there x = x_m, and u is what the parameters
-themselves would make it. A plant with an actuator, a limit or a disturbance does not move so, and has no such limits.
-Source: docs/numerics.md.
+Oscillations are expected beyond the limits for the model's own motion, for which x = x_m and u has its ideal value. A plant with
+an actuator, a limit or a disturbance does not follow that motion, and has no such limits. Source: docs/numerics.md.
 """
 
 from __future__ import annotations
@@ -41,13 +40,13 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, signal_values
 
 MOST_HALVINGS = 60
-"""Gains that are tried below the largest one that could be borne, each half the one before."""
+"""Number of gains tried below the largest possible one, each half the previous one."""
 
 
 def of_lyapunov_law(
     excited: Excited, simulation: Simulation, nu_0: float, filter_poles: Array | None = None, oscillator: FrozenLaw | None = None
 ) -> dict[str, Any]:
-    """adaptation_frequency, gamma_max, step_max under the contract's keys; ``None`` where there is no such limit."""
+    """adaptation_frequency, gamma_max, step_max under the contract's keys; ``None`` if there is no such limit."""
     problem, controller, gamma = excited.problem, excited.controller, excited.controller.gamma
     oscillator = oscillator or under_the_solver(problem, simulation, filter_poles)
     g = Gain(gamma).largest * excited.largest_square(laws.error_level(problem, controller, nu_0))
@@ -63,10 +62,10 @@ def of_lyapunov_law(
 
 @dataclass(frozen=True, eq=False)
 class Excited:
-    """How large the regressor of the law can be.
+    """Bounds of the law's regressor.
 
-    divides_by_gain  whether an unknown input gain's estimate divides u, as in MRAC, where a filter or a predictor does not take
-                     it up again: the coupling is then multiplied by omega/omega_hat
+    divides_by_gain  whether u is divided by the estimate of an unknown input gain, as in MRAC, without a filter or a predictor
+                     that compensates it: the coupling is then multiplied by omega/omega_hat
     """
 
     problem: Problem
@@ -74,7 +73,7 @@ class Excited:
     divides_by_gain: bool
 
     def largest_square(self, error: float) -> float:
-        """The largest |phi|_2^2, with u below phi where its gain is unknown, while no component of e exceeds ``error``."""
+        """The largest |phi|_2^2, with u appended to phi if its gain is unknown, while no component of e exceeds ``error``."""
         problem = self.problem
         bounds = self._model + error
         phi = largest_square(problem.plant.regressor, -bounds, bounds)
@@ -88,11 +87,11 @@ class Excited:
 
     @cached_property
     def _model(self) -> Array:
-        """(n,) bounds of the model's state; a search for a gain asks for them again and again."""
+        """(n,) bounds of the model's state, cached because a search for a gain uses them repeatedly."""
         return np.array(state_bounds(self.problem))
 
     def _largest_theta(self) -> float:
-        """|theta_hat|_2 without the gains: |theta|_2 and the distance that V keeps it from theta, or the known set's."""
+        """A bound of |theta_hat|_2 without the gains: |theta|_2 plus the bound of its error from V, or the known set's."""
         problem = self.problem
         equations, theta = self.controller.bind(problem.known), problem.plant.theta
         error = equations.theta_hat0 - problem.parameters
@@ -104,9 +103,9 @@ class Excited:
 
 
 def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | NotApplicable | None:
-    """The largest Gamma with Gamma |phi|^2 <= largest_g; ``None`` for phi = 0, where no gain is too large.
+    """The largest Gamma with Gamma |phi|^2 <= largest_g; ``None`` for phi = 0, for which no gain is too large.
 
-    |phi|^2 falls with Gamma, since the error does, so that its limit for Gamma -> infinity gives a gain that is too large.
+    |phi|^2 decreases with Gamma, as the error does, so that its limit for Gamma -> infinity gives a gain that is too large.
     """
 
     def bears(gamma: float) -> bool:
@@ -120,15 +119,15 @@ def _largest_gain(excited: Excited, largest_g: float, nu_0: float) -> float | No
     beyond = largest_g / at_rest * (1 + 1e-9)
     found = largest_from(bears, beyond, within=1e-3, least=beyond / 2**MOST_HALVINGS)
     return found or NotApplicable(
-        f"no gain is shown to be borne: the bound of |phi| grows as the gain falls, so that Gamma |phi|^2 stays above the "
-        f"{largest_g:.4g} that the step bears"
+        f"no gain is shown to be tolerated: the bound of |phi| grows as the gain falls, so that Gamma |phi|^2 stays above the "
+        f"{largest_g:.4g} that the step tolerates"
     )
 
 
 def of_lyapunov_law_at_model(
     excited: Excited, simulation: Simulation, filter_poles: Array | None = None, oscillator: FrozenLaw | None = None
 ) -> dict[str, Any]:
-    """gamma_max_at_model and step_max_at_model of the plain law; none of a modified one, nor where phi is no number."""
+    """gamma_max_at_model and step_max_at_model of the plain law; none for a modified law, or if phi is not a number."""
     problem, gamma = excited.problem, excited.controller.gamma
     if laws.is_modified(excited.controller) or departures(problem) or not is_needed(*KEYS_AT_MODEL.values()):
         return {}
@@ -142,7 +141,7 @@ def of_lyapunov_law_at_model(
 
 
 def _largest_square_at_model(problem: Problem, simulation: Simulation) -> float:
-    """The largest |phi|_2^2, with the largest u_j^2 where gains are unknown; infinite where phi is not finite."""
+    """The largest |phi|_2^2, with the largest u_j^2 if gains are unknown; infinite if phi is not finite."""
     import casadi as ca
 
     known = problem.known
@@ -151,7 +150,7 @@ def _largest_square_at_model(problem: Problem, simulation: Simulation) -> float:
     phi, matched = known.matched.regressor(x), known.matched.phi(x).T @ problem.plant.theta
     parts = ca.Function("parts", [state_column], [column(phi), column(np.reshape(matched, -1))])
     phi_m, matched_m = (np.array(part) for part in parts(x_m.T))
-    with np.errstate(over="ignore", invalid="ignore"):  # what is no number has no limit
+    with np.errstate(over="ignore", invalid="ignore"):  # a value that is no number has no limit
         squares = np.sum(phi_m**2, axis=0)
     if known.gains is not None:
         commands = np.stack([signal_values(signal, t) for signal in problem.commands])
@@ -165,9 +164,9 @@ def _largest_square_at_model(problem: Problem, simulation: Simulation) -> float:
 def of_parametric_model_at_model(
     problem: Problem, equations: Equations | robust_mrac_several.Equations, simulation: Simulation, values: dict[str, Any]
 ) -> dict[str, Any]:
-    """The gain limit of a law on (13) with the plant at the model's motion, from ``values``, which hold for |phi|^2 < m_s^2.
+    """The gain limit of a law on (13) at the model's motion, from ``values``, which hold for |phi|^2 < m_s^2.
 
-    phi is x_m after the filters, m_s^2 = 1 + |phi|^2: the dynamic part is not counted, which makes the law slower yet.
+    phi is x_m after the filters, m_s^2 = 1 + |phi|^2: the dynamic part is ignored, which would make the law even slower.
     """
     gamma = values.get("gamma_max")
     if not isinstance(equations, Equations) or not isinstance(gamma, float) or departures(problem):

@@ -1,6 +1,6 @@
 """The contract's limits of the numerics: adaptation_frequency, gamma_max and step_max of a controller under its solver.
 
-All of them are estimates, made before any simulation: they freeze what moves slowly. Source: docs/numerics.md.
+All of them are estimates, made before any simulation with slow quantities frozen. Source: docs/numerics.md.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
-STEP_TOO_LONG = NotApplicable("the step is too long for what is integrated beside the law, whatever its gain")
+STEP_TOO_LONG = NotApplicable("the step is too long for the controller's other states, at any gain of the law")
 
 KEYS_AT_MODEL = {key: f"{key}_at_model" for key in ("gamma_max", "step_max")}
-"""The certificate's names of the limits at the model's own motion."""
+"""The certificate's keys of the limits at the model's motion."""
 
 
 class FrozenLaw(Protocol):
-    """A frozen law and what integrates it: an Oscillator under a solver, a HeldOscillator from sample to sample."""
+    """A frozen law and its integration: an Oscillator under a solver, or a HeldOscillator from sample to sample."""
 
     @property
     def bPb(self) -> float: ...
@@ -46,7 +46,7 @@ class FrozenLaw(Protocol):
 
 
 def under_the_solver(problem: Problem, simulation: Simulation, filter_poles: Array | None) -> Oscillator:
-    """The frozen law beside what is integrated with it: what lies before the plant's inputs, and C(s)."""
+    """The frozen law with the other integrated parts: the dynamics before the plant's inputs, and C(s)."""
     beside = [input_poles(problem), np.zeros(0) if filter_poles is None else filter_poles]
     return Oscillator(problem.known, simulation.solver, np.concatenate(beside))
 
@@ -60,10 +60,10 @@ def of_lyapunov_law(
     filter_poles: Array | None = None,
     oscillator: FrozenLaw | None = None,
 ) -> dict[str, Any]:
-    """Limits of a law theta_hat' = Gamma (e'P b) x, |x|_2 <= offset + factor/sqrt(Gamma), by a matrix' extreme eigenvalues.
+    """Limits of a law theta_hat' = Gamma (e'P b) x, |x|_2 <= offset + factor/sqrt(Gamma), from a matrix's extreme eigenvalues.
 
-    ``None`` for gamma_max where no gain is too large, which takes x = 0, and for a matrix; why not where none is shown to be
-    borne.
+    gamma_max is ``None`` if no gain is too large, which requires x = 0, and for a matrix; it is a reason if no gain is shown to
+    be tolerated.
     """
     oscillator = oscillator or under_the_solver(problem, simulation, filter_poles)
     root_g = math.sqrt(Gain(gamma).largest) * (offset + factor / math.sqrt(least_gain(gamma)))  # of x'Gamma x
@@ -82,10 +82,9 @@ def of_the_motion(
     oscillator: FrozenLaw | None = None,
     filter_poles: Array | None = None,
 ) -> dict[str, Any]:
-    """The limits with |x| as large as the case's own command makes |x_m|, under keys of their own.
+    """The limits for |x| as large as |x_m| under the case's own command, under separate keys.
 
-    Where the bound of |x| is far above what the command asks for, oscillations are seen at these limits; the others are on the
-    safe side.
+    If the bound of |x| is far above the motion for this command, oscillations begin at these limits; the others are conservative.
     """
     if not is_needed(*KEYS_AT_MODEL.values()):
         return {}
@@ -95,9 +94,10 @@ def of_the_motion(
 
 
 def with_modifications(values: dict[str, Any], controller: ModifiedScheme, simulation: Simulation) -> dict[str, Any]:
-    """Return the limits with what a leakage and a memory add: the estimates decay by themselves, at up to Gamma (w + gamma_c R).
+    """Return the limits with the contribution of a leakage and a memory: the estimates decay by themselves, at up to Gamma (w +
+    gamma_c R).
 
-    A gain at which that ends is not looked for. Where nothing bounds w or R (an epsilon-modification, a memory without
+    The gain up to which that is stable is not computed. If w or R has no bound (an epsilon-modification, a memory without
     forgetting and capacity), there is no step_max.
     """
     law, learning = controller.leakage, controller.learning
@@ -123,8 +123,8 @@ def _largest_gain(root_g: float, offset: float, factor: float) -> float | NotApp
         return STEP_TOO_LONG
     if room <= 0:
         return NotApplicable(
-            "no gain is shown to be borne: |x| is known to fall with 1/sqrt(Gamma) only, so that sqrt(Gamma) |x| may be "
-            f"{factor:.4g} at every gain, and the step bears {root_g:.4g}"
+            "no gain is shown to be tolerated: |x| is known to fall with 1/sqrt(Gamma) only, so that sqrt(Gamma) |x| may be "
+            f"{factor:.4g} at every gain, and the step tolerates {root_g:.4g}"
         )
     return None if offset == 0 else (room / offset) ** 2
 
@@ -132,7 +132,7 @@ def _largest_gain(root_g: float, offset: float, factor: float) -> float | NotApp
 def of_parametric_model(
     problem: Problem, equations: Equations | robust_mrac_several.Equations, simulation: Simulation
 ) -> dict[str, Any]:
-    """Limits of a law on the parametric model (13), whose adaptation is a decay: no estimate moves the regressor."""
+    """Limits of a law on the parametric model (13), whose adaptation is a decay: the estimates don't affect the regressor."""
     filters = [np.linalg.eigvals(problem.known.A_m), input_poles(problem), np.array([-equations.normalization.delta_0])]
     if equations.Q is not None:
         filters.append(np.linalg.eigvals(equations.Q.A))
@@ -141,7 +141,8 @@ def of_parametric_model(
 
 
 def of_decay(law: AdaptiveLaw, simulation: Simulation, others: float) -> dict[str, Any]:
-    """step_max and gamma_max of a law whose adaptation is a decay; ``others`` is the largest step that all else bears."""
+    """step_max and gamma_max of a law whose adaptation is a decay; ``others`` is the largest step that everything else
+    tolerates."""
     limit, values = simulation.solver.real_limit, dict[str, Any]()
     if isinstance(law, RatedLaw) and (fastest := law.fastest_rate) is not None:
         values["step_max"] = min(others, limit / fastest)
@@ -151,5 +152,5 @@ def of_decay(law: AdaptiveLaw, simulation: Simulation, others: float) -> dict[st
 
 
 def input_poles(problem: TrackingProblem) -> Array:
-    """Return the poles of what lies before the plant's inputs, which is integrated beside the adaptation."""
+    """Return the poles of the dynamics before the plant's inputs, which are integrated together with the adaptation."""
     return np.concatenate([np.zeros(0) if path.dynamics is None else path.dynamics.poles for path in problem.plant.paths])

@@ -1,14 +1,14 @@
-"""The largest gain and step that a solver bears: the frozen, damped oscillator of adaptation against its region of stability.
+"""The largest gain and step that a solver tolerates: the frozen, damped oscillation of adaptation and its region of stability.
 
-With x frozen, x_tilde' = A_m x_tilde - b theta_tilde'x, theta_tilde' = Gamma (x_tilde'P b) x moves along q = theta_tilde'x only:
+With x frozen, x_tilde' = A_m x_tilde - b theta_tilde'x, theta_tilde' = Gamma (x_tilde'P b) x moves only along q = theta_tilde'x:
 x_tilde' = A_m x_tilde - b q, q' = g b'P x_tilde, so that its modes depend on g = Gamma |x|^2 alone. With several inputs q has an
-entry for each, with any phi(x) its square takes the place of |x|^2.
+entry for each; for any phi(x), |phi|^2 takes the place of |x|^2.
 
-Where MRAC's law takes Euler steps while the plant moves on with its input held, q and e go from sample to sample as
+If MRAC's law takes Euler steps while the plant continues with its input held, q and e go from sample to sample as
 
     e_next = e^(A_m T) e - integral_0^T e^(A_m s) ds b q,   q_next = q + T g b'P e,   g = Gamma |x|^2,
 
-which is exact for the plant. What a solver of differential equations would bear plays no part. Source: docs/numerics.md.
+which is exact for the plant. The limits of a solver of differential equations are then irrelevant. Source: docs/numerics.md.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from barbalat.validate import Array
 
 
 def largest_step(simulation: Simulation, modes: Array) -> float:
-    """The largest step up to which no mode is amplified by the solver alone."""
+    """The largest step up to which the solver amplifies no stable mode."""
     beyond = 2 * simulation.solver.reach / float(np.abs(modes).max())
     return largest(lambda h: not amplifies(simulation, h, modes), 0.0, beyond)
 
 
 def amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
-    """Whether the method amplifies a mode: |R| exceeds max(1, |e^z|) by so much that it makes a factor e up to t_end."""
+    """Whether the method amplifies a mode: |R| exceeds max(1, |e^z|) by enough to give a factor e up to t_end."""
     z = h * modes
     with np.errstate(divide="ignore"):
         spurious = np.log(np.abs(simulation.solver.amplification(z))) - np.maximum(z.real, 0)
@@ -40,7 +40,8 @@ def amplifies(simulation: Simulation, h: float, modes: Array) -> bool:
 
 
 GAIN_FRACTIONS = np.geomspace(1e-16, 1.0, 600)
-"""Fractions of the largest g that are looked at beside g = 0: a mode of A_m may leave the region before the oscillation does."""
+"""Fractions of the largest g that are checked in addition to g = 0: a mode of A_m may leave the region before the
+oscillation does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +52,12 @@ class FrozenErrorSystem:
 
     @property
     def b(self) -> Array:
-        """(n, m)."""
+        """The matrix b, (n, m)."""
         return np.asarray(self.known.b.reshape(self.known.n, -1))
 
     @property
     def bPb(self) -> float:
-        """b'P b; with several inputs its largest eigenvalue, which is the fastest direction's."""
+        """b'P b; with several inputs its largest eigenvalue, which belongs to the fastest direction."""
         return float(np.linalg.eigvalsh(self.b.T @ self.known.P @ self.b)[-1])
 
 
@@ -64,14 +65,14 @@ class FrozenErrorSystem:
 class Oscillator(FrozenErrorSystem):
     """The frozen error system of a problem under a solver.
 
-    beside   eigenvalues of what else is integrated and does not depend on g: the input filter, an actuator
+    beside   eigenvalues of the other integrated parts, which don't depend on g: the input filter, an actuator
     """
 
     solver: Tableau
     beside: Array
 
     def modes(self, g: Array) -> Array:
-        """Eigenvalues for g > 0, (K,) -> (K, n + m); q is scaled by sqrt(g), which keeps the matrix of one size."""
+        """Eigenvalues for g > 0, (K,) -> (K, n + m); q is scaled by sqrt(g), which balances the matrix."""
         n, m = self.b.shape
         root_g = np.sqrt(g)[:, None, None]
         matrices = np.zeros((len(g), n + m, n + m))
@@ -82,17 +83,17 @@ class Oscillator(FrozenErrorSystem):
 
     @property
     def fixed(self) -> Array:
-        """What is there at g = 0 already: A_m's own modes, and those beside it."""
+        """The eigenvalues that exist at g = 0: A_m's own modes, and those of the other parts."""
         return np.concatenate([np.linalg.eigvals(self.known.A_m), self.beside])
 
     def largest_g(self, h: float) -> float:
-        """The largest g up to which no mode is amplified at the step h; 0 where A_m or what is beside it is too fast already.
+        """The largest g up to which no mode is amplified at the step h; 0 if A_m or another part is already too fast.
 
-        On the imaginary axis, where the solver has a piece of it, the oscillator's damping is not counted on.
+        If the solver's region includes a piece of the imaginary axis, the oscillator's damping is neglected.
         """
         if self._amplified(h * self.fixed):
             return 0.0
-        grid = 100 * (self.solver.reach / h) ** 2 / self.bPb * GAIN_FRACTIONS  # the last is beyond every explicit method's reach
+        grid = 100 * (self.solver.reach / h) ** 2 / self.bPb * GAIN_FRACTIONS  # the last is beyond every explicit method's region
         first = int(np.argmax(self._amplified(h * self.modes(grid))))
         low = grid[first - 1] if first else 0.0
         found = largest(lambda g: not self._amplified(h * self.modes(np.array([g]))[0]), low, grid[first])
@@ -102,7 +103,7 @@ class Oscillator(FrozenErrorSystem):
     def largest_step(self, g: float) -> float:
         """The largest step at which no mode is amplified for any frozen gain from 0 to g.
 
-        By bisection: along a ray into the left half plane the registered solvers leave their regions once (tested).
+        By bisection: along a ray into the left half plane the registered solvers leave their regions only once (tested).
         """
         modes = self.fixed if g == 0 else np.concatenate([self.fixed, self.modes(g * GAIN_FRACTIONS).ravel()])
         beyond = 2 * self.solver.reach / float(np.abs(modes).max())
@@ -111,15 +112,15 @@ class Oscillator(FrozenErrorSystem):
         return min(step, limit / math.sqrt(g * self.bPb)) if limit > 0 and g > 0 else step
 
     def _amplified(self, z: Array) -> Array:
-        """Whether a mode along the last axis grows, by more than an eigenvalue's rounding."""
+        """Whether a mode along the last axis grows by more than the rounding error of an eigenvalue."""
         rounding = 10 * z.shape[-1] * np.finfo(float).eps * np.abs(z).max(axis=-1, keepdims=True)
         return np.asarray((self.solver.growth(z) > rounding).any(axis=-1))
 
 
 TRIAL_RATIO = 1.1
-"""Between two gains or sample times that are tried, upward from one that must be borne: the first exit counts."""
+"""Ratio of successive gains or sample times, upwards from one inside the region; the first exit counts."""
 HELD_FRACTIONS = np.geomspace(1e-6, 1.0, 40)
-"""Of the largest g, at all of which a sample time is tried."""
+"""Fractions of the largest g at which a sample time is checked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +129,7 @@ class HeldOscillator(FrozenErrorSystem):
 
     def largest_g(self, T: float) -> float:
         """The largest g up to which no mode grows at the sample time T [s]."""
-        start = (1e-6 / T) ** 2 / self.bPb  # turns q by 1e-6 in a sample
+        start = (1e-6 / T) ** 2 / self.bPb  # rotates q by 1e-6 in a sample
         return largest_from(lambda g: not self._grows(T, np.array([g])), start, factor=TRIAL_RATIO, least=start)
 
     def largest_step(self, g: float) -> float:
@@ -138,7 +139,8 @@ class HeldOscillator(FrozenErrorSystem):
         return largest_from(lambda T: not self._grows(T, g * HELD_FRACTIONS), start, factor=TRIAL_RATIO, least=start)
 
     def _grows(self, T: float, g: Array) -> bool:
-        """If |1 + T mu|^2 - 1 = T (2 Re mu + T |mu|^2) > 0 for an eigenvalue mu of (map - I)/T: nothing cancels against 1."""
+        """Whether |1 + T mu|^2 - 1 = T (2 Re mu + T |mu|^2) > 0 for an eigenvalue mu of (map - I)/T, computed without
+        cancellation."""
         from scipy.linalg import expm
 
         known, n, b = self.known, self.known.n, self.b

@@ -1,1 +1,1 @@
-"""Every scheme tuned under one rule, then measured on plants, commands and noise that no tuning saw."""
+"""Every scheme tuned under one rule, then measured on validation plants, commands and noise."""

@@ -1,9 +1,10 @@
-"""The contest: entrants, the rule's search for each, then all of them on what no tuning saw."""
+"""The contest: entrants, the rule's search for each, then all of them on validation plants, commands and noise."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from barbalat.comparison.contest.rule import (
     DEFAULT_PLANTS,
     DEFAULT_TRIALS,
     Rule,
+    added_noise,
     default_delay_margin,
     with_noise,
 )
@@ -43,9 +45,9 @@ from barbalat.targets import CONTEST
 from barbalat.validate import InputError, Named, counted
 
 DEFAULT_MEMBERS = 200
-"""Held-out runs: the median of a ratio then has an interval of 7 % of the runs to either side."""
+"""Number of validation runs: the median of a ratio then has an interval of 7 % of the runs to either side."""
 TUNING_SHARE = 0.85
-"""Of the time, about; the rest is the held-out runs'."""
+"""Approximate share of the time; the validation runs take the rest."""
 
 
 def contest(
@@ -64,17 +66,17 @@ def contest(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Contest:
-    """Tune every scheme under one rule, and measure those that meet it on plants, commands and noise that no tuning saw.
+    """Tune every scheme under one rule, and measure those that meet it on validation plants, commands and noise.
 
     case          a case file, a bundled case's name, or a ``Case``: its problem and its simulation; its own controllers take part
-                  only where their class is from outside and says what is tuned of it
+                  only if their class is from outside and declares tuned settings
     delay_margin  [s]; by default ``default_delay_margin``
     until         "onset": a margin ends where the loop begins to oscillate; "loss": where it loses its motion
-    schemes       by their names in case files; by default all that say what is tuned of them and take the problem
-    sample_time   with which all run sampled [s]; by default what is continuous stays so
-    noise         share of the model's motion, where the case has no noise of its own
-    members       held-out runs
-    The rest as of ``Rule``. Raises InputError.
+    schemes       by their names in case files; by default all that declare tuned settings and take the problem
+    sample_time   sample time of all controllers [s]; by default continuous ones stay continuous
+    noise         share of the model's motion, if the case has no noise of its own
+    members       number of validation runs
+    Further arguments as in ``Rule``. Raises InputError.
     """
     whole = case if isinstance(case, Case) else load_case(case)
     problem = posed(whole.problem)
@@ -88,14 +90,16 @@ def contest(
     entrants, left_out = entrants_of(noisy, whole.simulation, schemes=schemes, own=own, sample_time=sample_time)
     if not entrants:
         raise InputError(f"no scheme takes part: {'; '.join(left_out)}")
-    return compete(
+    found = compete(
         noisy, whole.simulation, entrants, rule, judge=whole.judge, members=members, left_out=left_out, threads=threads,
         progress=progress,
     )  # fmt: skip
+    said = added_noise(problem, noisy, noise)
+    return found if said is None else replace(found, notes=(said, *found.notes))
 
 
 def posed(problem: TrackingProblem) -> Problem:
-    """InputError for what no contest can be held on."""
+    """The problem, if a contest can be held on it; InputError otherwise."""
     CONTEST.require(problem)
     assert isinstance(problem, Problem)
     return problem
@@ -110,15 +114,17 @@ def compete(
     judge: Judge | None = None,
     members: int = DEFAULT_MEMBERS,
     left_out: Sequence[str] = (),
+    finer: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Contest:
-    """Tune every entrant on the problem under the rule, then measure those that meet it on ``members`` runs that it never saw.
+    """Tune every entrant on the problem under the rule, then measure those that meet it on ``members`` validation runs.
 
-    judge     what counts as following, as lost and as a limit cycle; by default derived from the model's motion
-    left_out  sentences on who does not take part, which are handed on
+    judge     the criteria for following, for being lost and for a limit cycle; by default derived from the model's motion
+    left_out  sentences on schemes that do not take part, which are passed on
+    finer     whether the first validation run of each command is repeated with a finer step
 
-    Raises InputError for a problem without a known set, and for entrants of one name.
+    Raises InputError for a problem without a known set, and for entrants with the same name.
     """
     started, judge = time.perf_counter(), judge or Judge()
     _require(problem, simulation, entrants, rule, members)
@@ -136,7 +142,7 @@ def compete(
     held = measure(qualified, draws, rule, simulation, judge=judge, threads=threads, progress=rest)
     ordered = sorted(tuned, key=lambda one: _rank(one, held))
     best = [one for one in ordered if one.meets]
-    again = measured_again(best, draws, rule, simulation, held, judge=judge, threads=threads)
+    again = measured_again(best, draws, rule, simulation, held, judge=judge, threads=threads) if finer else {}
     pairs = [paired((a.name, held[a.name]), (b.name, held[b.name])) for a, b in combinations(ordered, 2) if a.meets and b.meets]
     return Contest(
         problem=problem,
@@ -145,7 +151,7 @@ def compete(
         thetas=np.array([parameters_of(one) for one in family]),
         entrants=tuple(ordered),
         draws=draws,
-        held_out=Named.of("entrant that meets the rule", held),
+        held_out=Named.of("entrant that satisfies the rule", held),
         pairs=tuple(pairs),
         left_out=tuple(left_out),
         notes=tuple(_notes(problem, simulation, ordered, again, rule)),
@@ -155,14 +161,15 @@ def compete(
 
 
 class _Shared:
-    """The rule's plants, with what the model and the loop that knows theta do there: found once for all that read them alike."""
+    """The rule's plants, with the motion of the model and of the loop with known theta; computed once for all entrants that
+    read the plants in the same way."""
 
     def __init__(self, family: Sequence[Problem], rule: Rule, simulation: Simulation) -> None:
         self.family, self.rule, self.simulation = family, rule, simulation
         self.found: list[Plants] = []
 
     def read_by(self, entrant: Entrant) -> Plants:
-        """As this entrant reads them."""
+        """The plants as this entrant reads them."""
         problems = [entrant.reads(problem) for problem in self.family]
         for one in self.found:
             if all(a is b for a, b in zip(one.problems, problems, strict=True)):
@@ -186,15 +193,15 @@ def _require(problem: Problem, simulation: Simulation, entrants: Sequence[Entran
 
 
 RUNS_EACH_TRIAL = 22
-"""As on the template's case: of all plants and modelling errors together, four plants."""
+"""As for the template's case: four plants, including modelling errors."""
 STEP_SECONDS = 1e-8
-"""Of a member's step: 3 ns for a small loop, and most of a scheme's are larger."""
+"""Seconds per step of a member: 3 ns for a small loop; most loops are larger."""
 HELD_OUT = Estimate(memory=20e3, seconds=2e-3)
-"""Of a held-out run's plant and command, beside its steps."""
+"""Seconds for the plant and command of a validation run, in addition to its steps."""
 
 
 def _require_budget(simulation: Simulation, entrants: int, rule: Rule, members: int) -> None:
-    """InputError where the plants, the trials on them or the held-out runs are beyond the budget."""
+    """InputError if the plants, the trials on them or the validation runs exceed the budget."""
     steps = entrants * simulation.steps * STEP_SECONDS
     searched = Estimate(seconds=steps * RUNS_EACH_TRIAL / DEFAULT_PLANTS)
 
@@ -218,15 +225,15 @@ def _rank(one: Qualified, held: dict[str, Validation]) -> tuple[bool, int, float
 def _notes(
     problem: Problem, simulation: Simulation, tuned: Sequence[Qualified], again: Mapping[str, Remeasured], rule: Rule
 ) -> list[str]:
-    """Sentences on what the result is not."""
+    """Sentences on the limits of the result."""
     said = []
     for one in tuned:
         if not one.meets:
-            also = f" at a step {FINER_BY} times smaller as well" if one.refused else ""
-            said.append(f"{one.name}: none of {counted(one.trials, 'tuning')} meets the rule{also}")
+            also = f" even at a step {FINER_BY} times smaller" if one.refused else ""
+            said.append(f"{one.name}: none of {counted(one.trials, 'tuning')} satisfies the rule{also}")
         elif one.refused:
             said.append(
-                f"{one.name}: better tunings, {len(one.refused)} of them, meet the rule at the step of the case alone: "
+                f"{one.name}: better tunings, {len(one.refused)} of them, satisfy the rule only at the step of the case: "
                 f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{one.name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
@@ -235,7 +242,7 @@ def _notes(
         said.append(NOISE_SENTENCE)
     for one in tuned:
         if one.at_edge:
-            said.append(f"{one.name}: {' and '.join(one.at_edge)} at the end of what was searched; beyond it may be better")
+            said.append(f"{one.name}: {' and '.join(one.at_edge)} at the end of the search range; values beyond it may be better")
     said += _starts(problem, tuned)
     if ReferenceMotion.of(problem, simulation).comes_to_rest:
         said.append(REST_SENTENCE)
@@ -243,7 +250,7 @@ def _notes(
 
 
 def _starts(problem: Problem, tuned: Sequence[Qualified]) -> list[str]:
-    """Sentences on who does not start with the same knowledge as the others."""
+    """Sentences on entrants whose initial knowledge differs from that of the others."""
     said = []
     for one in tuned:
         read = one.entrant.reads(problem)
@@ -252,10 +259,10 @@ def _starts(problem: Problem, tuned: Sequence[Qualified]) -> list[str]:
             continue
         if one.start is None:
             if theta_set.middle.any() and len(initial_estimates(read, one.controller)):
-                said.append(f"{one.name}: its estimates are not known to be theta's, and start where the scheme itself says")
+                said.append(f"{one.name}: its estimates are not known to be those of theta, and start at the scheme's own values")
         elif not np.array_equal(one.start, theta_set.middle):
             said.append(
                 f"{one.name} starts with estimates of {validate.show(one.start)}, and not in the middle of the known set, "
-                f"{validate.show(theta_set.middle)}: its class has no field theta_hat0 that is left to the contest"
+                f"{validate.show(theta_set.middle)}: its class has no field theta_hat0 that the contest may set"
             )
     return said

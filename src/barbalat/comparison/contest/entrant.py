@@ -1,4 +1,4 @@
-"""Who takes part: schemes with the settings that are tuned."""
+"""Entrants of a contest: schemes with the settings that are tuned."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.cases.build import Case
 from barbalat.comparison.grids import reach_of
-from barbalat.comparison.ranges import Range, Space
+from barbalat.comparison.ranges import BEYOND_GRID, Range, Space
 from barbalat.controllers import SCHEMES, BaselineAlone, Sampled
 from barbalat.controllers.sampled import DISCRETIZATIONS
 from barbalat.controllers.tuning_grid import Tunable, TuningGrid
@@ -25,14 +25,17 @@ from barbalat.settings import Settings
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
+SAMPLED_GAINS_BEYOND = 100.0
+"""The gain of a sampled law is not limited by the solver's step; its range must end somewhere."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Entrant(Settings):
     """A scheme in a contest.
 
-    knobs  what is tuned, each from its least to its largest value in the logarithm; ``make`` builds the controller. Without any
+    knobs  the tuned settings, each searched over its range on a logarithmic scale; ``make`` builds the controller. Without knobs
            the controller takes part as it is
-    reads  the contest's problem as the scheme reads it, the same plant with another regressor; by default as it stands
+    reads  the contest's problem as the scheme reads it, the same plant with another regressor; by default unchanged
     """
 
     knobs: TuningGrid
@@ -50,17 +53,18 @@ class Entrant(Settings):
         """The ranges in which the entrant's numbers are searched."""
         found = {}
         for name, values in self.knobs.values.items():
-            found[FieldPath((name,))] = Range(float(min(values)), float(max(values)), logarithmic=True)
+            beyond = BEYOND_GRID if name in self.knobs.open else 1.0
+            found[FieldPath((name,))] = Range(float(min(values)) / beyond, float(max(values)) * beyond, logarithmic=True)
         return Space(found)
 
     def controller(self, row: Sequence[float] | Array) -> Controller:
-        """With these numbers for the knobs."""
+        """The controller with these numbers for the knobs."""
         return self.knobs.make(**dict(zip(self.knobs.values, map(float, row), strict=True)))
 
     def starting_at(self, theta_hat0: Array) -> Entrant:
-        """The entrant with its estimates at ``theta_hat0`` (p,) at the start, where its class has a field of that name.
+        """The entrant with its estimates starting at ``theta_hat0`` (p,), if its class has a field of that name.
 
-        What ``knobs`` has set to something else than the field's default stays.
+        If ``knobs`` has set another value than the field's default, that value stays.
         """
         make = self.knobs.make
 
@@ -87,7 +91,7 @@ class Entrant(Settings):
 
 @dataclass(frozen=True, eq=False)
 class VariedEntrant(Varied):
-    """An entrant's tunings, as cases with its controller alone."""
+    """An entrant's tunings, as cases with only its controller."""
 
     entrant: Entrant
     problem: Problem
@@ -114,37 +118,42 @@ def entrants_of(
     sample_time: float | None = None,
     ours: bool = True,
 ) -> tuple[list[Entrant], list[str]]:
-    """The registered schemes that say what is tuned of them and take the problem; and, as sentences, who is left out.
+    """The registered schemes that declare tuned settings and take the problem; and sentences on those that are left out.
 
     schemes      their names in case files; by default all
-    own          controllers from outside: those that say what is tuned of them take part too
-    sample_time  all run sampled [s], by midpoint forms, or by Euler steps where a scheme has none; by default what is
-                 continuous stays so
+    own          controllers from outside: those that declare tuned settings take part too
+    sample_time  all run sampled [s], in midpoint form, or by Euler steps if a scheme has none; by default continuous ones stay
+                 continuous
     ours         whether the registered schemes take part
 
-    All start from the same knowledge: estimates in the middle of the known set, or at a baseline's, which linear designs assume
-    as well; a baseline takes part alone. Where
-    the input saturates each with what it has against windup. One from outside starts there where its class has a field
-    ``theta_hat0``, or its ``knobs`` pass on ``reach.theta_hat0``; of another one ``starts.start_of`` says where it starts.
+    All start with the same knowledge: estimates in the middle of the known set, or at a baseline's, which linear designs assume
+    as well; a baseline takes part alone. If the input saturates, each scheme uses its remedy against windup. A controller from
+    outside starts there if its class has a field ``theta_hat0``, or if its ``knobs`` pass on ``reach.theta_hat0``; for any other,
+    ``starts.start_of`` reports its start.
     """
     if unknown := [name for name in schemes if name not in SCHEMES]:
         raise InputError(f"--schemes must be of {', '.join(SCHEMES)}, got {validate.show(unknown[0])}")
     reach, how = reach_of(problem, simulation)
     theta_set, theta_0 = problem.known.theta_set, problem.known.theta_0
+    unresolved = f"gains above {reach.highest_gain:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate)"
+    left_out = [f"{unresolved}, are not tried"]
+    if sample_time is not None:
+        reach = reach.sampled(sample_time, SAMPLED_GAINS_BEYOND)
+        left_out = [
+            f"gains above {SAMPLED_GAINS_BEYOND:g} times {unresolved.removeprefix('gains above ')} of a continuous law, and time "
+            f"constants below half a sample, {reach.times[0]:g} s, are not tried"
+        ]
     reach = replace(
         reach,
         theta_hat0=theta_0 if theta_0 is not None or theta_set is None else theta_set.middle,
         saturated=problem.known.saturation is not None,
-        sample_time=sample_time or reach.sample_time,
     )
-    unresolved = f"gains above {reach.highest_gain:.3g}, which h = {simulation.dt:g} s does not resolve ({how}: an estimate)"
-    left_out = [f"{unresolved}, are not tried"]
     asked = schemes or [name for name, kind in SCHEMES.items() if kind is not BaselineAlone or theta_0 is not None]
     candidates = [(name, SCHEMES[name]) for name in (asked if ours else ())]
     found, outside = [], {id(one) for one in own}
     for name, one in [*candidates, *((one.name, one) for one in own)]:
         if not isinstance(one, Tunable):
-            left_out.append(f"{name} is left out: nothing says which of its settings are tuned")
+            left_out.append(f"{name} is omitted: its tunable settings are not declared")
             continue
         entrant = Entrant(knobs=one.knobs(reach))
         if id(one) in outside and reach.theta_hat0 is not None:
@@ -155,12 +164,12 @@ def entrants_of(
                 entrant = _sampled(entrant, problem, sample_time)
             found.append(entrant)
         except InputError as error:
-            left_out.append(f"{entrant.name} is left out: {error}")
+            left_out.append(f"{entrant.name} is omitted: {error}")
     return found, left_out
 
 
 def _sampled(entrant: Entrant, problem: Problem, sample_time: float) -> Entrant:
-    """By its midpoint form, or by Euler steps where it has none."""
+    """The entrant's midpoint form, or Euler steps if it has none."""
     of_its_own = isinstance(bound(problem, _first(entrant)), Discretizable)
     found = entrant.sampled(sample_time, DISCRETIZATIONS[0 if of_its_own else 1])
     bound(problem, _first(found))
@@ -168,12 +177,12 @@ def _sampled(entrant: Entrant, problem: Problem, sample_time: float) -> Entrant:
 
 
 def _from_the_middle(entrant: Entrant, problem: Problem, middle: Array) -> Entrant:
-    """The entrant from outside with its estimates there, or as it is where its class means something else by ``theta_hat0``."""
+    """The entrant from outside with its estimates there, or unchanged if its class uses ``theta_hat0`` in another sense."""
     moved = entrant.starting_at(middle)
     try:
         bound(problem, _first(moved))
     except InputError:
-        return entrant  # it is refused for itself, or starts where it starts, which ``starts`` tells
+        return entrant  # it is refused for another reason, or has its own start, which ``starts`` reports
     return moved
 
 
@@ -191,5 +200,5 @@ def _with_start(controller: Any, theta_hat0: Array) -> Any:
 
 
 def _first(entrant: Entrant) -> Controller:
-    """With the least of each knob."""
+    """The controller with the smallest value of each knob."""
     return entrant.controller([values[0] for values in entrant.knobs.values.values()])

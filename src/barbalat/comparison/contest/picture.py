@@ -17,13 +17,13 @@ if TYPE_CHECKING:
     from barbalat.comparison.contest.validation import Validation
 
 EACH_HEIGHT = 0.42
-"""Of an entrant's line with its name above it [in]."""
+"""Height [in] of an entrant's line with its name above it."""
 
 
 def draw(found: Contest, *, narrow: bool = False, shown: bool = False) -> Figure:
     """Errors of all held-out runs of those that meet the rule, the first on top; a cross: on the worst of the tuning's plants."""
     if not found.held_out:
-        raise InputError("no entrant meets the rule, so that there are no held-out runs to draw")
+        raise InputError("no entrant satisfies the rule, so there are no validation runs to draw")
     theme, names = Theme.current(), [one.name for one in found.entrants if one.name in found.held_out]
     figure = new_figure(NARROW if narrow else WIDE, 1.3 + EACH_HEIGHT * len(names), shown=shown, layout="constrained")
     axes = figure.add_subplot()
@@ -36,7 +36,8 @@ def draw(found: Contest, *, narrow: bool = False, shown: bool = False) -> Figure
     axes.set_yticks([])
     axes.set_ylim(-len(names) + 0.4, 0.8)
     axes.set_xlabel("RMS |e| / RMS |x$_m$| (× where it was tuned)" if narrow else
-                    "RMS |e| over RMS |x$_m$| of each held-out run (× on the worst plant of the tuning)", fontsize=9)  # fmt: skip
+                    "RMS |e| over RMS |x$_m$| of each validation run (× on the worst plant of the "
+                    "tuning)", fontsize=9)  # fmt: skip
     axes.tick_params(labelsize=9)
     axes.grid(visible=True, axis="x", linewidth=0.3)
     axes.spines[["top", "right", "left"]].set_visible(False)

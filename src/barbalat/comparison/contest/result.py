@@ -1,4 +1,5 @@
-"""What a contest found: who meets the rule and with what slack, who fails on what no tuning saw, what differs beyond chance."""
+"""The result of a contest: which entrants meet the rule and with what slack, their failures in validation, and significant
+differences."""
 
 from __future__ import annotations
 
@@ -31,10 +32,10 @@ class Paired:
     Plants and noise are independent draws and the commands a fixed set with equally many plants each: the number below a value is
     then a sum of independent draws of unequal chances, of which a binomial interval covers at least as often (Hoeffding, 1956).
 
-    ratio     median of the first's error over the second's; infinite or 0 where half of the runs failed on one side alone
+    ratio     median of the first's error over the second's; infinite or 0 if half of the runs failed for only one of the two
     interval  of the ratio
-    better, worse  share of the runs in which the first has the smaller, or the larger, error; with a run that failed on one side
-    both_failed    runs, which are neither
+    better, worse  share of the runs in which the first has the smaller, or the larger, error; a failed run counts as larger
+    both_failed    number of runs in which both failed, which count for neither
     """
 
     first: str
@@ -47,7 +48,7 @@ class Paired:
 
     @property
     def settled(self) -> bool:
-        """Whether the interval lies to one side of 1."""
+        """Whether the interval is on one side of 1."""
         return self.interval[1] < 1 or self.interval[0] > 1
 
     def as_json(self) -> dict[str, object]:
@@ -82,7 +83,7 @@ def paired(first: tuple[str, Validation], second: tuple[str, Validation]) -> Pai
 
 
 def log_ratios(a: Array, b: Array) -> Array:
-    """(M,) log(a/b); 0 where both failed, infinite where one did."""
+    """(M,) log(a/b); 0 if both failed, infinite if one did."""
     both = np.isinf(a) & np.isinf(b)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(both, 0.0, np.log(a) - np.log(b))
@@ -90,14 +91,14 @@ def log_ratios(a: Array, b: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Contest(Plotted):
-    """All entrants, those first that meet the rule, then by failures on what no tuning saw, then by the median of their error.
+    """All entrants: those that meet the rule first, ordered by validation failures, then by the median of their error.
 
-    problem   what was posed, its noise included
+    problem   the problem, including its noise
     thetas    (P, p) of the tuning's plants
-    held_out  by names; of those that meet the rule
-    pairs     of these, each with every one that stands behind it
-    again     by names, some held-out runs once more at a finer step
-    left_out  sentences on who does not take part and what was not tried
+    held_out  by name, for those that meet the rule
+    pairs     pairs of these, each with every one ranked below it
+    again     by name, some validation runs repeated with a finer step
+    left_out  sentences on schemes that do not take part and on what was not tried
     """
 
     problem: Problem
@@ -119,7 +120,7 @@ class Contest(Plotted):
 
     def _said(self, one: Qualified) -> str:
         if one.name not in self.held_out:
-            return "does not meet the rule"
+            return "does not satisfy the rule"
         held = self.held_out[one.name]
         return f"{held.quantiles['median']:.3g} ({int(held.lost.sum())} of {len(held.lost)} failed)"
 
@@ -129,16 +130,16 @@ class Contest(Plotted):
         return ReferenceMotion.of(self.problem, self.simulation).rms
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """The error of every held-out run of every entrant, as a Matplotlib figure; InputError where nobody meets the rule.
+        """The error of every validation run of every entrant, as a Matplotlib figure; InputError if no entrant meets the rule.
 
-        shown  to a person at once, by pyplot where that is in use
+        shown  whether it is displayed at once, if pyplot is in use
         """
         from barbalat.comparison.contest.picture import draw
 
         return draw(self, shown=shown)
 
     def __getitem__(self, name: str) -> Qualified:
-        """The entrant of this name; KeyError for another one."""
+        """The entrant of this name; KeyError for an unknown one."""
         return Named.of("entrant", {one.name: one for one in self.entrants})[name]
 
     def as_json(self) -> dict[str, Any]:
@@ -163,5 +164,5 @@ class Contest(Plotted):
         return {
             **one.as_json(self.rule),
             "held_out": None if held is None else held.as_json(),
-            "held_out_at_finer_step": None if held is None else dict(vars(self.again[one.name])),
+            "held_out_at_finer_step": None if one.name not in self.again else dict(vars(self.again[one.name])),
         }

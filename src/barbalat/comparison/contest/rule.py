@@ -1,4 +1,4 @@
-"""The rule under which every scheme is tuned, and what a case lacks for it: a delay margin to ask for, measurement noise."""
+"""The rule under which every scheme is tuned, and defaults for what a case lacks: a required delay margin, measurement noise."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from barbalat.study.verdicts import Criterion
 from barbalat.validate import InputError
 
 DEFAULT_GAIN_MARGIN = 1.5
-"""Factor: what is asked of flight control systems is 6 dB, a factor of 2, of which simulated plants of a known set often leave no
-scheme at all; 3.5 dB is what many of them can be asked."""
+"""Factor: flight control systems require 6 dB, a factor of 2, which often excludes every scheme on the plants of a known
+set; many schemes can satisfy 3.5 dB."""
 DEFAULT_PLANTS, DEFAULT_TRIALS = 4, 384
-"""As of ``tune``."""
+"""As in ``tune``."""
 OBJECTIVE_FIGURE = "rms_e"
 DELAY_KEYS = {Criterion.ONSET: "delay_margin_measured", Criterion.LOSS: "delay_margin_simulated"}
 GAIN_KEYS = {Criterion.ONSET: "gain_margin_measured", Criterion.LOSS: "gain_margin_simulated"}
@@ -33,14 +33,15 @@ GAIN_KEYS = {Criterion.ONSET: "gain_margin_measured", Criterion.LOSS: "gain_marg
 
 @dataclass(frozen=True, kw_only=True, init=False)
 class Rule(Settings):
-    """A scheme's tuning is the one with the least RMS |e| on the worst of the plants among those that keep both margins there.
+    """A scheme's tuning is the one with the smallest RMS |e| on the worst of the plants, among those that keep both margins
+    there.
 
-    delay_margin  added at the plant's input [s]
-    gain_margin   factor above 1: the input's effectiveness multiplied by it, and divided by it
-    until         what a loop that bears them does not do: "onset", begin to oscillate, or "loss", lose its motion
-    plants        the problem's own and so many less one of its known set
-    trials        tunings that are tried of each scheme
-    seed          of the plants, the searches, the held-out plants, commands and noise
+    delay_margin  additional delay at the plant's input [s]
+    gain_margin   factor above 1: the input's effectiveness is multiplied and divided by it
+    until         what a loop that tolerates them must not do: "onset", begin to oscillate, or "loss", lose its motion
+    plants        number of plants: the problem's own and others from its known set
+    trials        number of tunings tried for each scheme
+    seed          of the plants, the searches, the validation plants, commands and noise
     also          further constraints of the tuning, such as "max_abs_u <= 10"
     """
 
@@ -81,7 +82,7 @@ class Rule(Settings):
 
     @property
     def constraints(self) -> tuple[Constraint, Constraint]:
-        """On the delay, on the gain."""
+        """On the delay and on the gain."""
         delay = Constraint.parse(f"{DELAY_KEYS[self.until]} >= {self.delay_margin!r}")
         return delay, Constraint.parse(f"{GAIN_KEYS[self.until]} >= {self.gain_margin!r}")
 
@@ -111,14 +112,13 @@ class Rule(Settings):
 
 
 MOST_CORNERS = 1024
-"""Of a known box that are looked at."""
+"""Largest number of corners of a known box that are checked."""
 
 
 def default_delay_margin(problem: Problem, simulation: Simulation) -> float:
-    """A tenth of the fastest time constant among the model and, where phi(x) = x, the corners of the known set [s]; two digits.
+    """A tenth of the fastest time constant of the model and, for phi(x) = x, of the corners of the known set [s]; two digits.
 
-    What lies between controller and plant is then taken to begin a decade above what the equations describe. At least four
-    solver steps.
+    Unmodelled dynamics are then assumed to begin a decade above those of the equations. At least four solver steps.
     """
     plant, known = problem.plant, problem.known.theta_set
     matrices = [plant.A_m]
@@ -131,13 +131,13 @@ def default_delay_margin(problem: Problem, simulation: Simulation) -> float:
 
 
 DEFAULT_NOISE_SHARE = 1e-3
-"""Of the model's largest motion, in each state: about one bit of ten, as of a plain sensor."""
+"""Share of the model's largest motion, for each state: about one bit of ten, as for a simple sensor."""
 
 
 def with_noise(problem: Problem, share: float, simulation: Simulation, sample_time: float, seed: int) -> Problem:
-    """The problem, with Gaussian noise where it has none; ``share`` 0 leaves it without.
+    """The problem, with Gaussian noise added if it has none; ``share`` 0 leaves it without.
 
-    sample_time  about how long a value is held [s]: the nearest whole number of solver steps
+    sample_time  approximate time for which a value is held [s]: the nearest whole number of solver steps
     """
     if problem.noise is not None or share == 0:
         return problem
@@ -147,3 +147,16 @@ def with_noise(problem: Problem, share: float, simulation: Simulation, sample_ti
     held = simulation.dt * steps
     noise = Noise(std=[share * each for each in ReferenceMotion.of(problem, simulation).of_each], sample_time=held, seed=seed)
     return problem.with_sensor(lambda own: Sensor(noise=noise) if own is None else replace(own, noise=noise))
+
+
+def added_noise(problem: Problem, noisy: Problem, share: float) -> str | None:
+    """A sentence on the noise that ``with_noise`` has added; None if the case has its own, or none was requested."""
+    if problem.noise is not None or noisy.noise is None:
+        return None
+    each = ", ".join(f"{float(std):.3g}" for std in np.atleast_1d(noisy.noise.std))
+    names = ", ".join(problem.measured_names)
+    return (
+        f"the case has no measurement noise: Gaussian noise of {100 * share:.3g} % of the model's largest motion is added "
+        f"(standard deviation of {names}: {each}; a new value every {noisy.noise.sample_time:.3g} s); state the sensor's own in "
+        "[sensor.noise]"
+    )

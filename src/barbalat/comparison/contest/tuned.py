@@ -32,7 +32,7 @@ from barbalat.study.verdicts import Criterion
 from barbalat.validate import Array
 
 EDGE_SHARE = 0.02
-"""Of a knob's range: a tuning so near to an end would perhaps have gone on."""
+"""Share of a parameter's range: a tuning this close to an end might be better beyond it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,12 +61,12 @@ class Qualified:
     error        RMS |e| on the worst of the tuning's plants; infinite where it diverged
     margins      by each criterion, on the worst of these plants
     own          what its designers look at, by keys of its certificate, as far as the certificate claims it
-    settled      how much of the error the second half of the trials has taken away, from 0 to 1; None where the first half
+    settled      how much of the error the second half of the trials has taken away, from 0 to 1; None if the first half
                  found nothing that meets the rule
-    at_edge      knobs that lie at an end of their range
+    at_edge      knobs that lie at an end of their range, beyond which something else lies
     sample_time  with which it runs [s]; None for a continuous one
-    start        (p,) of its estimates of theta; None where it has none, or none that are known to be theta's
-    step         what a finer step says of the tuning; None where it does not meet the rule at the case's step either
+    start        (p,) of its estimates of theta; None if it has none, or none that are known to be theta's
+    step         what a finer step says of the tuning; None if it does not meet the rule at the case's step either
     refused      the same of better tunings, which meet the rule at the case's step alone
     verdict      the judge's on the tuning's run, on the case's own plant
     """
@@ -225,4 +225,6 @@ def _settled(trials: list[Trial], rule: Rule) -> float | None:
 def _at_edge(entrant: Entrant, row: Array) -> tuple[str, ...]:
     shares = [one.share(float(value)) for one, value in zip(entrant.space.ranges.values(), row, strict=True)]
     near = [share is None or min(share, 1 - share) < EDGE_SHARE for share in shares]
-    return tuple(name for name, close in zip(entrant.knobs.values, near, strict=True) if close)
+    return tuple(
+        name for name, close in zip(entrant.knobs.values, near, strict=True) if close and name not in entrant.knobs.whole
+    )

@@ -27,11 +27,11 @@ from barbalat.sweeps.statistics import Median, Share
 from barbalat.validate import Array, counted
 
 VALIDATION_COMMANDS = 8
-"""Of which each is followed by an equal number of plants: enough to fill the kernel's lanes."""
+"""Number of commands, each with the same number of plants: enough to fill the kernel's lanes."""
 AMPLITUDE_FACTORS = (0.5, 1.5)
-"""Of the case's command: what a tuning on one size of it says of others is what a neutral comparison must ask."""
+"""Factors of the case's command: a neutral comparison must test a tuning with other command sizes."""
 PACE_FACTORS = (0.5, 2.0)
-"""Of the case's command, an octave to either side."""
+"""Factors of the case's frequency, an octave to either side."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class Draws:
 
 
 VALIDATION_SEED = 1
-"""After the rule's: another one, so that no plant of the tuning comes again."""
+"""Added to the rule's seed, so that no plant of the tuning occurs again."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -174,9 +174,9 @@ class Remeasured:
 
     def sentence(self, name: str, dt: float) -> str:
         """The finding as a sentence."""
-        again = f"{name}: of {counted(self.runs, 'held-out run')} once more at h = {dt:g} s"
+        again = f"{name}: of {counted(self.runs, 'held-out run')} repeated at h = {dt:g} s"
         if not (self.verdicts or self.errors):
-            return f"{again} none has another verdict or another error"
+            return f"{again} none changes its verdict or its error"
         return (
             f"{again} another verdict is given on {self.verdicts}, and the error of {self.errors} differs by more than "
             f"{EQUAL_FIGURES_SHARE:.0%}: part of what is counted is the solver's, make simulation.dt smaller"

@@ -17,7 +17,7 @@ from barbalat.protocols import Controller
 from barbalat.validate import InputError
 
 NEGATIVE_ZERO = re.compile(r"-0\.(?![0-9])")
-"""Which a transfer function does not keep apart from 0."""
+"""A value that a transfer function does not distinguish from 0."""
 
 
 def with_controller(text: CaseText, controller: Controller) -> str:
@@ -30,7 +30,8 @@ def with_controller(text: CaseText, controller: Controller) -> str:
     tables.append(tomlkit.item(_table(controller)))
     document["controller"] = tables
     written = tomlkit.dumps(document)
-    (read,) = replace(text, text=written, own=None).case().controllers
+    controllers = replace(text, text=written, own=None).case().controllers  # a baseline joins them alone
+    read = next(one for one in controllers if one.name == controller.name)
     if NEGATIVE_ZERO.sub("0.", repr(read)) != NEGATIVE_ZERO.sub("0.", repr(controller)):
         raise InputError(f"{controller.name} is read back from its case file as {read!r} instead of {controller!r}")
     return written
@@ -43,7 +44,7 @@ def _table(controller: Any) -> dict[str, Any]:
         controller = controller.controller
     scheme = {kind.__name__: name for name, kind in SCHEMES.items()}.get(type(controller).__name__)
     if scheme is None:
-        raise InputError(f"{controller.name} is of no registered scheme, and no case file names it")
+        raise InputError(f"{controller.name} does not belong to a registered scheme, so a case file cannot name it")
     return {"name": controller.name, "scheme": scheme, **_given(controller), **sampling}
 
 
@@ -79,4 +80,4 @@ def _plain(value: Any) -> Any:
     if is_dataclass(value):
         kind = {law.__name__: name for name, law in LAWS.items()}.get(type(value).__name__)
         return _given(value) if kind is None else {"kind": kind, **_given(value)}
-    raise InputError(f"{value!r} can't be said in a case file")
+    raise InputError(f"{value!r} cannot be expressed in a case file")

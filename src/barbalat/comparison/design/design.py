@@ -1,4 +1,4 @@
-"""A guided design: every scheme and the fixed loop tuned under a specification, measured, and one recommended or none."""
+"""A guided design: every scheme and the fixed loop tuned under a specification and measured, with at most one recommendation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from barbalat.certificates.linear_loops.margin_values import finite
 from barbalat.comparison.contest.contest import compete, posed
 from barbalat.comparison.contest.entrant import Entrant, entrants_of
 from barbalat.comparison.contest.result import Contest
-from barbalat.comparison.contest.rule import DEFAULT_NOISE_SHARE, Rule, default_delay_margin, with_noise
+from barbalat.comparison.contest.rule import DEFAULT_NOISE_SHARE, Rule, added_noise, default_delay_margin, with_noise
 from barbalat.comparison.contest.tuned import Qualified
 from barbalat.comparison.design.meeting import FIGURES, Step, measured, model_settling
 from barbalat.comparison.plants import plants_of
@@ -30,25 +30,33 @@ from barbalat.validate import InputError
 
 DEFAULT_PLANTS, DEFAULT_TRIALS, DEFAULT_MEMBERS = 3, 288, 64
 LEAST_GAIN = 1.001
-"""Of a rule where the specification asks for no gain: next to none."""
+"""The rule's gain margin if the specification requires none: almost none."""
 STEP_MEMBERS = 16
-"""Held-out plants on which steps are measured; each is two recorded runs."""
+"""Validation plants with measured step responses; each takes two recorded runs."""
 SEARCH_SHARE = 0.85
-"""Of the time, about."""
+"""Approximate share of the time."""
 ASKED_IN_WORDS = {
     "settling": "settles in {:.3g} s", "overshoot": "overshoots by {:.3g} of the step", "u_max": "demands |u| up to {:.4g}",
-    "noise": "has noise shake u by {:.3g} of its largest value", "delay": "tolerates {:.3g} s of added delay",
-    "gain": "tolerates the gain times and over {:.3g}",
+    "noise": "has noise in u of {:.3g} of its largest value", "delay": "tolerates {:.3g} s of added delay",
+    "gain": "tolerates the gain multiplied and divided by {:.3g}",
 }  # fmt: skip
+
+
+class NobodyTakesPart(InputError):
+    """No entrant takes the case; ``left_out`` are sentences with the reasons."""
+
+    def __init__(self, left_out: Sequence[str]) -> None:
+        super().__init__(f"no scheme takes part: {'; '.join(left_out)}")
+        self.left_out = tuple(left_out)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Candidate:
-    """A tuned entrant beside the specification.
+    """A tuned entrant compared with the specification.
 
     worst     by requirement, the value on the worst of the tuning's plants
-    factor    by requirement, how much of what is allowed is used: above 1 it is not met
-    held_out  by requirement, the share of the held-out plants on which it is not met
+    factor    by requirement, the used share of the admissible value: above 1 it is not met
+    held_out  by requirement, the share of the validation plants on which it is not met
     """
 
     tuned: Qualified
@@ -66,8 +74,13 @@ class Candidate:
 
     @property
     def tightest(self) -> str:
-        """The requirement of which most is used: what fails first."""
+        """The requirement with the largest used share, which fails first."""
         return max(self.factor, key=self.factor.__getitem__)
+
+    @property
+    def broken(self) -> str:
+        """The requirements that validation plants do not meet, and how many; empty if they meet all."""
+        return ", ".join(f"{name} on {one.count} of {one.judged}" for name, one in self.held_out.items() if one.count)
 
     @property
     def sentence(self) -> str:
@@ -76,10 +89,7 @@ class Candidate:
         if not misses:
             said = ", ".join(_said(name, value) for name, value in self.worst.items())
             return said if self.tuned.meets else f"{said}; but no tuning of it meets every constraint of the search"
-        by = {
-            name: "beyond any factor" if np.isinf(value) else f"{value:.3g} times what is allowed"
-            for name, value in misses.items()
-        }
+        by = {name: "beyond any factor" if np.isinf(value) else f"{value:.3g} times the limit" for name, value in misses.items()}
         return "misses " + "; ".join(f"{name}: {_said(name, self.worst[name])}, {how}" for name, how in by.items())
 
     def as_json(self) -> dict[str, Any]:
@@ -100,7 +110,10 @@ def _said(name: str, value: float) -> str:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
-    """The result of ``design``: candidates, those that meet the specification first, and the contest that tuned them."""
+    """The result of ``design``: candidates, those that meet the specification first, and the contest that tuned them.
+
+    added_noise  a sentence on the measurement noise that the design adds because the case has none; None if it has its own
+    """
 
     case: Case
     specification: Specification
@@ -109,28 +122,34 @@ class Design:
     model_settling: float
     candidates: tuple[Candidate, ...]
     contest: Contest
+    added_noise: str | None = None
 
     @property
     def recommended(self) -> Candidate | None:
-        """The first candidate that meets everything; None where none does."""
+        """The first candidate that meets everything; None if none does."""
         return self.candidates[0] if self.candidates[0].meets else None
 
     @property
     def controller(self) -> Controller:
-        """The recommended one, or the nearest miss."""
+        """The recommended controller, or the one that misses the specification least."""
         return self.candidates[0].tuned.controller
 
     @property
     def reasons(self) -> list[str]:
-        """Plain sentences: what is recommended and why, what fails first, what none of them can change."""
+        """Plain sentences: the recommendation and its reasons, what fails first, and what no scheme can change."""
         first = self.candidates[0]
         said = []
         if first.meets:
             said.append(f"{first.name} is recommended: it {first.sentence}")
+            if first.broken:
+                said.append(
+                    f"it meets the specification on the tuning's plants, but on validation plants it fails {first.broken}: with "
+                    "--plants more of them take part in the tuning"
+                )
             others = [one.name for one in self.candidates[1:] if one.meets]
             if others:
                 also = "meets" if len(others) == 1 else "meet"
-                said.append(f"{', '.join(others)} {also} the specification too, with larger errors on held-out plants")
+                said.append(f"{', '.join(others)} {also} the specification too, with larger errors on validation plants")
             said.append(f"what fails first is {first.tightest}: {first.factor[first.tightest]:.0%} of what is allowed is used")
         else:
             said.append("none of the schemes meets the specification")
@@ -141,6 +160,9 @@ class Design:
                 f"the reference model itself settles in {self.model_settling:.3g} s where {asked:.3g} s is asked: "
                 "make its poles faster, since controllers follow it"
             )
+        if self.added_noise is not None:
+            decides = "" if self.specification.noise is None else ", on which the required noise share of u depends"
+            said.append(f"{self.added_noise}{decides}")
         return said
 
     def as_json(self) -> dict[str, Any]:
@@ -148,14 +170,21 @@ class Design:
         asked = {name: value for name, value in vars(self.specification).items() if value is not None}
         first = self.recommended
         contest = self.contest.as_json()
-        contest.pop("seconds")  # the rest is the same in every bit when the command is run again
+        contest.pop("seconds")  # the rest is bit for bit the same when the command is repeated
         return {
             "case": self.case.name, "specification": asked, "sample_time": self.sample_time,
             "judged": {"component": self.step.name, "rest": self.step.rest, "band": self.step.band},
-            "model_settling": finite(self.model_settling),
+            "model_settling": finite(self.model_settling), "added_noise": self._added_as_json(),
             "recommended": None if first is None else first.name, "reasons": self.reasons,
             "candidates": {one.name: one.as_json() for one in self.candidates}, "contest": contest,
         }  # fmt: skip
+
+    def _added_as_json(self) -> dict[str, Any] | None:
+        """The noise that the design added, in the plant's units."""
+        noise = self.contest.problem.noise
+        if self.added_noise is None or noise is None:
+            return None
+        return {"std": np.atleast_1d(noise.std).tolist(), "sample_time": noise.sample_time, "meaning": self.added_noise}
 
 
 def design(
@@ -172,27 +201,30 @@ def design(
     own: Sequence[Controller] = (),
     as_set: Sequence[Controller] = (),
     ours: bool = True,
+    held_out_steps: bool = True,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Design:
     """Let every scheme and the fixed loop compete under a specification, and recommend one or none.
 
     All are tuned for the smallest RMS error on the worst of some plants, among the tunings that tolerate the specified delay and
-    gain factors and demand no more than ``u_max``. Then settling, overshoot, demand and the noise's share are measured on these
-    plants and on held-out ones.
+    gain factors and demand no more than ``u_max``. Then settling, overshoot, demand and the effect of noise are measured on these
+    plants and on validation plants.
 
     specification  by default the case's ``[specification]``
-    sample_time    with which all run [s]; by default that of the case's first sampled controller, or else a tenth of the fastest
-                   time constant of model and known set
-    own            controllers from outside that are tuned too, by what they say of it
+    sample_time    sample time of all controllers [s]; by default that of the case's first sampled controller, or else a tenth of
+                   the fastest time constant of model and known set
+    noise          share of the model's largest motion, added and reported if the case has no noise of its own
+    own            controllers from outside that are tuned too, by their declared settings
     as_set         controllers that take part as they are
     ours           whether the registered schemes take part
-    The rest as of ``contest``. Raises InputError.
+    held_out_steps  whether steps are measured on validation plants too, and validation runs are repeated with a finer step
+    Further arguments as in ``contest``. Raises InputError.
     """
     whole = case if isinstance(case, Case) else load_case(case)
     asked = specification or whole.specification
     if asked is None:
-        raise InputError("the case has no [specification], which says what a design must meet, such as settling and u_max")
+        raise InputError("the case has no [specification], which states the requirements on a design, such as settling and u_max")
     validate.instance("specification", asked, Specification)
     problem, simulation = posed(whole.problem), whole.simulation
     simulation.require_steps("a design")
@@ -208,14 +240,14 @@ def design(
     entrants, left_out = entrants_of(noisy, simulation, schemes=schemes, own=own, sample_time=held, ours=ours)
     entrants += [Entrant.as_set(one) for one in as_set]
     if not entrants:
-        raise InputError(f"no scheme takes part: {'; '.join(left_out)}")
+        raise NobodyTakesPart(left_out)
     found = compete(
-        noisy, simulation, entrants, rule, judge=whole.judge, members=members, left_out=left_out, threads=threads,
-        progress=part_of(progress, 0, SEARCH_SHARE),
+        noisy, simulation, entrants, rule, judge=whole.judge, members=members, left_out=left_out,
+        finer=held_out_steps, threads=threads, progress=part_of(progress, 0, SEARCH_SHARE),
     )  # fmt: skip
     assert noisy.uncertainty is not None
     tuning = plants_of(noisy, noisy.uncertainty, plants, seed)
-    unseen = found.draws.problems[: min(STEP_MEMBERS, len(found.draws))]
+    unseen = found.draws.problems[: min(STEP_MEMBERS, len(found.draws))] if held_out_steps else []
     candidates = []
     for i, one in enumerate(found.entrants):
         candidates.append(_candidate(one, tuning, unseen, step, whole, asked))
@@ -225,6 +257,7 @@ def design(
     return Design(
         case=replace(whole, problem=problem), specification=asked, step=step, sample_time=held,
         model_settling=model_settling(noisy, step), candidates=tuple(candidates[i] for i in order), contest=found,
+        added_noise=added_noise(problem, noisy, noise),
     )  # fmt: skip
 
 
@@ -237,7 +270,8 @@ def _sample_time(case: Case, problem: Problem) -> float:
 
 
 def _rank(one: Candidate, place: int) -> tuple[bool, float, int]:
-    """Those that meet everything in the contest's order; then by the largest miss, of which no tuning is infinite."""
+    """Those that meet everything come first, in the contest's order; then by the largest miss, which is infinite without a
+    tuning."""
     return not one.meets, 0.0 if one.meets else max(one.factor.values()), place
 
 
@@ -254,7 +288,8 @@ def _candidate(
             continue
         worst[name] = float(known[name].max())
         factor[name] = _used(worst[name], limit)
-        shares[name] = Share.of(np.array([_used(float(value), limit) > 1 for value in held[name]]))
+        if unseen:
+            shares[name] = Share.of(np.array([_used(float(value), limit) > 1 for value in held[name]]))
     if asked.delay is not None:
         worst["delay"] = one.delay_margin_measured
         factor["delay"] = np.inf if worst["delay"] <= 0 else asked.delay / worst["delay"]
@@ -265,5 +300,5 @@ def _candidate(
 
 
 def _used(value: float, limit: float) -> float:
-    """The share of what is allowed that is used; of nothing allowed, infinite where something is used."""
+    """The used share of the admissible value; for an admissible value of zero, infinite if anything is used."""
     return value / limit if limit > 0 else 0.0 if value == 0 else np.inf

@@ -19,9 +19,9 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 INSTANTS = 4096
-"""At which the command is looked at for its size, and of a recorded step."""
+"""Number of instants at which the size of the command is evaluated, and of a recorded step response."""
 SETTLINGS, DECAYS = 4.0, 8.0
-"""A step is simulated for so many times the settling that is asked, and for so many of the model's slowest time constants."""
+"""Duration of a simulated step, as multiples of the required settling time and of the model's slowest time constant."""
 FIGURES = ("settling", "overshoot", "u_max", "noise")
 
 
@@ -49,8 +49,8 @@ class Step:
         A, B, _ = problem.model.matrices
         rest = -np.linalg.solve(A, B @ np.array([one.amplitude for one in commands]))
         if not rest.any():
-            raise InputError("a design needs a command that moves the model: its step response is what is specified")
-        names, follow = problem.measured_names, problem.reference_model.follow
+            raise InputError("a design needs a command that moves the model: the specification concerns its step response")
+        names, follow = problem.followed_names, problem.reference_model.follow
         component = names.index(follow) if isinstance(follow, str) and follow in names else int(np.argmax(np.abs(rest)))
         name, size = names[component], abs(float(rest[component]))
         slowest = 1 / float(np.abs(np.linalg.eigvals(A).real).min())

@@ -1,1 +1,1 @@
-"""The search for settings: what is asked of them, which are tried, on which plants they are judged, which is best."""
+"""The search for settings: the aim, the trials, the plants on which they are judged, and the choice of the best."""

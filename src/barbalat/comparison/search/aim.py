@@ -1,4 +1,4 @@
-"""What a tuning is for: one quantity, under constraints, over plants of the known set; and what one tuning that was tried has."""
+"""The aim of a tuning: one quantity, under constraints, over plants of the known set; and the results of one trial."""
 
 from __future__ import annotations
 
@@ -24,15 +24,15 @@ from barbalat.study.ideal_benchmark import SIZES_TRIED, Ideals, Undelayed
 from barbalat.validate import Array, InputError
 
 DEFAULT_PLANTS = 4
-"""The case's own and three more, as in a trade-off."""
+"""Number of plants: the case's own and three more, as in a trade-off."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Aim:
-    """quantity is made small, or large with ``maximize``; the constraints are kept.
+    """the quantity is minimised, or with ``maximize`` maximised, under the constraints.
 
-    plants    the case's own and ``plants`` - 1 others of its known set, drawn by ``seed``; its own alone where there is none
-    quantile  of the plants on which a constraint is kept and the quantity is reached: 1, the worst of them, by default
+    plants    the case's own and ``plants`` - 1 others from its known set, drawn by ``seed``; only its own without a set
+    quantile  share of the plants on which a constraint is met and the quantity is reached: by default 1, the worst of them
     """
 
     quantity: TunedQuantity
@@ -60,7 +60,7 @@ class Aim:
         seed: int,
         labels: Labels | None = None,
     ) -> Aim:
-        """The aim that a person writes; components may go by their ``labels``."""
+        """The aim from text as users write it; components may have their ``labels``."""
         return cls(
             quantity=TunedQuantity(by_index(objective, labels), larger_is_worse=not maximize),
             maximize=maximize,
@@ -76,12 +76,12 @@ class Aim:
 
     @property
     def keys(self) -> frozenset[str]:
-        """The keys of a certificate that are asked for."""
+        """The keys of a certificate that are needed."""
         return frozenset(one.key for one in self.quantities if one.origin is Origin.CERTIFICATE)
 
     @property
     def errors(self) -> tuple[ModellingError, ...]:
-        """With which runs are made, each once."""
+        """The modelling errors of the runs, each once."""
         return tuple(dict.fromkeys(error for one in self.quantities for error in one.errors))
 
     def asks(self, origin: Origin) -> bool:
@@ -89,18 +89,18 @@ class Aim:
 
     @property
     def asks_linear_delays(self) -> bool:
-        """Whether a delay margin of a linear loop is asked for, which knows no limits."""
+        """Whether a delay margin of a linear loop is needed, which ignores limits."""
         return any(key in LINEAR_DELAYS for key in self.keys)
 
     @property
     def longest(self) -> float:
-        """Delay that is asked for [s], or 0."""
+        """The required delay [s], or 0."""
         delays = [one for one in self.constraints if DelayError() in one.quantity.errors]
         asked = [one.requirement.limit for one in delays]
         return max([0.0, *asked])
 
     def signed(self, value: float) -> float:
-        """The quantity as what is made small."""
+        """The quantity with the sign for minimisation."""
         return -value if self.maximize else value
 
     def family(self, case: Case) -> list[TrackingProblem]:
@@ -115,10 +115,10 @@ class Aim:
 class Trial:
     """One tuning.
 
-    value     the quantity; None where it was not looked at or the case can't be made
-    found     of each constraint, as far as it was looked at
-    complete  whether everything was
-    refused   why no case can be made of it
+    value     the quantity; None if it was not evaluated or the case can't be built
+    found     the value of each constraint that was evaluated
+    complete  whether everything was evaluated
+    refused   why no case can be built
     undelayed  its runs without a modelling error, on the plants
     """
 
@@ -132,7 +132,7 @@ class Trial:
     undelayed: Undelayed | None = None
 
     def meets(self, aim: Aim) -> bool:
-        """Every constraint, and the quantity has a value."""
+        """Whether every constraint is met and the quantity has a value."""
         whole = self.complete and self.value is not None and bool(np.isfinite(self.value))
         return whole and all(one.holds(self.found[one]) for one in aim.constraints)
 
@@ -153,7 +153,7 @@ class Plants:
         problems: Sequence[TrackingProblem] | None = None,
         sizes: Mapping[ModellingError, Array] | None = None,
     ) -> Plants:
-        """The plants of the aim, or others; for modelling errors of any size, or of these ``sizes`` alone."""
+        """The plants of the aim, or others; for modelling errors of any size, or only of these ``sizes``."""
         given, simulation = aim.family(case) if problems is None else list(problems), case.simulation
         longest = max(aim.longest, longest_delay(simulation))
         if sizes is None:
@@ -180,9 +180,9 @@ class StepCheck:
     """One tuning at a step FINER_BY times smaller.
 
     dt       the finer step [s]
-    value    the aim's figure there; None where no run tells it
-    broken   sentences: constraints that it does not meet there
-    changed  sentences: figures that are other ones there
+    value    the aim's figure there; None if no run gives it
+    broken   sentences on constraints that it does not meet there
+    changed  sentences on figures that differ there
     plain    the tuning's run without a modelling error at the step of the case
     """
 
@@ -199,7 +199,7 @@ class StepCheck:
 
     @property
     def sentences(self) -> list[str]:
-        """What the result is not; first of all, where nothing has changed, that."""
+        """Sentences on the limits of the result; if nothing has changed, that comes first."""
         said = [*self.broken, *self.changed]
         if not said and self.plain.settles:
             said = [f"a step {FINER_BY} times smaller confirms it"]

@@ -1,4 +1,4 @@
-"""Members of a search run with modelling errors beside their plants: do they bear what is asked, and how much do they bear."""
+"""Runs of a search's members with modelling errors: whether they tolerate a requirement, and how much they tolerate."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from barbalat.validate import Array
 
 @dataclass(eq=False)
 class Question:
-    """Do these loops bear ``limit`` of the modelling error of ``ideals``, a delay [s] for one, by one criterion?
+    """Whether these loops tolerate ``limit`` of the modelling error of ``ideals``, for example a delay [s], by one criterion.
 
-    Those of ``sizes`` below it are tried, and ``limit`` itself: where ``sizes`` are those of ``margins_ensemble``, a loop that
-    bears ``limit`` by that function bears it here. ``undelayed`` are the runs without an error; ``numbers`` as there.
+    Those of ``sizes`` below it are tried, and ``limit`` itself: if ``sizes`` are those of ``margins_ensemble``, a loop that
+    tolerates ``limit`` by that function tolerates it here. ``undelayed`` are the runs without an error; ``numbers`` as there.
     """
 
     members: Sequence[Member]
@@ -42,12 +42,12 @@ class Question:
         self.smaller = [size for size in map(float, self.sizes) if size < self.limit]
 
     def bears(self, group: Array, *, graded: bool, below: bool = True, among: Array | None = None) -> Array:
-        """(M,) the largest size that is borne, up to ``limit``; 0 where none is, or where that is not looked for.
+        """(M,) the largest tolerated size, up to ``limit``; 0 if there is none, or if it is not searched for.
 
-        group   (M,) members of one number stand and fall together: where one is lost at ``limit``, the others are not run again
-        graded  whether it is looked for where ``limit`` is not borne: from there down, in the steps of the scan
-        below   whether those that bear ``limit`` are tried with less, too: they may be lost before, and saved again
-        among   (M,) whether a member is looked at; by default all are
+        group   (M,) members with the same number are decided together: if one is lost at ``limit``, the others are not run again
+        graded  whether the size is searched for if ``limit`` is not tolerated: from there down, in the steps of the scan
+        below   whether those that tolerate ``limit`` are also tried with less: they may be lost in between
+        among   (M,) whether a member is examined; by default all are
         """
         found, lost = np.zeros(len(self.members)), np.ones(len(self.members), dtype=bool)
         usable = self._usable() if among is None else np.intersect1d(self._usable(), np.flatnonzero(among))
@@ -62,16 +62,16 @@ class Question:
 
     @property
     def runs(self) -> int:
-        """Simulations made."""
+        """Number of simulations."""
         return self.judged.runs
 
     def _usable(self) -> Array:
-        """The members that follow their model without a delay, and don't oscillate where that is asked."""
+        """The members that follow their model without a delay, and don't oscillate if that is required."""
         well = self.judged.tracks
         return np.flatnonzero(well & ~self.judged.oscillates if self.criterion is Criterion.ONSET else well)
 
     def _look_below(self, chosen: Array, found: Array) -> None:
-        """Try members that bear ``limit`` with less, from the smallest size on."""
+        """Try members that tolerate ``limit`` with less, from the smallest size on."""
         for before, size in zip([0.0, *self.smaller], self.smaller, strict=False):
             lost = self._lost(chosen, size)
             found[chosen[lost]] = before
@@ -104,7 +104,7 @@ class Probing:
     runs: int = 0
 
     def bears(self, probe: Probe, undelayed: Undelayed, limit: float, group: Array, *, graded: bool, below: bool) -> Array:
-        """(M,) the size of the probe's errors that is borne, up to ``limit``; the rest as of ``Question.bears``.
+        """(M,) the tolerated size of the probe's errors, up to ``limit``; further arguments as in ``Question.bears``.
 
         undelayed  the members' runs without an error
         """
@@ -125,11 +125,11 @@ class Probing:
             borne = question.bears(group, graded=graded, below=below, among=among)
             self.runs += question.runs
             found = np.where(among, np.minimum(found, borne), found)
-            among &= ~np.isin(group, group[found < limit])  # what is lost by one error is not tried with the next
+            among &= ~np.isin(group, group[found < limit])  # members lost by one error are not tried with the next
         return found
 
     def margins(self, probe: Probe, asked: float | None) -> Array:
-        """(M,) the size of the probe's errors that is borne, however much that is; what is ``asked`` is among those tried."""
+        """(M,) the tolerated size of the probe's errors, without a limit; the ``asked`` size is among those tried."""
         found = []
         for each in self.each_margin(probe, asked):
             found.append((each.onset if probe.criterion is Criterion.ONSET else each.loss).bears)

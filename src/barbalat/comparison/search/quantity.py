@@ -1,4 +1,4 @@
-"""What a tuning is judged by: figures of its runs, the delays that it bears in simulation, values of its certificate."""
+"""The quantities of a tuning: figures of its runs, tolerated delays in simulation, values of its certificate."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ FIGURE_NAMES = tuple(field.name for field in fields(Metrics) if field.name != "d
 
 @dataclass(frozen=True)
 class Probe:
-    """What runs with a modelling error tell: of several errors the one of which the least is borne.
+    """The quantity from runs with a modelling error: for several errors, the one that is tolerated least.
 
-    none  the value that stands for no error at all: the size is counted from there
+    none  the value that represents no error: the size is measured from there
     """
 
     errors: tuple[ModellingError, ...]
@@ -43,22 +43,24 @@ PROBES = {
     "gain_onset_simulated": Probe(_GAINS, Criterion.ONSET, 1.0),
     "gain_margin_simulated": Probe(_GAINS, Criterion.LOSS, 1.0),
 }
-"""Delays [s] by the keys of ``certify --simulate``; factors by which the input's effectiveness may be multiplied and divided."""
+"""Margins by the keys of ``certify --simulate``: delays [s], and factors by which the input's effectiveness may be
+multiplied and divided."""
 
 
 OF_A_LINEAR_LOOP = frozenset(
     [*EACH_INPUT, *EACH_INPUT.values(), "delay_margin_adapting", "complementary_sensitivity_peak", "margins_over_known_set"]
 )
 LINEAR_DELAYS = ("delay_margin", "delay_margin_each", "delay_margin_adapting")
-"""Of these, the delay margins."""
+"""The delay margins among them."""
 LINEAR_SENTENCE = (
-    "{key} is of a linear loop: it knows no limit, rate limit or quantisation of the input and no moving command, and a loop "
-    "with them may be in a limit cycle far below it; delay_margin_measured asks the loop in motion"
+    "{key} "
+    "is that of a linear loop without input limits, rate limits, quantisation and a changing command; with these a loop may "
+    "be in a limit cycle at a much smaller delay; delay_margin_measured simulates the loop in motion"
 )
 
 
 class Origin(Enum):
-    """How a value is found, from what costs least to what costs most."""
+    """How a value is found, from the cheapest to the most expensive way."""
 
     RUN = "run"
     CERTIFICATE = "certificate"
@@ -69,7 +71,7 @@ class Origin(Enum):
 class TunedQuantity:
     """A figure of ``run --json``, with an index or for all components, or a key of ``certify --json``.
 
-    larger_is_worse  which side of several components, plants, or of an enclosure is the one that counts
+    larger_is_worse  which side of several components, plants, or of an enclosure counts
     """
 
     name: str
@@ -92,7 +94,7 @@ class TunedQuantity:
 
     @property
     def errors(self) -> tuple[ModellingError, ...]:
-        """With which runs are made to find it."""
+        """The modelling errors of the runs needed to find it."""
         return PROBES[self.name].errors if self.name in PROBES else ()
 
     @property
@@ -100,7 +102,8 @@ class TunedQuantity:
         return inf if self.larger_is_worse else -inf
 
     def of_runs(self, metrics: Metrics) -> Array:
-        """(M,); of several components the worst, of ``rms_e`` the root of their squares' sum; the worst where a run diverged."""
+        """(M,); the worst of several components, for ``rms_e`` the root of their squares' sum; the worst value if a run
+        diverged."""
         columns = columns_of(metrics)
         if self.name in columns:
             found = columns[self.name]
@@ -108,7 +111,7 @@ class TunedQuantity:
             parts = [values for name, values in columns.items() if name.split("[")[0] == self.name]
             if not parts:
                 known = [name for name in columns if name.split("[")[0] == self.name.split("[")[0]]
-                raise InputError(f"{self.name} is no figure of this case; known are {', '.join(known) or ', '.join(columns)}")
+                raise InputError(f"{self.name} is not a figure of this case; known are {', '.join(known) or ', '.join(columns)}")
             found = self._together(np.array(parts))
         return np.where(np.isnan(found), self.worst, found)
 
@@ -118,13 +121,14 @@ class TunedQuantity:
         return np.asarray(parts.max(axis=0) if self.larger_is_worse else parts.min(axis=0))
 
     def over_plants(self, values: Array, quantile: float) -> Array:
-        """(K,) of (K, P): the value that a share ``quantile`` of the plants keeps, for 1 the worst of them."""
+        """(K,) from (K, P): the value that a share ``quantile`` of the plants keeps; for 1 the worst of them."""
         ordered = np.sort(values, axis=1) if self.larger_is_worse else -np.sort(-values, axis=1)
         place = max(int(np.ceil(quantile * values.shape[1])) - 1, 0)
         return np.asarray(ordered[:, place])
 
     def of_certificate(self, certificate: Certificate) -> float | None:
-        """Where the certificate claims it on this case; of an enclosure the side that counts, of several inputs the worst."""
+        """The value if the certificate claims it for this case; for an enclosure the side that counts, for several inputs the
+        worst."""
         key, part = self.key, self.name.partition(".")[2]
         values = certificate.values
         if key in values.get("unlimited", ()):
@@ -140,13 +144,13 @@ class TunedQuantity:
         return float(found) if isinstance(found, (int, float)) and not isinstance(found, bool) else None
 
     def require_known(self, certificates: Mapping[str, Certificate]) -> None:
-        """InputError where one of the controllers' certificates, of the case as it stands, has no such key."""
+        """InputError if one of the controllers' certificates for the unchanged case has no such key."""
         having = [name for name, one in certificates.items() if one.entry(self.key) is not None]
         lacking = [name for name in certificates if name not in having]
         if having and lacking:
             raise InputError(
-                f"certify has no {validate.show(self.key)} of {_listed(lacking)}, but of {_listed(having)}: say with "
-                "--controller which one is tuned"
+                f"certify has no {validate.show(self.key)} of {_listed(lacking)}, but of {_listed(having)}"
+                ": select the controller to tune with --controller"
             )
         if lacking:
             known = (*FIGURE_NAMES, *PROBES, *(entry.key for one in certificates.values() for entry in one.entries))
@@ -169,7 +173,7 @@ class Constraint:
 
     @classmethod
     def parse(cls, text: str) -> Constraint:
-        """InputError for what can't be parsed, or asks for nothing that a search can keep."""
+        """Parse a requirement; InputError for an invalid text, or one that a search can't satisfy."""
         requirement = Requirement.parse(text)
         quantity = TunedQuantity(requirement.figure, larger_is_worse=requirement.sign.startswith("<"))
         if quantity.origin is Origin.PROBE:
@@ -177,7 +181,7 @@ class Constraint:
             if quantity.larger_is_worse or requirement.limit <= least:
                 what, example = ("delay", "0.01") if least == 0 else ("factor", "2")
                 raise InputError(
-                    f"{quantity.name} takes a least {what} above {least:g}, such as {quantity.name} >= {example}, got {text!r}"
+                    f"{quantity.name} needs a least {what} above {least:g}, such as {quantity.name} >= {example}, got {text!r}"
                 )
         return cls(requirement, quantity)
 
@@ -185,7 +189,7 @@ class Constraint:
         return value is not None and not self.requirement.broken(np.array(value))
 
     def violation(self, value: float | None) -> float:
-        """0 where it holds, up to 1: how far it is from that, relative to both numbers; 1 where there is no value."""
+        """0 if it holds, up to 1: the distance from that, relative to both numbers; 1 if there is no value."""
         if self.holds(value):
             return 0.0
         if value is None or not np.isfinite(value):

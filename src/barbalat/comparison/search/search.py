@@ -11,21 +11,23 @@ from barbalat.budget import Progress
 from barbalat.validate import Array, InputError
 
 POPULATION = 32
-"""Tunings of a generation, for up to three numbers; with more of them twice as many. A generation is an ensemble."""
+"""Tunings of a generation, for up to three numbers; twice as many for more numbers. A generation is an ensemble."""
 SPREAD_GENERATIONS = 4
-"""Generations' worth of points spread over all ranges: where few tunings meet the constraints, some of these do."""
+"""Generations of points spread over all ranges, so that some meet the constraints even if few tunings do."""
 OVERSHOOT_SHARE = 0.15
-"""Of a range, looked at beyond either end, where a point counts as the end itself: that is where many a best tuning is."""
+"""Share of a range beyond either end in which a point counts as the end itself, because many best tunings are at an end."""
 REFINED_SHARES = (0.1, 0.02)
-"""Of a range, to either side of the best so far, where the search goes on: constraints that bind leave no more room."""
+"""Share of a range, to either side of the best tuning so far, in which the search continues: active constraints leave no
+more room."""
 STAR_GENERATIONS = 3
-"""At the end, where there are enough: steps from the best along each number to either side, each half as long as the one before.
-A constraint that binds leaves one side of the best alone, of which an evolution comes within a hundredth, a star within half of
-what the one before it left."""
+"""At the end, if enough trials remain: steps from the best tuning along each number to either side, each half as long as the
+previous one. An active constraint leaves only one side of the best; evolution comes within a hundredth of it, and each star
+halves the remaining distance."""
 SETTLED_SPREAD = 5e-3
-"""Relative spread of a generation at which it evolves no further: the best of it is closer still to what can be reached."""
+"""Relative spread at which a generation stops evolving: its best is even closer to the optimum."""
 BROKEN_CONSTRAINT_SCORE = 1e100
-"""Scores from here on are of tunings that break a constraint: times how much is broken, and how early that was seen."""
+"""Scores from here on belong to tunings that violate a constraint, and grow with the violation and with how early it
+appeared."""
 
 Judged = Callable[[Array, float], Array]
 """Scores (K,) of points (K, d) of the unit cube, the smaller the better; one above the number needs no exact score."""

@@ -1,4 +1,4 @@
-"""Tunings tried: what each reaches, looked at from what costs least to what costs most, and no further than it matters."""
+"""The tunings tried and their results, evaluated from the cheapest to the most expensive quantity, and only as far as needed."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Looking:
-    """How closely tunings are looked at.
+    """How completely tunings are evaluated.
 
-    fully   errors beyond what is asked too
-    graded  how far those are from what is asked that do not bear it
-    below   whether those that bear it are tried with less
-    each    every plant, whatever the others do
+    fully   also with errors beyond the required ones
+    graded  for those that do not tolerate the requirement, how close they are to it
+    below   whether those that tolerate it are also tried with less
+    each    every plant, whatever the results for the others
     """
 
     fully: bool = False
@@ -41,7 +41,7 @@ class Looking:
 
 
 def in_one_kernel(varied: Varied, space: Space) -> bool:
-    """Whether tunings differ in numbers of the kernel alone, so that they run side by side."""
+    """Whether tunings differ only in numbers of the kernel, so that they run together."""
     ends = tuple(np.array([one.low, one.high]) for one in space.ranges.values())
     middle = space.rows(np.full((1, len(space)), 0.5))[0]
     return all(kind.is_number for kind in kinds_of(varied, Tried(middle, ends)))
@@ -51,8 +51,8 @@ def in_one_kernel(varied: Varied, space: Space) -> bool:
 class Trials:
     """The tunings of one controller of a case that were tried.
 
-    together  whether they run side by side
-    shared    the plants, where what is tuned changes none of them
+    together  whether they run together
+    shared    the plants, if the tuned settings change none of them
     """
 
     varied: Varied
@@ -69,7 +69,7 @@ class Trials:
         return lambda points, to_beat: np.array([trial.score for trial in self.judged(space.rows(points), to_beat)])
 
     def judged(self, rows: Array, to_beat: float) -> list[Trial]:
-        """These tunings; one whose quantity is above ``to_beat`` is not looked at further."""
+        """The trials of these tunings; one whose quantity is above ``to_beat`` is not evaluated further."""
         trials = [self._made(row) for row in rows]
         open_ones = [trial for trial in trials if trial.case is not None]
         for stage, origin in enumerate(Origin):
@@ -84,7 +84,7 @@ class Trials:
         return trials
 
     def _verified(self, trials: Sequence[Trial], to_beat: float) -> list[Trial]:
-        """Without those that would be the best so far, but are lost with less than they were asked to bear."""
+        """The trials without those that would be the best so far, but are lost with less than they must tolerate."""
         scores = [trial.score for trial in self.all if trial.complete]
         least = min(scores, default=np.inf)
         better = [trial for trial in trials if trial.value is not None and self.aim.signed(trial.value) < least]
@@ -93,7 +93,7 @@ class Trials:
         return [trial for trial in trials if trial not in better or self._goes_on(trial, len(Origin) - 1, to_beat)]
 
     def whole(self, row: Array, case: Case | None = None) -> Trial:
-        """One tuning, everything looked at, whatever it breaks; the case may be given."""
+        """The complete evaluation of one tuning, whatever it violates; the case may be given."""
         trial = self._made(row) if case is None else Trial(row, case)
         if trial.case is not None:
             for origin in Origin:
@@ -103,7 +103,7 @@ class Trials:
         return trial
 
     def measure(self, trials: Sequence[Trial], constraint: Constraint) -> None:
-        """A constraint's quantity in full of tunings that were looked at before: certificates, delays beyond what is required."""
+        """Evaluate a constraint's quantity in full for earlier trials: certificates, delays beyond the required one."""
         if constraint.quantity.origin is Origin.CERTIFICATE:
             for trial in trials:
                 self._certify(trial)
@@ -114,12 +114,12 @@ class Trials:
                 trial.found[constraint] = float(value)
 
     def measured_delay(self, trial: Trial) -> float:
-        """The delay [s] that a tuning bears in simulation, on the plant that bears the least."""
+        """The delay [s] that a tuning tolerates in simulation, on the plant that tolerates the least."""
         quantity = TunedQuantity("delay_margin_measured", larger_is_worse=False)
         return float(self._values(quantity, [trial], None, Looking(fully=True)).min())
 
     def on_other_plants(self, case: Case, plants: Plants, quantity: TunedQuantity, limit: float | None) -> Array:
-        """(P,) a quantity of one case on these."""
+        """(P,) a quantity of one case on these plants."""
         others = replace(self, shared=plants, all=[], runs=0)
         trial = Trial(np.zeros(0), case)
         others._run([trial])
@@ -128,9 +128,9 @@ class Trials:
         return np.asarray(found)
 
     def at_finer_step(self, trial: Trial) -> StepCheck:
-        """What a step FINER_BY times smaller says of a tuning that was looked at in full: of its figures, of what was asked.
+        """The results of a fully evaluated tuning with a step FINER_BY times smaller: its figures and requirements.
 
-        Certificates simulate nothing and stay what they are.
+        Certificates involve no simulation and stay the same.
         """
         given = _case(trial)
         case, aim = replace(given, simulation=refined(given.simulation)), self.aim
@@ -152,7 +152,7 @@ class Trials:
         )
 
     def _again(self, finer: Trial, trial: Trial, asked: Sequence[Asked]) -> _Again:
-        """The runs of ``finer``, a tuning at a finer step, and what they say of ``trial``."""
+        """The runs of ``finer``, a tuning at a finer step, and their consequences for ``trial``."""
         found, at = _Again(None, [], []), f"at h = {_case(finer).simulation.dt:g} s"
         self._run([finer])
         if self.aim.quantity.origin is Origin.RUN:
@@ -163,27 +163,27 @@ class Trials:
             if quantity.origin is Origin.RUN:
                 value = self._over_plants(quantity, finer, limit)
                 if one is not None and not one.holds(value) and not abs(value - limit) <= less * abs(limit):
-                    found.broken.append(f"{at} {quantity.name} is {value:.4g}, which breaks {one.requirement}")
+                    found.broken.append(f"{at} {quantity.name} is {value:.4g}, which violates {one.requirement}")
             elif quantity.origin is Origin.PROBE:
                 none = PROBES[quantity.name].none
                 size = none + (1 - less) * (limit - none)
                 if self._over_plants(quantity, finer, size) < size:
                     said = f"{at} {quantity.name} is less than {size:.4g}"
                     found.changed += [said] if one is None else []
-                    found.broken += [] if one is None else [f"{said}, which breaks {one.requirement}"]
+                    found.broken += [] if one is None else [f"{said}, which violates {one.requirement}"]
         return found
 
     def _over_plants(self, quantity: TunedQuantity, trial: Trial, asked: float | None) -> float:
-        """A quantity of one tuning that runs tell; of a modelling error whether what is asked is tolerated, no more."""
+        """A quantity of one tuning from runs; for a modelling error only whether the requirement is tolerated."""
         values = self._values(quantity, [trial], asked, Looking(graded=False, below=False))
         return float(quantity.over_plants(values, self.aim.quantile)[0])
 
     def _groups(self, trials: Sequence[Trial]) -> list[Sequence[Trial]]:
-        """The trials in groups that run side by side."""
+        """The trials in groups that run together."""
         return [trials] if self.together else [[trial] for trial in trials]
 
     def _asked(self, origin: Origin) -> bool:
-        """Delays are judged against the run without one."""
+        """Delays are judged relative to the run without one."""
         return self.aim.asks(origin) or (origin is Origin.RUN and self.aim.asks(Origin.PROBE))
 
     def _made(self, row: Array) -> Trial:
@@ -193,7 +193,7 @@ class Trials:
             return Trial(row, score=BROKEN_CONSTRAINT_SCORE * (len(Origin) + 1), refused=str(error))
 
     def _goes_on(self, trial: Trial, stage: int, to_beat: float) -> bool:
-        """Whether it can still be the best; else it has its score."""
+        """Whether it can still be the best; otherwise it has its score."""
         broken = [one.violation(trial.found[one]) for one in self.aim.constraints if one in trial.found]
         missed = trial.value is not None and not np.isfinite(trial.value)
         if any(broken) or missed:
@@ -205,7 +205,8 @@ class Trials:
         return True
 
     def _look(self, trials: Sequence[Trial], origin: Origin, looking: Looking) -> None:
-        """Find all quantities of one origin; of one that breaks a constraint no further ones, unless it is looked at fully."""
+        """Evaluate all quantities of one origin; none further for a trial that violates a constraint, unless it is evaluated
+        fully."""
         if origin is Origin.CERTIFICATE:
             for trial in trials:
                 self._certify(trial)
@@ -229,7 +230,7 @@ class Trials:
                     trial.value = float(value)
 
     def _members(self, group: Sequence[Trial]) -> tuple[Plants, list[Member]]:
-        """Every tuning on every plant, those of one tuning together."""
+        """Every tuning on every plant, with those of one tuning together."""
         members: list[Member] = []
         plants = self.shared or Plants.of(_case(group[0]), self.aim)
         for i, trial in enumerate(group):
@@ -238,7 +239,7 @@ class Trials:
         return plants, members
 
     def _run(self, group: Sequence[Trial]) -> None:
-        """Without a modelling error."""
+        """Run without a modelling error."""
         plants, members = self._members(group)
         count, case, streams = len(plants.problems), _case(group[0]), _streams(members, plants)
         twin = self.aim.asks(Origin.PROBE)
@@ -248,7 +249,7 @@ class Trials:
             trial.undelayed = found.of(slice(i * count, (i + 1) * count))
 
     def _values(self, quantity: TunedQuantity, group: Sequence[Trial], asked: float | None, looking: Looking) -> Array:
-        """(K, P); of probes up to what is asked, or all that is borne."""
+        """(K, P); for probes up to the requirement, or the whole tolerated size."""
         plants, members = self._members(group)
         known = [trial.undelayed for trial in group if trial.undelayed is not None]
         if quantity.origin is Origin.RUN:
@@ -280,7 +281,7 @@ class Trials:
 
 @dataclass
 class _Again:
-    """What came of a tuning's runs at a finer step: the aim's figure, and sentences on what is broken and what is different."""
+    """The results of a tuning's runs at a finer step: the aim's figure, and sentences on violations and differences."""
 
     value: float | None
     broken: list[str]
@@ -288,9 +289,9 @@ class _Again:
 
 
 Asked = tuple[TunedQuantity, Constraint | None, float, float]
-"""A quantity, its constraint, the value that was asked for or found, and the share by which a finer step may fall short."""
+"""A quantity, its constraint, the required or found value, and the share by which a finer step may fall short."""
 SAME_SHARE = 0.02
-"""Of what a constraint asks: a finer step may fall short of it by so much, within which the search itself finds delays."""
+"""Share of a constraint's limit by which a finer step may fall short; the search itself resolves delays to this accuracy."""
 
 
 def _case(trial: Trial) -> Case:

@@ -7,6 +7,7 @@ import json
 import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import resources
@@ -22,21 +23,26 @@ from barbalat.cases import user_controllers
 from barbalat.cases.build import Case
 from barbalat.cases.load import TEXT_BYTE, CaseText
 from barbalat.certificates.linear_loops.margin_values import finite
-from barbalat.comparison.design.design import Candidate, Design, design
+from barbalat.comparison.contest.entrant import entrants_of
+from barbalat.comparison.design.design import Candidate, Design, NobodyTakesPart, design
 from barbalat.controllers.tuning_grid import Tunable
 from barbalat.loop.binding import bound
+from barbalat.processes import deaf_children
+from barbalat.processes import processes as own_processes
 from barbalat.protocols import Controller, SampledEquations
 from barbalat.reading import contents
 from barbalat.validate import InputError, hint, local_path
 
-PUBLIC = {"public-1": "106a3c17fe2693911060849baabccc3ab01533853753ce75001a427de3cd5a2a"}
+PUBLIC = {"public-1": "825a316fd13cf546ee84682b38c1ee8063b6345ee4c16e51df274c6f73c19001"}
 """The hashes of the public suites by their names."""
 RULE_KEYS = ("plants", "trials", "members", "noise", "seed")
 TABLE_PACKAGES = ("numpy", "scipy", "casadi", "llvmlite")
-"""On whose versions the last bits of a row may depend."""
+"""The packages whose versions may affect the last bits of a row."""
 SAME_DIGITS = 1e-9
-"""Relative difference up to which numbers of two rows are one: roundings of a processor's linear algebra lie far below it, and
-what another tuning or another decision of a search changes lies far above."""
+"""Relative difference up to which numbers of two rows count as equal: the rounding of a processor's linear algebra is far
+smaller, and the effect of another tuning or search decision far larger."""
+BY_THE_RULE, SUBMITTED_LAW, AS_SUBMITTED = "by the rule", "by the rule, submitted", "as submitted"
+"""The origins of the settings of a registered scheme, a submitted law and a submitted case file."""
 Row = dict[str, Any]
 
 
@@ -73,7 +79,7 @@ class Suite:
             try:
                 text, folder = contents(place, "the suite", TEXT_BYTE).decode("utf-8"), place.parent
             except (OSError, UnicodeDecodeError):
-                raise InputError(f"--suite: {source!r} is no file of UTF-8 text that can be read") from None
+                raise InputError(f"--suite: {source!r} is not a readable file of UTF-8 text") from None
         text = text.replace("\r\n", "\n")
         try:
             data = tomllib.loads(text)
@@ -145,7 +151,7 @@ class Submission:
             found = tuple(kind() for kind in classes.values())
         if dumb := [one.name for one in found if not isinstance(one, Tunable)]:
             raise InputError(
-                f"--submission: {dumb[0]} has no knobs, which say what is tuned of it; give it as set, in a case file"
+                f"--submission: {dumb[0]} does not declare tunable settings; give it with fixed settings in a case file"
             )
         return cls(tuned=tuple(found))
 
@@ -159,23 +165,29 @@ class Submission:
         if changed := [key for key, value in data.items() if suite.tables[name].get(key) != value]:
             raise InputError(f"--submission: [{changed[0]}] of {given!r} is not that of the suite's case {name!r}; leave it out")
         for one in case.controllers:
-            equations, held = bound(case.problem, one), suite.sample_time(name)
-            own = equations.sample_time if isinstance(equations, SampledEquations) else None
-            if own != held:
-                runs = "is continuous" if own is None else f"runs every {own:g} s"
-                raise InputError(f"--submission: {one.name} {runs}; on the suite's case {name!r} all have sample_time = {held:g}")
+            _require_sample_time(one.name, case, one, suite.sample_time(name))
         return cls(case=name, as_set=case.controllers)
 
 
-def row_of(found: Design, one: Candidate, name: str, *, as_set: bool) -> Row:
+def _require_sample_time(entry: str, case: Case, one: Controller, held: float) -> None:
+    """InputError for a controller that does not run at the sample time that all have on this case of the suite."""
+    equations = bound(case.problem, one)
+    own = equations.sample_time if isinstance(equations, SampledEquations) else None
+    if own != held:
+        runs = "is continuous" if own is None else f"runs every {own:g} s"
+        raise InputError(f"--submission: {entry} {runs}; on the suite's case {case.name!r} all have sample_time = {held:g}")
+
+
+def row_of(found: Design, one: Candidate, name: str, settings: str) -> Row:
     """What the table has of an entry on a case: no number of it depends on who else takes part."""
     held = found.contest.held_out.get(one.name)
     measured = None if held is None else held.as_json()
     return {
         "case": name,
         "entry": one.name,
-        "settings": "as submitted" if as_set else "by the rule",
+        "settings": settings,
         "tuning": dict(one.tuned.tuning),
+        "at_edge": list(one.tuned.at_edge),
         "meets_rule": one.tuned.meets,
         "meets_specification": one.meets,
         "fails_first": one.tightest,
@@ -223,6 +235,11 @@ class Standings:
         cases, measured = {row["case"] for row in self.rows}, {_place(row) for row in self.rows}
         return [row for row in self.stored.get("rows", ()) if row["case"] in cases and _place(row) not in measured]
 
+    @property
+    def empty(self) -> list[str]:
+        """Cases in which nobody takes part."""
+        return [name for name in self.left_out if name not in {row["case"] for row in self.rows}]
+
     def as_json(self) -> dict[str, Any]:
         """The document of ``contest --suite --json``."""
         known = {key: self.stored[key] for key in ("date", "commit") if key in self.stored}
@@ -260,12 +277,15 @@ def standings(
     schemes: Sequence[str] = (),
     quick: bool = False,
     threads: int | None = None,
+    processes: int = 1,
     progress: Progress | None = None,
 ) -> Standings:
     """Measure the registered schemes, or submissions, on the cases of a suite by its rule.
 
-    schemes  of the registered ones; by default all, and none beside submissions: their stored rows stand beside these
-    quick    the suite's quick cases alone
+    schemes    of the registered ones; by default all, and none beside submissions: their stored rows stand beside these
+    quick      the suite's quick cases alone
+    processes  so many cases are measured at once, each in a process of its own, where there are no submissions; the program must
+               then be one that a new process may import: started by ``if __name__ == "__main__"``
     Raises InputError.
     """
     suite, given = suite or Suite.read(), list(submissions)
@@ -276,16 +296,60 @@ def standings(
         names = [name for name in names if name in {one.case for one in given}]
     if not names:
         raise InputError("no submission is for one of the cases that --quick takes: " + ", ".join(suite.quick))
-    rows: list[Row] = []
-    left_out: dict[str, tuple[str, ...]] = {}
-    for i, name in enumerate(names):
-        as_set = [one for each in given if each.case == name for one in each.as_set]
-        found = design(
-            suite.case(name), own=[one for each in given for one in each.tuned], as_set=as_set, ours=ours,
-            schemes=schemes, threads=threads, progress=part_of(progress, i / len(names), 1 / len(names)), **suite.rule,
-        )  # fmt: skip
-        chosen = {one.name for one in as_set}
-        rows += [row_of(found, one, name, as_set=one.name in chosen) for one in found.candidates]
-        left_out[name] = found.contest.left_out
+    if min(processes, len(names)) > 1 and not given:
+        parts = _side_by_side(suite, names, schemes, min(processes, len(names)), progress)
+    else:
+        parts = [
+            _on_case(suite, name, given, ours, schemes, threads, part_of(progress, i / len(names), 1 / len(names)))
+            for i, name in enumerate(names)
+        ]
+    rows = tuple(row for found, _ in parts for row in found)
+    left_out = {name: said for name, (_, said) in zip(names, parts, strict=True)}
+    if not rows:
+        raise InputError("nobody takes part", *(f"on {name}: {'; '.join(said)}" for name, said in left_out.items()))
     stored = stored_table() if suite.is_public else {}
-    return Standings(suite=suite, rows=tuple(rows), left_out=left_out, stored=stored)
+    return Standings(suite=suite, rows=rows, left_out=left_out, stored=stored)
+
+
+Part = tuple[list[Row], tuple[str, ...]]
+"""The rows of a case, and the entries that are omitted."""
+
+
+def _on_case(
+    suite: Suite,
+    name: str,
+    given: Sequence[Submission],
+    ours: bool,
+    schemes: Sequence[str],
+    threads: int | None,
+    progress: Progress | None = None,
+) -> Part:
+    as_set, case = [one for each in given if each.case == name for one in each.as_set], suite.case(name)
+    try:
+        found = design(
+            case, own=[one for each in given for one in each.tuned], as_set=as_set, ours=ours, schemes=schemes,
+            held_out_steps=False, threads=threads, progress=progress, **suite.rule,
+        )  # fmt: skip
+    except NobodyTakesPart as nobody:
+        return [], nobody.left_out
+    set_by = {one.name: AS_SUBMITTED for one in as_set}
+    if ours:
+        registered, _ = entrants_of(found.contest.problem, case.simulation, schemes=schemes, sample_time=found.sample_time)
+        set_by |= {one.name: BY_THE_RULE for one in registered}
+    for one in found.candidates:
+        if one.name not in set_by:
+            _require_sample_time(one.name, case, one.tuned.controller, suite.sample_time(name))
+    return [row_of(found, one, name, set_by.get(one.name, SUBMITTED_LAW)) for one in found.candidates], found.contest.left_out
+
+
+def _side_by_side(
+    suite: Suite, names: Sequence[str], schemes: Sequence[str], count: int, progress: Progress | None
+) -> list[Part]:
+    """The registered schemes on each case, in so many processes."""
+    with own_processes(count) as pool:
+        with deaf_children():
+            parts = [pool.submit(_on_case, suite, name, (), True, schemes, 1) for name in names]
+        for done, _ in enumerate(as_completed(parts), 1):
+            if progress is not None:
+                progress(done / len(names))
+        return [part.result() for part in parts]

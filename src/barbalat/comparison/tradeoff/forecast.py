@@ -19,11 +19,11 @@ from barbalat.study.ideal_benchmark import SIZES_TRIED, with_error
 from barbalat.study.verdicts import Member
 
 RUNS_EACH = 16.5
-"""Simulations for each member, as measured on Section V: many are lost early in the scan, then come the halvings."""
+"""Simulations per member, measured on Section V: many are lost early in the scan; bisections follow."""
 ENSEMBLES_EACH = 20
-"""Ensembles for each scheme: the scan's, the halvings', and the first without a delay."""
+"""Ensembles per scheme: the scan, the bisections, and the first without a delay."""
 TIMED_MEMBERS = 64, 16
-"""Members that are timed."""
+"""Number of members that are timed."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ def _timed(members: Sequence[Member], simulation: Simulation, steps: int) -> flo
 
 
 OWN_PACE_FRACTION = 0.1
-"""Fraction of the whole after which its own pace alone says how long it takes: small ensembles were timed in a bad moment, or
-most runs are lost early."""
+"""Fraction of the work after which only its own pace gives the remaining time: the timing of small ensembles may be
+unrepresentative, or most runs may be lost early."""
 
 
 @dataclass

@@ -16,14 +16,14 @@ from barbalat.validate import Array
 
 MARKS = ("o", "s", "^", "D")
 TITLES = {"plant": "the case's own plant", "worst": "worst of the plants in the sample"}
-SYMBOLS = {"gamma": "Γ", "kappa": "κ", "tau": "τ", "covariance0": "P(0)"}
+SYMBOLS = {"gamma": "Γ", "kappa": "κ", "slope_ratio": "κ₂/κ", "tau": "τ", "covariance0": "P(0)"}
 
 
 def criteria(found: TradeOff) -> dict[str, str]:
     """What each criterion asks, in a line."""
     return {
         "onset": "onset: until it is lost or in a limit cycle",
-        "loss": f"loss: error grown by less than {found.by.lost.share:g} max |x$_m$|, whatever oscillates",
+        "loss": f"loss: error grown by less than {found.by.lost.share:g} max |x$_m$|, with or without oscillation",
     }
 
 
@@ -83,7 +83,7 @@ def _panel(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
         mark, dash = MARKS[k % len(MARKS)], dash_of(k)
         axes.plot(*line.T, color=theme.colour(k), linestyle=dash, marker=mark, markersize=3.5, linewidth=1.6, label=label)
     axes.set_xlim(left=edge / 3)
-    axes.set_xlabel("largest delay borne at the plant's input [s]")
+    axes.set_xlabel("largest delay tolerated at the plant's input [s]")
     axes.set_ylabel("RMS |e| without delay / RMS |x$_m$|")
     axes.grid(True, which="major", linewidth=0.4, alpha=0.6)
 

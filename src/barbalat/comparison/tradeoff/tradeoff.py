@@ -1,4 +1,4 @@
-"""Tracking against robustness: what each scheme's own knobs buy, with the Pareto front of each scheme in one plane."""
+"""Tracking and robustness: the results over each scheme's own knobs, with the Pareto front of each scheme in one plane."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Cloud:
-    """One scheme's tunings with what they reach.
+    """One scheme's tunings with their results.
 
     tunings  K settings by name
-    error    (K, P) RMS of |e| over the run without delay, relative to the RMS of |x_m|; NaN where the loop does not follow its
-             model without a delay: its tail's error is above the model's motion in every component, or it is lost
-    onset    (K, P) the largest added delay before the judge calls the run lost or a limit cycle [s]; 0 where that is none, or too
-             short to be simulated
+    error    (K, P) RMS of |e| over the run without delay, relative to the RMS of |x_m|; NaN if the loop does not follow its model
+             without a delay: its tail's error is above the model's motion in every component, or it is lost
+    onset    (K, P) the largest added delay before the judge calls the run lost or a limit cycle [s]; 0 if there is none, or if it
+             is too short to be simulated
     loss     (K, P) the largest added delay before the loop is lost [s], see ``Lost``
     The P plants are the case's own first, then those of the seeded sample of the known set.
     """
@@ -53,18 +53,18 @@ class Cloud:
     loss: Array
 
     def at(self, which: str, criterion: str) -> tuple[Array, Array]:
-        """(error, margin), (K,) each: of the case's "plant", or of the "worst" plant, each on its own; "onset" or "loss"."""
+        """(error, margin), (K,) each: for the case's "plant", or for the "worst" plant, each separately; "onset" or "loss"."""
         margin = {"onset": self.onset, "loss": self.loss}[criterion]
         if which == "plant":
             return self.error[:, 0], margin[:, 0]
         return self.error.max(axis=1), margin.min(axis=1)  # a NaN among the errors stays one
 
     def front(self, which: str, criterion: str) -> Array:
-        """Indices of the Pareto front, by growing margin: no other tuning has as much margin and less error."""
+        """Indices of the Pareto front, by increasing margin: no other tuning has at least as much margin and less error."""
         return pareto_front(*self.at(which, criterion))
 
     def bears(self, which: str, criterion: str, error: float) -> float:
-        """The largest margin among the tunings with at most this error [s]; NaN where none is as good."""
+        """The largest margin among the tunings with at most this error [s]; NaN if there is none."""
         errors, margins = self.at(which, criterion)
         good = errors <= error  # not where the error is NaN
         return float(margins[good].max()) if good.any() else float("nan")
@@ -74,9 +74,9 @@ class Cloud:
 class TradeOff(Plotted):
     """The clouds of all schemes on one problem.
 
-    by      the judge, and what counts as the loss of the motion
-    notes   sentences on what was left out and what was not seen
-    checks  what a finer step says of some tunings on each scheme's fronts
+    by      the judge, and the criterion for the loss of the motion
+    notes   sentences on what was left out and what was not examined
+    checks  results of a finer step for some tunings on each scheme's fronts
     """
 
     problem: Problem
@@ -101,7 +101,7 @@ class TradeOff(Plotted):
     def plot(self, *, shown: bool = True) -> Figure:
         """The clouds and the front of each scheme, by both criteria, as a Matplotlib figure.
 
-        shown  to a person at once, by pyplot where that is in use
+        shown  whether it is displayed at once, if pyplot is in use
         """
         from barbalat.comparison.tradeoff.picture import draw
 
@@ -109,9 +109,9 @@ class TradeOff(Plotted):
 
 
 def pareto_front(error: Array, margin: Array) -> Array:
-    """Indices of the tunings that no other one beats in both, by growing margin; a lost tuning is on no front."""
+    """Indices of the tunings that no other one beats in both, by increasing margin; a lost tuning is on no front."""
     usable = np.flatnonzero(np.isfinite(error) & (margin > 0))
-    order = usable[np.lexsort((-margin[usable], error[usable]))]  # least error first, of equal ones the larger margin
+    order = usable[np.lexsort((-margin[usable], error[usable]))]  # smallest error first, and among equal ones the larger margin
     kept: list[int] = []
     for i in order:
         if not kept or margin[i] > margin[kept[-1]]:
@@ -136,12 +136,12 @@ def trade_off(
 ) -> TradeOff:
     """Run every tuning of every scheme on the case's plant and on ``plants`` - 1 others, drawn from the known set.
 
-    knobs     by default those of ``default_knobs`` with this ``density`` and these controllers of one's ``own``
+    knobs     by default those of ``default_knobs`` with this ``density`` and these controllers of your ``own``
     longest   largest delay tried [s]; by default as of ``delay_margins``
-    judge     what counts as lost and as a limit cycle; by default derived from the model's motion
-    lost      what counts as the loss of the motion
-    estimate  called once with the seconds that are expected in all, measured on a part of the work
-    progress  its fractions are of the time, by a forecast that is refined with every round
+    judge     the criteria for being lost and for a limit cycle; by default derived from the model's motion
+    lost      the criterion for the loss of the motion
+    estimate  called once with the expected total seconds, measured on a part of the work
+    progress  its fractions are shares of the time, by a forecast that is refined in every round
     Raises InputError for a problem without a known set.
     """
     simulation.require_steps("the trade-off")
@@ -179,17 +179,17 @@ def trade_off(
 
 
 FRONT_CHECKED = 4
-"""Tunings of each front, evenly spread from its one end to the other, that are run again."""
+"""Number of tunings of each front, evenly spread from end to end, that are repeated."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FrontCheck:
-    """Some tunings on one scheme's fronts on the case's own plant, once more at a finer step.
+    """Some tunings on one scheme's fronts on the case's own plant, repeated with a finer step.
 
     dt         the finer step [s]
     tunings    their indices in the cloud
-    changed    of them, those of which the finer step says something else, each with what
-    unsettled  of them, those that leave the solver's region of stability at the finer step too, which settles nothing
+    changed    those whose results differ with the finer step, with the differences
+    unsettled  those that leave the solver's region of stability with the finer step too, which decides nothing
     """
 
     scheme: str
@@ -202,9 +202,9 @@ class FrontCheck:
     def sentence(self) -> str:
         """The finding as a sentence."""
         count = validate.counted(len(self.tunings), "tuning")
-        again = f"{self.scheme}: of {count} on the fronts of the case's own plant, run again at h = {self.dt:g} s,"
+        again = f"{self.scheme}: of {count} on the fronts of the case's own plant, repeated at h = {self.dt:g} s,"
         if not self.tunings:
-            return f"{self.scheme}: no tuning lies on a front of the case's own plant, and none was run again at a finer step"
+            return f"{self.scheme}: no tuning lies on a front of the case's own plant, and none was repeated at a finer step"
         said = f"{again} none comes out otherwise"
         if self.changed:
             first = next(iter(self.changed.values()))
@@ -234,7 +234,7 @@ def _at_finer_step(
     longest: float,
     by: Judging,
 ) -> tuple[FrontCheck, ...]:
-    """A few tunings of each scheme's fronts: the delays that they tolerate, and what they do without a delay."""
+    """A few tunings of each scheme's fronts: the delays that they tolerate, and their behaviour without a delay."""
     checks = []
     for k, cloud, of_scheme in zip(chosen, clouds, found, strict=True):
         which = _spread_over_fronts(cloud)
@@ -271,7 +271,7 @@ def _spread_over_fronts(cloud: Cloud) -> list[int]:
 
 
 def _require_motion(clouds: tuple[Cloud, ...]) -> None:
-    """InputError where there is nothing to show."""
+    """InputError if there is nothing to show."""
     if not any(np.isfinite(cloud.error).any() for cloud in clouds):
         tried = ", ".join(f"{len(cloud.tunings)} of {cloud.scheme}" for cloud in clouds)
         raise InputError(
@@ -281,7 +281,7 @@ def _require_motion(clouds: tuple[Cloud, ...]) -> None:
 
 
 def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ReferenceMotion) -> list[str]:
-    """Sentences on what the picture does not show."""
+    """Sentences on what the plot does not show."""
     said = [
         f"no tuning of {cloud.scheme} follows its model without a delay on the case's own plant"
         for cloud in clouds
@@ -295,15 +295,15 @@ def _notes(problem: Problem, clouds: tuple[Cloud, ...], motion: ReferenceMotion)
 
 
 TUNINGS_EACH_DENSITY = 6.5
-"""Of all schemes that are traded, times the square of the density: 932 on Section V with 12."""
+"""Tunings of all schemes, times the square of the density: 932 on Section V with 12."""
 STEP_SECONDS = 1e-8
-"""Of a member's step, 3 ns for a small loop."""
+"""Seconds per step of a member, 3 ns for a small loop."""
 TUNING = Estimate(memory=2000.0, seconds=3e-4)
-"""Of a tuning on a plant, beside its runs."""
+"""Seconds for a tuning on a plant, in addition to its runs."""
 
 
 def _require_budget(simulation: Simulation, density: int, knobs: tuple[TuningGrid, ...] | None, plants: int) -> None:
-    """InputError where the tunings, or the plants on which they run, are beyond the budget; before either is made."""
+    """InputError if the tunings, or the plants on which they run, exceed the budget; before either is made."""
     each = TUNING + Estimate(seconds=RUNS_EACH * simulation.steps * STEP_SECONDS)
     given = None if knobs is None else sum(prod(len(values) for values in one.values.values()) for one in knobs)
 
@@ -341,7 +341,7 @@ def _cloud(k: TuningGrid, found: DelayMargins, scale: float, plants: int) -> Clo
 
 
 def _in_time(progress: Progress | None, forecast: Forecast, part: str) -> Progress | None:
-    """Progress of a part, told as the fraction of the time that is over; it never goes back."""
+    """Progress of a part, as the fraction of the elapsed time; it never decreases."""
     if progress is None:
         return None
     begun, before, told = time.perf_counter(), sum(forecast.finished.values()), 0.0

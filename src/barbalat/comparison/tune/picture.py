@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from barbalat.comparison.tune.result import Point, Tuned, Tuning
 
 FACTOR_FOR_LOG = 20.0
-"""Between the smallest and the largest value: from there on an axis is logarithmic."""
+"""Ratio of the largest to the smallest value above which an axis is logarithmic."""
 
 
 def draw(found: Tuning, *, narrow: bool = False, shown: bool = False) -> Figure:
@@ -36,7 +36,10 @@ def draw(found: Tuning, *, narrow: bool = False, shown: bool = False) -> Figure:
     axes.set_ylabel(found.aim.quantity.name, fontsize=9)
     axes.grid(visible=True, linewidth=0.3)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=1 if narrow else 3, frameon=False, fontsize=9)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="lower left", bbox_to_anchor=(-0.01, 1.0), ncols=1 if narrow else 3, frameon=False, fontsize=9)
+    else:
+        axes.set_title("no tuning has a value on every plant", loc="left", fontsize=9)
     return figure
 
 

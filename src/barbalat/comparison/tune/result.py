@@ -1,4 +1,4 @@
-"""What a tuning found, the chosen point with its certificate, its front, plants that it never saw; and how it is chosen."""
+"""The result of a tuning: the chosen point with its certificate, its front, validation plants; and how it is chosen."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Point:
-    """A tuning, what it reaches, and the value of each constraint's quantity; None where it has none."""
+    """A tuning, the objective reached, and the value of each constraint's quantity; None if it has none."""
 
     tuning: Mapping[FieldPath, float]
     value: float | None
@@ -49,10 +49,11 @@ class Point:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class UnseenPlants:
-    """The chosen tuning on plants that the search did not see.
+    """The chosen tuning on validation plants, which the search did not use.
 
-    quantity  of which the values are: the aim's, or that of the first constraint that runs tell
-    thetas    (P, p); values (P,) of the quantity and, of each constraint that runs tell, ``broken`` (P,); infinite: it diverged
+    quantity  the quantity of the values: the aim's, or that of the first constraint that follows from runs
+    thetas    (P, p); values (P,) of the quantity and, for each constraint that follows from runs, ``broken`` (P,); infinite: it
+              diverged
     """
 
     quantity: str
@@ -76,14 +77,14 @@ class UnseenPlants:
 class Tuned:
     """One controller.
 
-    chosen   the best that meets every constraint; None where none of the tunings does, then ``nearest`` is the least wrong
+    chosen   the best that meets every constraint; None if no tuning does, and ``nearest`` then misses them least
     start    the case's own tuning
-    front    the tried ones that no other beats both in the quantity and in the first constraint's quantity
-    trials, runs  tunings that were tried, simulations that were made
-    step     what a finer step says of the chosen tuning; of the nearest one where that is all that keeps it from being chosen
-    refused  the same of better ones, which meet every constraint at the step of the case alone
-    verdict  the judge's on the chosen tuning's run, or on the nearest one's, of the case's own plant
-    delay_margin_measured  [s] of it on the worst of the plants, where a delay margin of a linear loop is asked for; else None
+    front    the trials that no other beats both in the quantity and in the first constraint's quantity
+    trials, runs  numbers of tunings tried and of simulations
+    step     the result of a finer step for the chosen tuning, or for the nearest one if only that prevents its choice
+    refused  the same for better ones, which meet every constraint only with the case's step
+    verdict  the judge's verdict on the run of the chosen tuning, or of the nearest one, on the case's own plant
+    delay_margin_measured  [s] of it on the worst of the plants, if a delay margin of a linear loop is requested; otherwise None
     """
 
     controller: str
@@ -122,7 +123,7 @@ class Tuned:
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Tuning(Plotted):
-    """All controllers that were tuned; ``case`` has the chosen numbers, and ``text`` is its file where there was one."""
+    """All controllers that were tuned; ``case`` has the chosen numbers, and ``text`` is its file if there was one."""
 
     aim: Aim
     case: Case
@@ -155,9 +156,9 @@ class Tuning(Plotted):
         }
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """The front of each controller, as a Matplotlib figure; InputError where there was no constraint.
+        """The front of each controller, as a Matplotlib figure; InputError without a constraint.
 
-        shown  to a person at once, by pyplot where that is in use
+        shown  whether it is displayed at once, if pyplot is in use
         """
         from barbalat.comparison.tune.picture import draw
 
@@ -169,16 +170,17 @@ def _finite(value: float | None) -> float | None:
 
 
 FRONT_TUNINGS = 16
-"""Tunings of which the first constraint's quantity is found in full for the front, from the best by the aim to the worst."""
+"""Number of tunings, from the best to the worst by the aim, whose first constraint's quantity is fully computed for the
+front."""
 HELD_OUT_PLANTS = 32
-"""New plants: where one in ten fails, all of these are well with a chance of 3 %."""
+"""Number of validation plants: if one in ten fails, the probability that none of these fails is 3 %."""
 CANDIDATES_CHECKED = 8
-"""Of the best tunings, those that are looked at in full until one meets every constraint: delays beyond the required one can
-show a loss below it, which the search's own delays stepped over."""
+"""Number of the best tunings that are fully evaluated until one meets every constraint: finer delays can show a loss below
+the required delay that the search's coarse delays missed."""
 
 
 def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) -> Tuned:
-    """What is reported of one controller; ``own`` is the case as it stands."""
+    """The report on one controller; ``own`` is the unchanged case."""
     tell = progress or (lambda _: None)
     best = best_of(trials)
     chosen, nearest, wholes = best.chosen, best.nearest, best.wholes
@@ -210,7 +212,7 @@ def choose(trials: Trials, space: Space, own: Trial, progress: Progress | None) 
 
 
 def _verdict(trial: Trial, controller: int) -> Verdict:
-    """The judge's, on the case's own plant."""
+    """The judge's verdict on the case's own plant."""
     assert trial.case is not None
     case = trial.case
     (run,) = simulate(case.problem, case.controllers[controller], case.simulation, judge=case.judge).values()
@@ -219,11 +221,11 @@ def _verdict(trial: Trial, controller: int) -> Verdict:
 
 
 class Best(NamedTuple):
-    """The best tuning that meets every constraint, at a finer step too, where one does; the nearest to that; all that were looked
-    at in full.
+    """The best tuning that meets every constraint, at a finer step too, if there is one; the nearest to that; all that were fully
+    evaluated.
 
-    check    what the finer step says of the nearest, which is the chosen one where there is one
-    refused  of better ones, that meet every constraint at the step of the case alone
+    check    the result of a finer step for the nearest, which is the chosen one if there is one
+    refused  for better ones that meet every constraint only with the case's step
     """
 
     chosen: Trial | None
@@ -257,7 +259,7 @@ def best_of(trials: Trials) -> Best:
 
 
 def _front(trials: Trials, wholes: Sequence[Trial]) -> list[Trial]:
-    """The tunings that no other beats; of what was tried, a spread is looked at."""
+    """The tunings that no other beats; some of those tried are evaluated for it."""
     aim = trials.aim
     if not aim.constraints:
         return []
@@ -287,7 +289,7 @@ def _point(trials: Trials, space: Space, trial: Trial) -> Point:
 
 
 def _held_out(trials: Trials, made: Case) -> UnseenPlants | None:
-    """On plants drawn by another seed; nothing where no run tells anything, or there is no set to draw from."""
+    """On plants drawn by another seed; None if no run gives a quantity, or there is no set to draw from."""
     problem, aim = made.problem, trials.aim
     told = [one for one in aim.quantities if one.origin is not Origin.CERTIFICATE]
     if not told or not isinstance(problem, Problem) or problem.uncertainty is None:

@@ -1,4 +1,4 @@
-"""Tune a case's controllers: the search, the choice that is looked at in full, its front, and plants that it never saw."""
+"""Tunes a case's controllers: the search, the choice that is evaluated in full, its front, and validation plants."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from barbalat.validate import Array, InputError, Named
 DEFAULT_TRIALS = 384
 """Tunings tried for each controller: a spread of 128, a generation over all, four around the best, three stars."""
 SEARCH_SHARE = 0.75
-"""Of a controller's time, about; the rest is the front's and the new plants'."""
+"""Approximate share of a controller's time; the front and the new plants take the rest."""
 
 
 def tune(
@@ -66,11 +66,12 @@ def tune(
     case        a case file or a bundled case's name, or a ``Case``, whose fields ``vary`` then names
     objective   a figure of a run, such as "rms_e", a key of a certificate, or "delay_margin_simulated"
     subject_to  such as "delay_margin_measured >= 0.02", "condition < 1", "delay_margin >= 0.01", "max_abs_u < 400"
-    vary        by paths "START:STOP" or "START:STOP:log"; by default the knobs of each scheme, as far as they stand in the case
+    vary        "START:STOP" or "START:STOP:log" by path; by default the knobs of each scheme that the case contains
     controller  the one to tune, by its name; by default all
-    plants      the case's own and so many less one of its known set
+    plants      number of plants: the case's own and others from its known set
     quantile    of the plants; 1: the worst of them
-    trials      tunings that are tried for each controller, by default 384, of more than three numbers 576, the least of so many
+    trials      number of tunings tried for each controller, by default 384, with more than three numbers 576, the least for so
+                many
     seed        of the plants and of the search: the same seed gives the same result
     Raises InputError.
     """
@@ -100,19 +101,19 @@ class Tuner:
         return VariedObjects(self.case, paths) if self.text is None else VariedCase(self.text, paths)
 
     def space_of(self, controller: int) -> Space:
-        """The ranges of the scheme's own knobs; InputError where it has none."""
+        """The ranges of the scheme's own knobs; InputError if it has none."""
         settings = self.case.controllers[controller]
         scheme = settings.controller if isinstance(settings, Sampled) else settings
         problem = self.case.problem
         knobs = None if self.text is None else _knobs_of(scheme, problem, self.case.simulation)
         if self.text is None or knobs is None:
             raise InputError(
-                f"nothing says which settings of {settings.name} are tuned: give --vary controller[{controller}].KEY="
+                f"the tunable settings of {settings.name} are not declared: give --vary controller[{controller}].KEY="
                 "START:STOP[:log]"
             )
         tables = self.text.data()["controller"]
         if controller >= len(tables):
-            raise InputError(f"{settings.name} does not stand in the case file: its settings can't be tuned there")
+            raise InputError(f"{settings.name} is not in the case file, so its settings cannot be tuned there")
         return of_knobs(knobs, tables[controller], controller)
 
     def count(self, space: Space) -> int:
@@ -124,7 +125,7 @@ class Tuner:
         """Search the tuning of one controller."""
         count = self.count(space)
         trials, start = self._trials(controller, space), self._start(space)
-        own = trials.whole(np.zeros(0) if start is None else start, self.case)  # what can't be judged is refused here
+        own = trials.whole(np.zeros(0) if start is None else start, self.case)  # cases that can't be evaluated are refused here
         shares = None if start is None else space.shares(start)
         part = part_of(progress, 0, SEARCH_SHARE)
         search(trials.scoring(space), len(space), trials=count, seed=self.aim.seed, start=shares, progress=part)
@@ -143,7 +144,7 @@ class Tuner:
         )
 
     def _start(self, space: Space) -> Array | None:
-        """(d,) the case's own tuning; None where a number of it is left to a default."""
+        """(d,) the case's own tuning; None if one of its numbers is left to a default."""
         if self.text is None:
             return None
         found = [path.of(self.text.data()) for path in space.paths]
@@ -153,7 +154,7 @@ class Tuner:
 
 
 def _knobs_of(scheme: Controller, problem: TrackingProblem, simulation: Simulation) -> TuningGrid | None:
-    """What the scheme says is tuned of it on such a problem; None where it says nothing."""
+    """The tuned settings that the scheme declares for such a problem; None if it declares none."""
     if isinstance(problem, OutputProblem) and isinstance(scheme, OutputTunable):
         return scheme.output_knobs(output_reach_of(problem, simulation))
     if isinstance(problem, Problem) and isinstance(scheme, Tunable):
@@ -162,7 +163,7 @@ def _knobs_of(scheme: Controller, problem: TrackingProblem, simulation: Simulati
 
 
 def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, progress: Progress | None) -> Tuning:
-    """All controllers that are asked for, one after the other."""
+    """Tune all requested controllers, one after the other."""
     tuner.case.simulation.require_steps("tuning")
     started = time.perf_counter()
     _require_steps(tuner.aim, tuner.case)
@@ -189,7 +190,7 @@ def tune_case(tuner: Tuner, space: Space | None, *, controller: str | None, prog
 
 
 def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[dict[int, Space], list[str]]:
-    """What is varied of each controller that is tuned, by its place; and, as sentences, who is left out."""
+    """The ranges for each controller that is tuned, by its index; and sentences on those that are left out."""
     names = [one.name for one in tuner.case.controllers]
     if controller is not None and controller not in names:
         raise InputError(f"--controller must be one of the case's ({', '.join(names)}), got {validate.show(controller)}")
@@ -199,7 +200,9 @@ def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[
     places = {path.keys[1] if path.keys[0] == "controller" and len(path.keys) > 1 else None for path in space.paths}
     own = {place for place in places if isinstance(place, int)}
     if controller is None and None in places and len(names) > 1 and len(own) != 1:
-        raise InputError(f"say with --controller which one is tuned ({', '.join(names)}): not all of --vary is one controller's")
+        raise InputError(
+            f"select the controller to tune with --controller ({', '.join(names)}): --vary has numbers of several controllers"
+        )
     if None in places or controller is not None:
         which = names.index(controller) if controller is not None else next(iter(own), 0)
         return {which: space}, []
@@ -216,20 +219,20 @@ def _own_spaces(tuner: Tuner, chosen: Sequence[int]) -> tuple[dict[int, Space], 
         except InputError as error:
             if not found and which == chosen[-1]:
                 raise
-            left_out.append(f"{tuner.case.controllers[which].name} is left out: {error}")
+            left_out.append(f"{tuner.case.controllers[which].name} is omitted: {error}")
     return found, left_out
 
 
 RUNS_EACH_TRIAL = 5
-"""For each plant: without a delay, and with some."""
+"""Runs per plant: without a delay, and with some."""
 PLANT = Estimate(memory=20e3, seconds=2e-3)
-"""Of a plant that is drawn, with what its model and its ideal loop do there."""
+"""Seconds for a random plant, including the runs of its model and its ideal loop."""
 CERTIFYING_SECONDS = 0.1
-"""Of a certificate's keys, for each trial and plant."""
+"""Seconds for a certificate's keys, for each trial and plant."""
 
 
 def _require_budget(tuner: Tuner, spaces: Mapping[int, Space]) -> None:
-    """InputError where the plants, or the trials on them, are beyond the budget."""
+    """InputError if the plants, or the trials on them, exceed the budget."""
     case, plants = tuner.case, tuner.aim.plants
     loops = [ClosedLoop.of(case.problem, case.controllers[which]) for which in spaces]
     certified = CERTIFYING_SECONDS * len(loops) if tuner.aim.asks(Origin.CERTIFICATE) else 0.0
@@ -248,11 +251,11 @@ def _require_steps(aim: Aim, case: Case) -> None:
     shortest = SHORTEST_DELAY_STEPS * case.simulation.dt
     for one in aim.constraints:
         if DelayError() in one.quantity.errors and one.requirement.limit < shortest:
-            raise InputError(f"{one.requirement} asks for less than can be simulated, two steps, {shortest:g} s")
+            raise InputError(f"{one.requirement} requires less than can be simulated, two steps, {shortest:g} s")
 
 
 def _require_known(tuner: Tuner, controllers: Sequence[int]) -> None:
-    """InputError where a key is in no certificate of those that are tuned."""
+    """InputError if a key is in no certificate of the tuned controllers."""
     asked = [one for one in tuner.aim.quantities if one.origin is Origin.CERTIFICATE]
     if not asked:
         return
@@ -263,16 +266,16 @@ def _require_known(tuner: Tuner, controllers: Sequence[int]) -> None:
 
 
 def _notes(tuner: Tuner, found: Mapping[str, Tuned]) -> tuple[str, ...]:
-    """Sentences on what the result is not."""
+    """Sentences on the limits of the result."""
     said = []
     if len(tuner.aim.family(tuner.case)) < tuner.aim.plants:
-        said.append("only the case's own plant was looked at: it has no known set from which others of theta could be drawn")
+        said.append("only the case's own plant was used: it has no known set from which other values of theta could be drawn")
     for name, one in found.items():
         if one.chosen is None:
-            said.append(f"{name}: {_unmet(tuner, one)}; the case file keeps its own")
+            said.append(f"{name}: {_unmet(tuner, one)}; the case file keeps its original values")
         elif one.refused:
             said.append(
-                f"{name}: better tunings, {len(one.refused)} of them, meet every constraint at the step of the case alone: "
+                f"{name}: better tunings, {len(one.refused)} of them, meet every constraint only at the step of the case: "
                 f"{'; '.join(one.refused[0].broken)}"
             )
         said += [f"{name}: {sentence}" for sentence in ([] if one.step is None else one.step.sentences)]
@@ -295,13 +298,13 @@ def _unmet(tuner: Tuner, one: Tuned) -> str:
     if plants == 1:
         return f"the run diverges with each of {tunings}"
     return (
-        f"each of {tunings} diverges on one at least of the {plants} plants, the case's own and others of its known set. A "
-        "smaller known set may help; --plants 1 looks at the case's own alone"
+        f"each of {tunings} diverges on at least one of the {plants} plants, the case's own and others of its known set. A "
+        f"smaller known set may help; --plants 1 uses only the case's own plant"
     )
 
 
 def _beside_linear(one: Tuned) -> list[str]:
-    """The finding where the linear delay margin that was asked for is more than twice what the case bears."""
+    """The finding if the requested linear delay margin is more than twice what the case tolerates."""
     point, measured = one.chosen or one.nearest, one.delay_margin_measured
     if measured is None:
         return []
@@ -311,7 +314,7 @@ def _beside_linear(one: Tuned) -> list[str]:
 
 
 def with_numbers(text: str, numbers: Mapping[FieldPath, float]) -> str:
-    """The TOML text with numbers at some places."""
+    """The TOML text with numbers replaced at some places."""
     import tomlkit
 
     document = tomlkit.parse(text)

@@ -1,4 +1,4 @@
-"""Schemes that measure y only, and their registry: one line for each, by the name that case files use."""
+"""The registry of schemes that measure only y, one line for each, by their names in case files."""
 
 from barbalat.controllers.output.l1 import L1Output as L1Output
 from barbalat.controllers.output.l1_piecewise import L1OutputPiecewiseConstant as L1OutputPiecewiseConstant

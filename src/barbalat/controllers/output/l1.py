@@ -1,4 +1,4 @@
-"""The L1 output-feedback controller: (19)-(21), and the linear controller that it is inside its projection bounds."""
+"""The L1 output-feedback controller (19)-(21), and the linear controller to which it reduces inside its projection bounds."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from barbalat.validate import InputError
 
 @dataclass(frozen=True, eq=False)
 class OutputPredictor(SampledForm):
-    """(21): predictor and sigma in one implicit step, for every gamma and T; the predictor is fed with sigma inside its bounds.
+    """(21): predictor and sigma in one implicit step, for every gamma and T; the predictor receives sigma after projection.
 
-    With y_next = y + T (-m y_mid + m (u + s) + w), s what sigma estimates, y_tilde = y - y_hat and sigma_tilde = sigma - s,
-    V = y_tilde^2 + m sigma_tilde^2/gamma changes by at most -2 m T y_tilde^2 + 2 T y_tilde w, y_tilde that at the end.
+    With y_next = y + T (-m y_mid + m (u + s) + w), where sigma estimates s, y_tilde = y - y_hat and sigma_tilde = sigma - s, V =
+    y_tilde^2 + m sigma_tilde^2/gamma changes by at most -2 m T y_tilde^2 + 2 T y_tilde w, with y_tilde at the end of the sample.
     """
 
     continuous: Equations
     sample_time: float
     filter: Filter
-    frozen: Value = None  # where it holds, sigma rests; None: it never does
+    frozen: Value = None  # where it is true, sigma is held; None: never
 
     explicit: ClassVar[bool] = False
 
@@ -43,7 +43,7 @@ class OutputPredictor(SampledForm):
     def advance(self, state: State, before: Sample, u: Value, now: Sample) -> State:
         c, T, m = self.continuous, self.sample_time, self.continuous.m
         end = 1 / (1 + m * T)
-        at_rest = end * (state.y_hat + T * m * ((now.x - before.x) / 2 + u + state.theta_hat))  # y_hat, were sigma to rest
+        at_rest = end * (state.y_hat + T * m * ((now.x - before.x) / 2 + u + state.theta_hat))  # y_hat if sigma did not change
         moved = T * c.gamma * (now.x - at_rest) / (1 + T**2 * m * c.gamma * end)
         sigma = kept(self.frozen, state.theta_hat, limit(state.theta_hat + moved, c.estimate_set))
         y_hat = at_rest + end * T * m * (sigma - state.theta_hat)
@@ -52,9 +52,9 @@ class OutputPredictor(SampledForm):
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
-    theta_hat: Value  # (1,) sigma, the estimate of what the plant lacks of the model
+    theta_hat: Value  # (1,) sigma, the estimate of the difference between plant and model at the input
     y_hat: Value  # (1,) predictor
     filter: Value  # (order of C,)
 
@@ -92,11 +92,11 @@ class Equations:
 class L1Output(Scheme):
     """u = C(s)[r - sigma], sigma' = proj(gamma (y - y_hat)), y_hat' = -m y_hat + m (u + sigma).
 
-    m             pole of the model m/(s + m) [rad/s], > 0; the problem's reference model must be it
+    m             pole of the model m/(s + m) [rad/s], > 0; the problem's reference model must be the same
     gamma         adaptive gain > 0
     filter        C(s): stable, strictly proper, C(0) = 1; starts at rest
-    sigma_bound   |sigma| <= sigma_bound by projection, > 0; no bound by default
-    lipschitz     L of condition (20), for certificates only; by default 0 without f, else the slope that f is found to have
+    sigma_bound   |sigma| <= sigma_bound by projection, > 0; unbounded by default
+    lipschitz     L of condition (20), used only by certificates; by default 0 without f, or else the slope found for f
     design_plant  G(s) that the design assumes, for certificates; the plant itself by default
 
     Source: eqs (18)-(21); Cao and Hovakimyan, IEEE TAC 54(4), 2009; Hovakimyan and Cao, section 4.1.
@@ -153,7 +153,7 @@ class LinearEquivalent(NamedTuple):
 
 
 def linear_equivalent(controller: L1Output) -> LinearEquivalent:
-    """What the controller is while sigma is inside its bounds.
+    """The linear controller to which the scheme reduces while sigma is inside its bounds.
 
     sigma = [gamma (s + m) y - gamma m u]/(s^2 + m s + gamma m) in u = C[r - sigma], C = N/D, gives
     u = N [(s^2 + m s + gamma m) r - gamma (s + m) y]/[(s^2 + m s + gamma m) D - gamma m N].
@@ -161,7 +161,7 @@ def linear_equivalent(controller: L1Output) -> LinearEquivalent:
     N, D, m, gamma = controller.filter.num, controller.filter.den, controller.m, controller.gamma
     observer = np.array([1.0, m, gamma * m])
     den = np.polysub(np.polymul(observer, D), gamma * m * N)
-    den[-1] = 0.0  # C(0) = 1: the constant terms are equal, and what is left of them is rounding
+    den[-1] = 0.0  # C(0) = 1: the constant terms are equal, and their difference is rounding
     return LinearEquivalent(
         TransferFunction(np.polymul(observer, N), den), TransferFunction(gamma * np.polymul([1.0, m], N), den)
     )

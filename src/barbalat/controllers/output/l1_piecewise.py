@@ -1,8 +1,8 @@
-"""L1 output feedback with the piecewise-constant law: for a stable, minimum-phase model of any order; sampled by nature.
+"""L1 output feedback with the piecewise-constant law, for a stable, minimum-phase model of any order; always sampled.
 
-One output tells one direction of x_hat - x: g, of which c'g = 1, the only one that the law moves. With P of A_m'P + P A_m = -I
-and g = P^-1 c/(c'P^-1 c), x_tilde - g c'x_tilde is what P is least of, so that the predictor's error falls at every sample time:
-x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k] without what acts on the plant.
+One output determines x_hat - x in one direction: g with c'g = 1, the only direction in which the law acts. With A_m'P + P A_m =
+-I and g = P^-1 c/(c'P^-1 c), x_tilde - g c'x_tilde minimises the norm given by P, so that the predictor's error decreases at
+every sample time: x_tilde[k+1] = e^(A_m T) (I - g c') x_tilde[k] without uncertainty.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
-    """What is kept from sample to sample; no parameter is estimated."""
+    """The states from sample to sample; no parameter is estimated."""
 
     theta_hat: Value  # (0,)
     x_hat: Value  # (n,) predictor, in the coordinates of the model's controllable form
-    sigma_hat: Value  # (n,) what acts on it: with the input, and beside it
+    sigma_hat: Value  # (n,) the uncertainty: at the input, and in the remaining directions
     filter: Value  # states of C(s), and of the inverse of the model
-    span: Value  # () samples that y_hat - y gathers over: 1 unless measurements are missed
+    span: Value  # () samples over which y_hat - y accumulates: 1 unless measurements are missed
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,14 +47,14 @@ class Equations:
     model: HeldSystem  # over a sample, with B
     c: Array  # (n,)
     G: Array  # (n,): sigma_hat = -G (y_hat - y)
-    g: Array  # (n,), c'g = 1: the direction of x_hat in which the law answers
-    memory: float  # of the model from one sample to the next: its spectral radius
+    g: Array  # (n,), c'g = 1: the direction in which the law corrects x_hat
+    memory: float  # decay of the model per sample: its spectral radius
     filter: FilterStep
-    limits: Array | None = None  # of the input, where the predictor is fed with what is left of u
-    frozen: Value = None  # where it holds, sigma_hat rests; None: it never does
+    limits: Array | None = None  # of the input, if the predictor receives sat(u)
+    frozen: Value = None  # where it is true, sigma_hat is held; None: never
 
     roles: ClassVar[Mapping[str, Role]] = {
-        "sigma_hat": Role.estimates("sigma", meaning="sigma_hat, what acts on the plant"),
+        "sigma_hat": Role.estimates("sigma", meaning="sigma_hat, the total disturbance of the plant"),
         "span": SPAN,
     }
 
@@ -76,7 +76,8 @@ class Equations:
         return State(state.theta_hat, x_hat, sigma_hat, self.filter.end(state.filter, *wanted), span)
 
     def _measured_again(self, state: State, x_hat: Value, y: Value) -> Value:
-        """x_hat at the first measurement after missed ones, moved by what one sample's share of y_hat - y leaves of it."""
+        """x_hat at the first measurement after missed ones, moved so that y_hat - y is the share of one sample, see
+        ``shared``."""
         error, answered = self.c @ x_hat - y, -(self.G @ state.sigma_hat) / (self.G @ self.G)
         return x_hat + self.g * (shared(error, answered, state.span) - error)
 
@@ -84,7 +85,7 @@ class Equations:
         return replace(self, frozen=frozen)
 
     def _filtered(self, sigma_hat: Value, r: Value) -> Value:
-        """The signals that pass C(s): r - sigma_hat of the input, and sigma_hat beside it."""
+        """The signals that pass C(s): r - sigma_hat at the input, and the unmatched sigma_hat."""
         return np.concatenate([(r - sigma_hat[0]).reshape(1), sigma_hat[1:]])
 
 
@@ -95,9 +96,9 @@ class L1OutputPiecewiseConstant(Scheme):
     Predictor x_hat' = A_m x_hat + b u + B sigma_hat, exact from sample to sample; at each sample
     sigma_hat = -B^-1 Phi^-1 e^(A_m T) g (c'x_hat - y), Phi = A_m^-1 (e^(A_m T) - I), g = P^-1 c/(c'P^-1 c), A_m'P + P A_m = -I.
 
-    sample_time  T [s], a whole number of solver steps
-    filter       C(s): stable, C(0) = 1, of a relative degree that is not below the model's; by the trapezoidal rule, from rest
-    saturated_predictor  against windup: the predictor is fed with sat(u); off by default
+    sample_time  T [s]; at fixed steps a whole number of them
+    filter       C(s): stable, C(0) = 1, with a relative degree that is not below the model's; by the trapezoidal rule, from rest
+    saturated_predictor  against windup: the predictor receives sat(u); off by default
 
     Source: Hovakimyan and Cao, L1 Adaptive Control Theory (2010), section 4.2; Cao and Hovakimyan, J. Guidance, Control, and
     Dynamics 32(3), 2009.
@@ -115,7 +116,9 @@ class L1OutputPiecewiseConstant(Scheme):
     def __post_init__(self) -> None:
         validate.label("name", self.name)
         if self.filter is None:
-            raise InputError.of("filter", "must be a low pass of the model's relative degree or more: C = 1 (kappa = 0) is none")
+            raise InputError.of(
+                "filter", "must be a low pass of at least the model's relative degree, which C = 1 (kappa = 0) is not"
+            )
         validate.freeze(
             self,
             sample_time=validate.positive("sample_time", self.sample_time),

@@ -1,4 +1,5 @@
-"""A linear output-feedback controller, u = F(s)[r] - K(s)[y]: a floor, a robust design, the equivalent of another scheme."""
+"""A linear output-feedback controller, u = F(s)[r] - K(s)[y]: a benchmark, a robust design, or the equivalent of another
+scheme."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ from barbalat.validate import Array, InputError
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
     x: Value  # (order,)
 
@@ -60,12 +61,13 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class LinearOutput(Scheme):
-    """u = K(s)[y_m - y]; or u = F(s)[r] - K(s)[y] where a feedforward is given; both proper, from rest.
+    """u = K(s)[y_m - y], or u = F(s)[r] - K(s)[y] if a feedforward is given; both proper, from rest.
 
     loop         K(s)
     feedforward  F(s); none by default
 
-    An unstable F must have the denominator of K, whose dynamics it then shares: the loop would not see its own.
+    An unstable F must have the denominator of K, with which it then shares its states; otherwise the loop could not stabilise
+    them.
     """
 
     loop: TransferFunction
@@ -113,7 +115,8 @@ class LinearOutput(Scheme):
 
 
 def observable_form(numerators: list[Array], den: Array) -> tuple[Array, list[StateSpace]]:
-    """Transfer functions with one denominator as one system: A, C common, B and D for each; the transposed canonical form."""
+    """Transfer functions with a common denominator as one system, in the transposed canonical form: A and C common, B and D
+    for each."""
     order = len(den) - 1
     columns = []
     for numerator in numerators:

@@ -1,4 +1,4 @@
-"""The matching equation of direct MRAC and what its solvability asks of plant, model and filters."""
+"""The matching equation of direct MRAC, and the conditions on plant, model and filters for its solution."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from barbalat.linear.systems import StateSpace, TransferFunction
 from barbalat.validate import Array, InputError
 
 SLOWEST_POLE_SHARE = 1e-9
-"""Of a filter's pole, relative to the model's fastest: below it a pole and an integrator look the same."""
+"""Smallest ratio of a filter's pole to the model's fastest: below it a pole can't be distinguished from an integrator."""
 
 
 def filter_polynomial(n: int, W_m: TransferFunction, filter_poles: Array | None) -> Array:
     """Lambda = Lambda_0 Z_m, monic of degree n - 1, highest power first.
 
-    The roots of Lambda_0 are ``filter_poles``; by default all stand at -a, a the largest modulus of the model's poles.
+    The roots of Lambda_0 are ``filter_poles``; by default all are at -a, where a is the largest modulus of the model's poles.
     """
     zeros = W_m.zeros
     free = n - 1 - len(zeros)
@@ -42,7 +42,8 @@ def input_filter(Lambda: Array) -> StateSpace:
 
 
 def refuse_contradiction(plant: TransferFunction, order: int, relative_degree: int, sign: int) -> None:
-    """InputError where a plant of the assumed order or below is not of the assumed class; above it, the rest is unmodelled."""
+    """InputError if a plant of at most the assumed order is not in the assumed class; the rest of a higher-order plant is
+    unmodelled."""
     if len(plant.poles) > order:
         return
     if plant.relative_degree != relative_degree:
@@ -59,10 +60,10 @@ def refuse_contradiction(plant: TransferFunction, order: int, relative_degree: i
 def matching_parameters(plant: TransferFunction, W_m: TransferFunction, Lambda: Array) -> Array:
     """theta* = (theta_1, theta_2, theta_3, c_0), (2 n,), for which the closed loop is W_m exactly.
 
-    Solves (Lambda - theta_1'alpha) R_p - k_p Z_p (theta_2'alpha + theta_3 Lambda) = Z_p Lambda_0 R_m, c_0 = k_m/k_p, monic
-    Z_p and Z_m, with the time unit in which the model's fastest pole is 1. Where theta* is not unique (a plant of lower order,
-    or with a pole and a zero that cancel) the smallest in that unit is taken. Raises InputError for a plant of a higher order
-    than Lambda's plus one, or with another relative degree than the model. Source: Ioannou and Sun, section 6.4.
+    Solves (Lambda - theta_1'alpha) R_p - k_p Z_p (theta_2'alpha + theta_3 Lambda) = Z_p Lambda_0 R_m, c_0 = k_m/k_p, monic Z_p
+    and Z_m, with the time unit in which the model's fastest pole is 1. If theta* is not unique (a plant of lower order, or one
+    with a pole-zero cancellation), the smallest in that unit is taken. Raises InputError for a plant whose order exceeds Lambda's
+    plus one, or whose relative degree is not the model's. Source: Ioannou and Sun, section 6.4.
     """
     n = len(Lambda)
     missing = n - len(plant.poles)
@@ -88,7 +89,7 @@ def matching_parameters(plant: TransferFunction, W_m: TransferFunction, Lambda: 
 
 
 def _scaled(polynomial: Array, unit: float) -> Array:
-    """A monic polynomial of s in s/unit, monic."""
+    """A monic polynomial in s, rewritten in s/unit and made monic."""
     return polynomial / unit ** np.arange(float(len(polynomial)))
 
 

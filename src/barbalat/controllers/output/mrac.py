@@ -22,28 +22,29 @@ from barbalat.problem.output_feedback import OutputKnown
 from barbalat.validate import Array, InputError, Vector
 
 LARGEST_ORDER = 100
-"""Of the plant that is designed for: the coefficients of Lambda = (s + a)^99 span 29 decades, and doubles have 16 digits."""
+"""Largest order of the design plant: the coefficients of Lambda = (s + a)^99 span 29 decades, and doubles have 16 digits."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class MracOutput(Scheme):
-    """u = theta_hat'omega + u_a for a plant of which order, relative degree and the sign of its gain are assumed.
+    """u = theta_hat'omega + u_a for a plant whose order, relative degree and sign of the gain are assumed.
 
-    order            n of the plant that is designed for
-    relative_degree  n*, that of the reference model as well
+    order            n of the plant for which the scheme is designed
+    relative_degree  n*, equal to that of the reference model
     sign             of the high-frequency gain, 1 or -1
     law              LyapunovLaw (n* = 1 with a strictly positive real W_m; unnormalised) or a law of the family
     theta_hat0       (2 n,): theta_1, theta_2, theta_3, c_0; zero by default, c_0 at its bound
     tau              time constant of the auxiliary input [s]; none by default; only with a law of the family
     normalization    m_s^2 = 1 + phi'phi + alpha_0 n_d, n_d' = -delta_0 n_d + u^2 + y^2
-    filter_poles     the roots of Lambda_0, order - 1 less the model's zeros; all at -max |pole of W_m| by default
+    filter_poles     the roots of Lambda_0, order - 1 less the number of the model's zeros; all at -max |pole of W_m| by default
     lower, upper     (2 n,) each, the known set; none by default
-    c_0_min          |c_0| >= c_0_min > 0 with the sign of ``sign`` k_m; a law of the family needs it, or a known set that says so
-    saturated_predictor  against windup: omega_1, the parametric model and n_d are fed with sat(u); only with a law of the family
+    c_0_min          |c_0| >= c_0_min > 0 with the sign of ``sign`` k_m; a law of the family needs it, or a known set that implies
+                     it
+    saturated_predictor  against windup: omega_1, the parametric model and n_d receive sat(u); only with a law of the family
 
     Identity behind u_a (zero initial conditions, no modelling error; c_0 is the estimate, the last entry of theta_hat):
         c_0 (y - y_m) = -epsilon m^2 + W_c[(W_b[omega'] theta')] + W_m[u_a].
-    Where u is limited and sat(u) fed to omega_1 and z = W_m[sat(u)], it holds with u_a + sat(u) - u for u_a.
+    If u is limited and omega_1 and z = W_m[sat(u)] receive sat(u), it holds with u_a + sat(u) - u in place of u_a.
 
     Source: Ioannou and Sun, sections 6.4, 6.5 and 9.3; equations of the auxiliary input: Section IV of the paper.
     """
@@ -79,7 +80,7 @@ class MracOutput(Scheme):
             require_law(self.law)
         validate.instance("normalization", self.normalization, Normalization)
         if (self.lower is None) != (self.upper is None):
-            raise InputError("lower and upper go together")
+            raise InputError("give both lower and upper, or neither")
         for name in ("tau", "c_0_min"):
             if getattr(self, name) is not None:
                 validate.freeze(self, **{name: validate.positive(name, getattr(self, name))})
@@ -90,11 +91,11 @@ class MracOutput(Scheme):
             poles = np.zeros(0) if len(self.filter_poles) == 0 else validate.vector("filter_poles", self.filter_poles)
             validate.freeze(self, filter_poles=poles)
         if self.unnormalized and (self.tau is not None or self.saturated_predictor):
-            raise InputError("tau and saturated_predictor go with a law on the parametric model; the Lyapunov law has no epsilon")
+            raise InputError("tau and saturated_predictor need a law on the parametric model; the Lyapunov law has no epsilon")
 
     @property
     def unnormalized(self) -> bool:
-        """Whether the law is driven by the error y - y_m instead of a parametric model's."""
+        """Whether the law is driven by the error y - y_m and not by a parametric model's."""
         return isinstance(self.law, OutputErrorLaw)
 
     def bind(self, known: OutputKnown) -> mrac_unnormalized.Equations | mrac_normalized.Equations:
@@ -131,7 +132,7 @@ class MracOutput(Scheme):
         if self.lower is None and self.c_0_min is None:
             if self.unnormalized:
                 return None
-            raise InputError("give c_0_min, or lower and upper: projection must keep c_0 from zero")
+            raise InputError("give c_0_min, or lower and upper: projection must keep c_0 away from zero")
         lower = np.full(2 * self.order, -UNREACHED_BOUND) if self.lower is None else self.lower.copy()
         upper = np.full(2 * self.order, UNREACHED_BOUND) if self.upper is None else self.upper.copy()
         if self.c_0_min is not None:

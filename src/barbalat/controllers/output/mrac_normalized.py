@@ -1,4 +1,4 @@
-"""The output-feedback MRAC with a law on the parametric model, normalised, and with the auxiliary input.
+"""Output-feedback MRAC with a normalised law on the parametric model and with the auxiliary input.
 
 Source: Section IV of the paper, first sentence; Ioannou and Sun, sections 6.5 and 9.3.
 """
@@ -58,7 +58,7 @@ class OutputEstimator(Estimator):
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
     theta_hat: Value  # (2 n,): theta_1 (n - 1), theta_2 (n - 1), theta_3, c_0
     omega_1: Value  # (n - 1,) alpha(s)/Lambda(s)[u]
@@ -82,7 +82,7 @@ class Equations:
     Q: StateSpace | None
     theta_hat0: Array
     estimate_set: ParameterBox | None
-    limits: Array | None = None  # of the input, where the parametric model is fed with what is left of u
+    limits: Array | None = None  # of the input, if the parametric model receives sat(u)
 
     @property
     def roles(self) -> dict[str, Role]:

@@ -1,4 +1,4 @@
-"""The classical output-feedback MRAC for relative degree one: its law is driven by y - y_m, and nothing is normalised.
+"""The classical output-feedback MRAC for relative degree one: its law is driven by y - y_m, without normalisation.
 
 Source: Ioannou and Sun, section 6.4.1.
 """
@@ -22,11 +22,11 @@ REGRESSOR_FILTERS = {
     "omega_1": Role.filter("filtered control, alpha(s)/Lambda(s)[u]"),
     "omega_2": Role.filter("filtered output, alpha(s)/Lambda(s)[y]"),
 }
-"""What both forms of the law filter."""
+"""Roles of the filters in both forms of the law."""
 
 
 class State(NamedTuple):
-    """What the controller integrates."""
+    """The controller's states."""
 
     theta_hat: Value  # (2 n,): theta_1 (n - 1), theta_2 (n - 1), theta_3, c_0
     omega_1: Value  # (n - 1,) alpha(s)/Lambda(s)[u]

@@ -70,7 +70,7 @@ function gridValues(data, setting) {
   return { dt: steps.filter((one) => !gridRefusal(data, tEnd, one, setting)), tEnd: ends.filter((one) => !gridRefusal(data, one, dt, setting)) };
 }
 
-// From a tenth of the case's own delay to ten times it, as far as its step bears them.
+// From a tenth of the case's own delay to ten times it, as far as its step tolerates them.
 function delayValues(data) {
   const { delay, simulation: { dt } } = data;
   const found = [];

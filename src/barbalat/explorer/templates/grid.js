@@ -3,7 +3,7 @@
 export const CHUNK_STEPS = 32768;
 const MOST_KEPT = 8e6; // numbers of the table that a worker keeps for the next run: 64 MB
 
-function roundHalfEven(value) {
+export function roundHalfEven(value) {
   const below = Math.floor(value);
   const rest = value - below;
   if (rest !== 0.5) return Math.round(value);

@@ -106,7 +106,7 @@ function lostAt({ shape, judge, grid, own }, kept, { rows, starts }, limits) {
   return null;
 }
 
-// As judge/held.py, at steps of the tail; a clock is not held.
+// As judge/held.py, at steps of the tail; a clock is not held, and faults that come and go end.
 export function heldIn(task, commands) {
   const { judge, grid } = task;
   const begin = tailStart(grid.steps);
@@ -115,6 +115,7 @@ export function heldIn(task, commands) {
   const values = commands.at(steps);
   return Array.from({ length: commands.count }, (_, j) => {
     const own = steps.map((_, i) => values[i * commands.count + j]);
+    if (judge.passing[j]) return 0;
     return judge.clock[j] ? NaN : own.reduce((most, one) => (Math.abs(one) > Math.abs(most) ? one : most));
   });
 }

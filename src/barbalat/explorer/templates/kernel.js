@@ -1,3 +1,5 @@
+import { faultValues } from "./faults.js";
+
 // A module's time loop, called as the native kernel is: arrays lie one after another in its memory.
 
 const PAGE_BYTES = 65536;
@@ -62,16 +64,17 @@ export function interpolated({ times, values }, at) {
   return found;
 }
 
-// The computed signals' values at times, a row for each: those of formulas, and those of records.
-export function computedValues(kernel, signals, times) {
-  const computed = signals.points.filter((_, i) => signals.smooth[i]);
-  const formulas = computed.filter((points) => !points).length;
+// The computed signals' values at times, a row for each: those of formulas, of records, and of faults.
+export function computedValues(kernel, drawing, signals, times) {
+  const computed = signals.points.map((points, i) => ({ points, fault: signals.faults[i] })).filter((_, i) => signals.smooth[i]);
+  const formulas = computed.filter(({ points, fault }) => !points && !fault).length;
   const byFormula = formulas ? smoothValues(kernel, signals.parameters, formulas, times) : [];
   if (formulas === computed.length) return byFormula;
   const found = new Float64Array(times.length * computed.length);
   let formula = 0;
-  computed.forEach((points, j) => {
-    const [values, every, first] = points ? [interpolated(points, times), 1, 0] : [byFormula, formulas, formula++];
+  computed.forEach(({ points, fault }, j) => {
+    const apart = points ? interpolated(points, times) : fault ? faultValues(drawing, fault, times) : null;
+    const [values, every, first] = apart ? [apart, 1, 0] : [byFormula, formulas, formula++];
     for (let i = 0; i < times.length; i++) found[i * computed.length + j] = values[i * every + first];
   });
   return found;

@@ -202,6 +202,7 @@ const lessons = new Lessons(byId("lessons"), data, begin, (lesson) => {
   changed();
 });
 
+byId("fixed").textContent = data.fixed;
 byId("about-u").textContent = data.about_u ? `max |u|: ${data.about_u}.` : "";
 byId("case-file").hidden = !data.case_file;
 byId("case-file").addEventListener("click", () => copied(caseFileOf(data, setting)));

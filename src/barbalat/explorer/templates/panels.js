@@ -22,7 +22,8 @@ function motion(data, shown, moved, panel) {
     return { ...part, t: part.run.t, low: at.output ? middle(part.run, at, "y", 0) : rows(part.run, at.x[panel.state]) };
   });
   const { output } = data.controllers[0];
-  const title = output ? "Output y, model and command" : `State x${panel.state + 1}, model and command`;
+  const what = output ? "Output y" : `State x${panel.state + 1}`;
+  const title = `${what}${panel.name ? ` = ${panel.name}` : ""}, model and command`;
   const live = shown.filter(({ dash }) => !dash);
   const end = ({ run }) => run.starts[run.starts.length - 1] ?? -1;
   const first = (live.length ? live : shown).reduce((best, one) => (best && end(best) >= end(one) ? best : one), null); // the longest

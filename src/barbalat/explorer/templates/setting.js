@@ -111,6 +111,8 @@ export function gridRefusal(data, tEnd, dt, { values, delay }) {
     if (every < 1 || Math.abs(every * dt - time) > 1e-9 * time) return `The step must divide the sample time of ${name}, ${time} s.`;
     if (time > tEnd) return `The horizon must be at least the sample time of ${name}, ${time} s.`;
   }
+  const jitters = drawnFaults(data, { values }).flatMap((fault) => (fault?.kind === "jitter" ? [fault.time] : []));
+  if (jitters.some((time) => time < dt * (1 - 1e-9))) return `The step must be at most a jitter's time, ${Math.min(...jitters)} s.`;
   if (delay && stepsOf(delay, dt).lag < 1) return `The step must be at most the delay, ${delay} s.`;
   if (data.signals.grids && !gridOf(data, { values, tEnd, dt })) return jumpRefusal(data, values);
   return "";
@@ -148,6 +150,18 @@ function scaledGrid(data, setting, grid) {
   return found;
 }
 
+// The faults, with the numbers that they are drawn by as the setting has them.
+function drawnFaults(data, { values }) {
+  const faults = structuredClone(data.signals.faults);
+  data.numbers.forEach(({ drawn, value }, j) => {
+    if (!drawn || values[j] === value) return;
+    const [signal, keys] = drawn;
+    const last = keys.length - 1;
+    keys.slice(0, last).reduce((part, key) => part[key], faults[signal])[keys[last]] = values[j];
+  });
+  return faults;
+}
+
 function jumpRefusal(data, values) {
   const { t_end: tEnd, dt } = data.simulation;
   const moved = data.numbers.find((number, i) => number.grids && values[i] !== number.value);
@@ -174,7 +188,7 @@ export function taskOf(data, setting, index) {
   const variant = controller.variants[side];
   const parameters = variant.parameters.slice();
   const states = variant.states.slice();
-  const signals = { ...data.signals, parameters: data.signals.parameters.slice(), grids: null };
+  const signals = { ...data.signals, parameters: data.signals.parameters.slice(), faults: drawnFaults(data, setting), grids: null };
   data.numbers.forEach((number, j) => {
     const value = setting.values[j];
     for (const place of number.signals) signals.parameters[place] = value;
@@ -197,13 +211,13 @@ export function taskOf(data, setting, index) {
     states: joined(states, controller.judge.begins), own: states.length, judge: { ...data.judge, ...controller.judge },
     between: fraction ? { fraction, name: `weights ${setting.solver}`, module: data.delay.weights[setting.solver].module, first: parameters.length } : null,
     grid: { steps, tEnd: setting.tEnd, ...known },
-    tableKey: `${setting.tEnd} ${steps} ${scaled}`, nodes: data.solvers[setting.solver].nodes,
+    tableKey: `${setting.tEnd} ${steps} ${scaled} ${JSON.stringify(signals.faults)}`, nodes: data.solvers[setting.solver].nodes,
     polynomial: data.solvers[setting.solver].polynomial, spectrum: variant.spectrum, watching: data.watching, condition: conditionTask(data, setting, controller, side), dt: setting.dt, recordPoints: recordPoints(data, setting),
     module: `${index} ${side} ${setting.solver}`, code: variant.modules[setting.solver], shape: controller.shape, past: controller.past,
     reported: controller.reported, dtRow,
     operations: controller.operations, model: controller.model, thetaHat: controller.theta_hat,
     noise: data.noise && { ...data.noise, hold: Math.round(data.noise.sample_time / setting.dt) },
-    sampleEvery: controller.rhythm ? Math.round(controller.rhythm / setting.dt) : 0,
+    sampleEvery: controller.jitters ? 1 : controller.rhythm ? Math.round(controller.rhythm / setting.dt) : 0,
   };
 }
 

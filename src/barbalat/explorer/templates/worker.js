@@ -2,6 +2,7 @@
 
 import { bytesOf } from "./bytes.js";
 import { CHUNK_STEPS, segmentsOf, Table } from "./grid.js";
+import { Drawing } from "./faults.js";
 import { computedValues, Kernel, ringRows } from "./kernel.js";
 import { Noise } from "./noise.js";
 import { Totals } from "./figures.js";
@@ -24,7 +25,8 @@ function tableFor(task) {
   const key = `${task.tableKey} ${task.nodes} ${Array.from(signals.parameters)}`;
   if (table === null || table.key !== key) {
     const kernel = kernelOf("signals", signals.module);
-    const smooth = (times) => computedValues(kernel, signals, times);
+    const drawing = signals.drawing && new Drawing(kernelOf("drawing", signals.drawing.module), signals.drawing);
+    const smooth = (times) => computedValues(kernel, drawing, signals, times);
     table = new Table(grid, smooth, signals, task.nodes, task.shape.pieces);
     table.key = key;
   }

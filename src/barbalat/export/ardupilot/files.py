@@ -2,46 +2,69 @@
 
 from __future__ import annotations
 
+import re
+
 from barbalat.export.c99.files import sources
-from barbalat.export.layout import prefix_of
+from barbalat.export.layout import distinct, prefix_of
+from barbalat.export.log import logged
+from barbalat.export.parameters import Parameter
 from barbalat.export.target import Request
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.validate import InputError
 
 MOST_MEASURED = 2
-"""An angle and its rate."""
+"""The measurements that a controller of one axis may have: an angle and its rate."""
 TIMED = (
     "const uint64_t now = AP_HAL::micros64();",
     "in.sample_time = _last == 0 ? _period : float(now - _last) * 1e-6f;",
     "_last = now;",
 )
-"""The time between two updates, where the case's shell looks at it; the first one after a start comes in time."""
+"""The time between two updates, if the case's shell checks it; the first update after a start counts as on time."""
+OWN = 4
+"""Parameters that every backend has."""
+MOST_PARAMETERS = 63
+"""Of one group, whose indices have six bits."""
+LONGEST_NAME = 16 - len("CC3_")
+"""Of a parameter, behind the frontend's prefix."""
+LONGEST_LABELS, LONGEST_FORMAT = 64, 16
+"""Characters of what a line of the log is described by: its entries' names with commas, and a letter for each."""
+TOLD = """
+Parameters that the controller refuses leave it as it is and are told once. They are tried again with each update, so that two
+bounds can be moved past each other. A change fades in over `CC3_FADE` samples. ArduPilot stores a parameter by its place in the
+table, not by its name: after another export set all of them anew before you fly.
+"""
+LINES = "123456789ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 
 def files(asked: Request) -> dict[str, str]:
     """The files by their names; InputError for a controller that is not one axis's, and as of ``export_controller``."""
     if asked.closed_loop:
-        raise InputError("the target ardupilot has the controller alone: take the target c99 for the closed loop")
+        raise InputError("the target ardupilot exports only the controller: use the target c99 for the closed loop")
     name = asked.name or prefix_of(asked.controller.name)
-    printed, texts = sources(asked.problem, asked.controller, asked.simulation, float32=True, name=name)
+    printed, texts = sources(
+        asked.problem, asked.controller, asked.simulation, float32=True, name=name, parameters=asked.parameters
+    )
     _require_axis(printed)
+    names = parameters(printed)
     measured, state = printed.contents.sizes[0], printed.contents.measures_state
     timed = printed.contents.around is not None and printed.contents.around.band is not None
     given = {
         "origin": printed.origin,
         "name": name,
         "macro": printed.macro,
-        "kind": "".join(part.capitalize() for part in name.split("_")),
+        "kind": kind_of(name),
         "measured": printed.measured,
         "read": "_measure(x, r);",
         "start_given": "x, " if state else "",
         "timer": indented(TIMED if timed else ["in.sample_time = _period;"]),
-        "timed": "The time between two updates is measured, as the shell asks."
+        "timed": "The time between two updates is measured, as the shell requires."
         if timed
-        else "The time between two updates is not measured: without `jitter` in the case's `[shell]` nothing depends on it.",
+        else "The time between two updates is not measured: nothing depends on it unless the case's `[shell]` sets `jitter`.",
         "both": int(measured == MOST_MEASURED),
         "sample_time": f"{printed.contents.sample_time!r}",
         "rate": f"{1 / printed.contents.sample_time:.6g}",
+        "lines": indented(_lines(printed), 8),
+        **_settable(printed, names),
     }
     return texts | {
         f"AC_CustomControl_{given['kind']}.h": filled("ardupilot.h", **given),
@@ -50,10 +73,74 @@ def files(asked: Request) -> dict[str, str]:
     }
 
 
+def parameters(printed: Printed) -> list[str]:
+    """ArduPilot's names of the case's numbers, of the last key and its indices; InputError where they are too many."""
+    found = printed.contents.parameters
+    if len(found) + OWN > MOST_PARAMETERS:
+        most = MOST_PARAMETERS - OWN
+        raise InputError(
+            f"ArduPilot has room for {most} parameters of a backend, and this case has {len(found)}: leave out --parameters"
+        )
+    names = []
+    for one in found:
+        last = max(i for i, key in enumerate(one.path.keys) if isinstance(key, str))
+        index = "_".join(str(int(key) + 1) for key in one.path.keys[last + 1 :])
+        key = re.sub(r"[^A-Z0-9]+", "_", str(one.path.keys[last]).upper())
+        names.append(f"{key[: LONGEST_NAME - len(index) - 2]}{index}")  # and room for what tells two apart
+    return distinct(["AXIS", "ANGLE", "FADE", "SCALE", *names])[OWN:]
+
+
+def _settable(printed: Printed, names: list[str]) -> dict[str, str]:
+    """What stands in the files' places that are the parameters'; empty texts without any."""
+    if not names:
+        return dict.fromkeys(("infos", "members", "built", "apply", "applied", "told", "rows"), "")
+    given = {"name": printed.name, "macro": printed.macro, "count": len(names)}
+    found = list(zip(names, printed.contents.parameters, strict=True))
+    return {
+        "infos": "".join(_info(i, name, one, printed) for i, (name, one) in enumerate(found)),
+        "members": filled("ardupilot_members.txt", **given),
+        "built": filled("ardupilot_built.txt", **given),
+        "apply": filled("ardupilot_apply.txt", kind=kind_of(printed.name), **given),
+        "applied": "    _apply();\n",
+        "told": TOLD,
+        "rows": "".join(f"| `CC3_{name}` | `{one.name}`, {one.meaning}; {one.value:g} in the case |\n" for name, one in found),
+    }
+
+
+def kind_of(name: str) -> str:
+    """What the class is called behind AC_CustomControl_."""
+    return "".join(part.capitalize() for part in name.split("_"))
+
+
+def _info(i: int, name: str, one: Parameter, printed: Printed) -> str:
+    told = {"Param": name, "DisplayName": one.name, "Description": one.meaning, "User": "Advanced"}
+    lines = [f"// @{key}: {value}" for key, value in told.items()]
+    place = f"AC_CustomControl_{kind_of(printed.name)}, _parameter[{i}]"
+    return "\n" + indented([*lines, f'AP_GROUPINFO("{name}", {OWN + 1 + i}, {place}, {printed.number(one.value)}),'])
+
+
+def _lines(printed: Printed) -> list[str]:
+    """C++ that logs the inside, in as many lines as it needs."""
+    members, calls = [one.name for one in logged(printed)], list[str]()
+    while members and len(calls) < len(LINES):
+        count = 1
+        while count < min(len(members), LONGEST_FORMAT - 1) and _long(members[: count + 1]) < LONGEST_LABELS:
+            count += 1
+        some, members = members[:count], members[count:]
+        values = "".join(f",\n    double(inside.{one})" for one in some)
+        said, kinds = ",".join(["TimeUS", *some]), "Q" + "f" * len(some)
+        calls.append(f'AP::logger().Write("BBI{LINES[len(calls)]}", "{said}", "{kinds}", AP_HAL::micros64(){values});')
+    return [line for call in calls for line in call.split("\n")]
+
+
+def _long(names: list[str]) -> int:
+    return len(",".join(["TimeUS", *names]))
+
+
 def _require_axis(printed: Printed) -> None:
     y, q, m, _ = printed.contents.sizes
     if m != 1 or q != 1 or y > MOST_MEASURED:
         raise InputError(
-            "the target ardupilot takes a controller of one axis: one input, one command, and an angle or a rate or both in this "
-            f"order as what is measured; got {m} inputs, {q} commands and {y} measured"
+            f"the target ardupilot needs a controller of one axis, with one input, one command, and a measured angle or "
+            f"rate or both in this order; got {m} inputs, {q} commands and {y} measured"
         )

@@ -16,6 +16,7 @@ TARGETS = (
         name="ardupilot",
         help="a backend of ArduPilot's AC_CustomControl for one axis",
         files=_files,
+        parameters=True,
         float32=True,
         check=lambda folder, _: f"cd {folder} && cc -std=c99 -ffp-contract=off *_controller.c *_selftest.c -lm && ./a.out",
     ),

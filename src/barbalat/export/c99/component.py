@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -11,7 +12,7 @@ from barbalat.export.texts import comment, filled, indented
 from barbalat.validate import InputError
 
 HEADER = "_controller.h"
-"""What the header of an export with a name is called, behind that name."""
+"""The name of the header of a named export, after the export's name."""
 
 
 def joined(present: Mapping[str, str]) -> dict[str, str]:
@@ -39,6 +40,28 @@ def present(folder: Path, names: Iterable[str] = ()) -> dict[str, str]:
     """By their names the headers of exports with a name that stand in a folder, without these names."""
     found = {file.name.removesuffix(HEADER): file.read_text("utf-8", "replace") for file in folder.glob(f"?*{HEADER}")}
     return {name: text for name, text in found.items() if name not in names and f"#define {name.upper()}_EXPORT " in text}
+
+
+def require_apart(folder: Path, made: Iterable[str]) -> None:
+    """InputError where one of both, what stands in the folder and what is made, has a name and the other has none.
+
+    Both have a ``README.md``: that of the export, and that of the component.
+    """
+    joint, where = any(file.endswith(HEADER) for file in made), validate.show(str(folder))
+    if not joint and (found := sorted(present(folder))):
+        raise InputError(
+            f"{where} holds exports with names ({', '.join(found)}), "
+            "and this export would replace their README.md: give it a name as well, or choose another folder"
+        )
+    if joint and _is_export(folder / HEADER.removeprefix("_")):
+        raise InputError(
+            f"{where} holds an export without a name, "
+            "and this export would replace its README.md: choose another folder, or export the other one again with a name"
+        )
+
+
+def _is_export(header: Path) -> bool:
+    return header.is_file() and re.search(r"^#define \w+_EXPORT ", header.read_text("utf-8", "replace"), re.MULTILINE) is not None
 
 
 def _origin(header: str) -> str:

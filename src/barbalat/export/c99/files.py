@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import re
 
+import numpy as np
+
 from barbalat.controllers.settings import PatentNamed
 from barbalat.export.contents import Contents, is_explicit
 from barbalat.export.evidence import readme_evidence
+from barbalat.export.log import logged
 from barbalat.export.parameters import Opened
 from barbalat.export.plant import PlantContents
 from barbalat.export.plant_source import PrintedPlant, plant_header, plant_source
 from barbalat.export.selftest import selftest
+from barbalat.export.settable import parameters_readme
 from barbalat.export.shell import shell_readme
 from barbalat.export.source import header, shape, source
 from barbalat.export.target import require_case
 from barbalat.export.texts import Printed, comment, filled, indented
 from barbalat.lowering import c99
-from barbalat.lowering.c99 import DOUBLE, FLOAT
+from barbalat.lowering.c99 import DOUBLE, FLOAT, Real
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.kernel.grid import WHOLE_STEP, signal_table
@@ -33,9 +37,12 @@ def files(
     float32: bool = False,
     closed_loop: bool = False,
     name: str = "",
+    parameters: bool = False,
+    place: int = 0,
 ) -> dict[str, str]:
     """The files of an export by their names, in C99; InputError as of ``export_controller``."""
-    return sources(problem, controller, simulation, float32=float32, closed_loop=closed_loop, name=name)[1]
+    given = {"float32": float32, "closed_loop": closed_loop, "parameters": parameters}
+    return sources(problem, controller, simulation, name=name, place=place, **given)[1]
 
 
 def sources(
@@ -46,10 +53,13 @@ def sources(
     float32: bool = False,
     closed_loop: bool = False,
     name: str = "",
+    parameters: bool = False,
+    place: int = 0,
 ) -> tuple[Printed, dict[str, str]]:
     """The same with the export that they are printed of, for what is made around the C."""
     require_case(problem, simulation)
-    printed = Printed(Contents.of(problem, controller, simulation, FLOAT if float32 else DOUBLE), name)
+    contents = made_of(problem, controller, simulation, FLOAT if float32 else DOUBLE, parameters=parameters, place=place)
+    printed = Printed(contents, name)
     found = {
         "controller.h": header(printed),
         "controller.c": source(printed),
@@ -57,15 +67,31 @@ def sources(
         "README.md": readme(printed, closed_loop=closed_loop),
     }
     if closed_loop:
+        if problem.handed_controls:
+            raise InputError("the plant as C has no existing loop in it: set baseline.external = false for a closed loop in C")
         problem = problem.nominal
-        opened = Opened.of(problem, controller, simulation, tunable=False)
+        opened = contents.opened if parameters else Opened.of(problem, controller, simulation, tunable=False)
+        assert opened is not None
         made = PrintedPlant(PlantContents.of(problem, opened), printed)
         found |= {"plant.h": plant_header(made), "plant.c": plant_source(made), "loop.c": loop_program(made)}
     return printed, named(found, name)
 
 
+def made_of(
+    problem: TrackingProblem, controller: Controller, simulation: Simulation, real: Real, *, parameters: bool, place: int = 0
+) -> Contents:
+    """An export's contents, with the case's numbers compiled in or as ``parameters`` that can be set."""
+    if not parameters:
+        return Contents.of(problem, controller, simulation, real)
+    opened = Opened.of(problem.nominal, controller, simulation, tunable=True, place=place)
+    made = Contents.of(problem, controller, simulation, real, opened=opened)
+    if not made.parameters:
+        raise InputError(f"{controller.name} has no number that enters its operations directly, so there is no parameter to set")
+    return made if real is FLOAT else made.replayed()
+
+
 FILES = re.compile(r"\b(controller\.[hc]|selftest\.c|plant\.[hc]|loop\.c|README\.md)\b")
-"""Files of an export, as they are called in its texts; controller.cpp, for Arduino, is the user's."""
+"""Files of an export, by their names in its texts; controller.cpp, for Arduino, is made by the user."""
 
 
 def named(files: dict[str, str], name: str) -> dict[str, str]:
@@ -79,7 +105,7 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
     """The text of README.md."""
     contents = printed.contents
     layout, macro = contents.layout, printed.macro
-    y, q, _, _ = contents.sizes
+    _, q, m, _ = contents.sizes
     functions = sorted({op.name for op in contents.step.operations} & LIBRARY)
     members = "\n".join(f"| `{part.name}` | {part.size} | {shape(part.shape)}{part.meaning} |" for part in layout.parts)
     euler = is_explicit(contents) and any(part.path == "controller.swapping" for part in layout.parts)
@@ -96,23 +122,58 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
         macro=macro,
         sample_time=f"{contents.sample_time!r}",
         measured=printed.measured,
-        measured_count=f"{y} state{'s' if y > 1 else ''}" if contents.measures_state else "the output",
+        measured_count=_counted(printed, contents.problem.measured),
+        u_baseline=_handed(printed),
+        existing=EXISTING.format(macro=macro, measured=printed.measured) if contents.problem.handed_controls else "",
         commands=f"{q} commands" if q > 1 else "the command",
+        further=f" to [{m - 1}]" if m > 1 else "",
         start=f"{printed.measured}, " if contents.measures_state else "",
         range=f"{contents.range:g}",
-        set=", or an estimate outside the known set" if contents.limits is not None else "",
+        set=", or an estimate outside the known set" if _is_checked(contents) else "",
+        parameters=parameters_readme(printed),
         freeze=EULER_SWAPPING if euler else "",
+        **(PREDICTS if contents.loop.observer is not None else HOLDS),
         gap=GAP if any(part.path == "controller.span" for part in layout.parts) else "",
         shell=shell_readme(printed),
         other_time=""
         if contents.around is not None and contents.around.band is not None
         else OTHER_TIME.format(contents.sample_time),
-        decide=DECIDE if contents.around is None or contents.around.longest is None else "Here it ends with the longest outage.",
+        decide=DECIDE
+        if contents.around is None or contents.around.longest is None
+        else "In this export it ends with the longest outage.",
         members=members,
+        real=printed.real,
+        log_size=len(logged(printed)),
         evidence=readme_evidence(printed),
         loop=filled("README_loop.md", library=" -lm").rstrip() + "\n" if closed_loop else "",
         patent=_patent(printed),
     )
+
+
+EXISTING = """
+- *The existing loop* stays in its own code. At each sample it gives its control, before the limits, in
+  `in.{measured}[{macro}_U_BASELINE]`: u is this control plus what adapts, and u_limited is the sum within the limits. An
+  integral of the existing loop should be told u_limited. The controller keeps a copy of the loop's states, which the law
+  needs. A control that is no number makes the sample one without a measurement. A start ignores that entry."""
+
+
+def _handed(printed: Printed) -> str:
+    """The lines that hand over the control of an external baseline."""
+    controls = len(printed.contents.problem.handed_controls)
+    places = [f"{printed.macro}_U_BASELINE{f' + {i}' if i else ''}" for i in range(controls)]
+    return "".join(f"    in.{printed.measured}[{place}] = ...;   /* u of the existing loop */\n" for place in places)
+
+
+def _counted(printed: Printed, y: int) -> str:
+    """What is measured, in a few words."""
+    if printed.measured == "x":
+        return f"{y} state{'s' if y > 1 else ''}"
+    return "the output" if y == 1 else f"{y} outputs"
+
+
+def _is_checked(contents: Contents) -> bool:
+    """Whether an estimate outside of the known set is refused."""
+    return contents.checked_limits is not None and bool(np.isfinite(contents.checked_limits).any())
 
 
 def _patent(printed: Printed) -> str:
@@ -121,26 +182,34 @@ def _patent(printed: Printed) -> str:
     return f"\n## Before you fly it\n\n{controller.patent}\n" if isinstance(controller, PatentNamed) else ""
 
 
-EULER_SWAPPING = " The swapping term of (14) moves as if the law did: Euler's steps know it from the law's rate alone."
+EULER_SWAPPING = (
+    " The swapping term of (14) still moves as if the law were active, because Euler's steps compute it only from the law's rate."
+)
 
 OTHER_TIME = """\
-- *Another sample time* than {!r} s, by more than 0.1 %, is flagged, and the step made as if it were right: a wrong rate
-  is better than no control. A crystal's inaccuracy, below 0.01 %, and a clock of 1 us at a sample of 1 ms pass; a jitter of more
-  than 0.1 % in what you measure is flagged sample by sample, and harmless.
+- *Another sample time* than {!r} s, by more than 0.1 %, is flagged, and the step is made as if the time were right: a wrong
+rate is better than no control. A crystal's inaccuracy, below 0.01 %, and a clock of 1 us at a sample of 1 ms pass; a jitter
+of more than 0.1 % in the measured time is flagged sample by sample, and is harmless.
 """
 
-DECIDE = """How long an outage may last before
-  something else must take over is yours to decide: without a longest outage in the case's [shell] nobody counts it."""
+DECIDE = """You decide how long an outage may last before something else must take over: without a longest outage in the
+case's [shell] the controller does not count it."""
 
-GAP = """ What the
-  prediction error gathered over m samples counts by one sample's share: the law would answer all of it as if it came of one."""
+HOLDS = {"with_what": "the last good measurement and this u", "settle": "settle\n  for the last good sample"}
+PREDICTS = {
+    "with_what": "what the observer predicts from this u",
+    "settle": "go on with\n  the observer's prediction, which of an unstable plant grows without end",
+}
+"""Through a lost measurement, without and with an observer."""
+GAP = """ The prediction error accumulated over m samples counts as one sample's share; otherwise the law would respond to
+all of it as if it came from one sample."""
 
 LIBRARY = {"sqrt", "fabs", "floor", "ceil", "exp", "log", "sin", "cos", "tan", "tanh", "pow", "copysign"}
-"""Operations that are calls of math.h."""
+"""Operations that call math.h."""
 
 
 MOST_NUMBERS = 20_000
-"""Numbers of disturbances in the table, some 500 kB of C; with more of them at a sample fewer samples are replayed."""
+"""Numbers of disturbances in the table, some 500 kB of C; with more disturbances per sample, fewer samples are replayed."""
 
 
 def loop_program(made: PrintedPlant) -> str:
@@ -152,8 +221,8 @@ def loop_program(made: PrintedPlant) -> str:
     count = plant.opened.whole_samples(count)
     if not count:
         raise InputError(
-            "loop.c replays samples up to the first jump inside of a solver step, and here that is in the first one: let "
-            "simulation.dt have the signals' jumps on its grid"
+            "loop.c replays samples up to the first jump inside a solver step, and here this jump is in the first step: "
+            "choose simulation.dt such that the signals jump at its multiples"
         )
     macro, declared, given = printed.macro, [], []
     if plant.loop.signals.noise:

@@ -12,13 +12,21 @@ def _files(asked: Request) -> dict[str, str]:
     from barbalat.export.c99.files import files
 
     return files(
-        asked.problem, asked.controller, asked.simulation, float32=asked.float32, closed_loop=asked.closed_loop, name=asked.name
+        asked.problem,
+        asked.controller,
+        asked.simulation,
+        float32=asked.float32,
+        closed_loop=asked.closed_loop,
+        name=asked.name,
+        parameters=asked.parameters,
+        place=asked.place,
     )
 
 
 def _joined(folder: Path, made: Mapping[str, str | bytes]) -> dict[str, str]:
-    from barbalat.export.c99.component import HEADER, joined, present
+    from barbalat.export.c99.component import HEADER, joined, present, require_apart
 
+    require_apart(folder, made)
     own = {file.removesuffix(HEADER): str(text) for file, text in made.items() if file.endswith(HEADER)}
     return joined(dict(sorted({**present(folder, own), **own}.items()))) if own else {}
 
@@ -29,6 +37,8 @@ TARGETS = (
         help="controller.h, controller.c, selftest.c, README.md",
         files=_files,
         check=lambda folder, _: f"cd {folder} && cc -std=c99 -ffp-contract=off controller.c selftest.c -lm && ./a.out",
+        parameters=True,
+        handed=True,
         joined=_joined,
         replaced=("plant.h", "plant.c", "loop.c"),
     ),

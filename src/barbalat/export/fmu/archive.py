@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import platform
+import shutil
 import sys
 import zipfile
 from collections.abc import Iterable
@@ -30,18 +31,22 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 OPTIONS = ("-std=c99", "-ffp-contract=off")
-"""As the simulation computes: no fused multiply-adds but those of its list."""
+"""Options for the simulation's arithmetic: no fused multiply-adds except those of its list."""
 EARLIEST = (1980, 1, 1, 0, 0, 0)
-"""That an archive can say of a file: the same bytes, whenever it is written."""
+"""The date of every file in an archive, so that its bytes do not depend on the time of writing."""
 _SYSTEMS = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("win", ".dll")}
 _MACHINES = {"x86_64": "x86_64", "amd64": "x86_64", "aarch64": "aarch64", "arm64": "aarch64"}
 
+CROSS_COMPILERS = {"x86_64": "x86_64-linux-gnu-gcc", "aarch64": "aarch64-linux-gnu-gcc"}
+"""The names of cross compilers in Linux distributions, by processor: a unit made on Linux has a binary from each that is
+installed."""
+HIDDEN = "-fvisibility=hidden"
 
 STATE_NAMES = {
     2: {"component": "fmi2Component", "state": "FMUstate", "read": "DeSerialize"},
     3: {"component": "fmi3Instance", "state": "FMUState", "read": "Deserialize"},
 }
-"""What the versions of the standard call an instance, its saved state, and reading one."""
+"""The versions' names for an instance, its saved state, and the reading of one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +70,11 @@ class Archive:
         whole["modelDescription.xml"] = description.encode()
         whole["documentation/index.html"] = self._documentation().encode()
         if compiled:
-            place, ending = self._platform()
-            whole[f"binaries/{place}/{self.unit.identifier}{ending}"] = _compiled(texts, ending)
+            system, machine, ending = _platform()
+            whole[self._binary(system, machine, ending)] = _compiled(texts, ending)
+            for other, compiler in CROSS_COMPILERS.items():
+                if system == "linux" and other != machine and (command := shutil.which(compiler)) is not None:
+                    whole[self._binary(system, other, ending)] = shared_library([command], texts, HIDDEN, ending=ending)
         return _zipped(whole)
 
     def _sources(self) -> tuple[str, dict[str, str]]:
@@ -119,6 +127,7 @@ class Archive:
             origin=unit.printed.origin,
             give=give,
             defaults=indented(f"m->real[{i}] = {float(start).hex()}; /* {start!r} */" for i, start in starts),
+            refusals=indented(unit.refusals()),
             start=indented(unit.start()),
             step=indented(unit.step()),
             outputs=indented(unit.outputs()),
@@ -127,22 +136,27 @@ class Archive:
     def _documentation(self) -> str:
         return filled("fmu.html", title=self.unit.title, step=repr(self.unit.step_size), origin=self.unit.printed.origin)
 
-    def _platform(self) -> tuple[str, str]:
-        """The folder of this machine's binary, as the version calls it, and a library's ending."""
-        system, ending = _SYSTEMS.get(sys.platform, ("", ""))
-        machine = _MACHINES.get(platform.machine().lower(), "")
-        if not system or not machine:
-            raise InputError(
-                f"no name of a platform is known for {sys.platform} on {platform.machine()}: export the sources alone"
-            )
+    def _binary(self, system: str, machine: str, ending: str) -> str:
+        """The place of a binary, as the version calls it."""
         if self.version == 3:
-            return f"{machine}-{'windows' if system == 'win' else system}", ending
-        return (f"{system}64" if machine == "x86_64" else f"{machine}-{system}"), ending
+            place = f"{machine}-{'windows' if system == 'win' else system}"
+        else:
+            place = f"{system}64" if machine == "x86_64" else f"{machine}-{system}"
+        return f"binaries/{place}/{self.unit.identifier}{ending}"
+
+
+def _platform() -> tuple[str, str, str]:
+    """This machine's system and processor, and a library's ending."""
+    system, ending = _SYSTEMS.get(sys.platform, ("", ""))
+    machine = _MACHINES.get(platform.machine().lower(), "")
+    if not system or not machine:
+        raise InputError(f"no platform name is known for {sys.platform} on {platform.machine()}: export only the sources")
+    return system, machine, ending
 
 
 def _compiled(texts: dict[str, str], ending: str) -> bytes:
-    compiler = require_compiler("an FMU has a binary for this machine", "or ask for the sources alone")
-    return shared_library(compiler, texts, "-fvisibility=hidden", ending=ending)
+    compiler = require_compiler("an FMU has a binary for this machine", "or export only the sources")
+    return shared_library(compiler, texts, HIDDEN, ending=ending)
 
 
 def _zipped(whole: dict[str, bytes]) -> bytes:
@@ -221,7 +235,7 @@ _FMI3 = {
     "fmi3ActivateModelPartition": "fmi3ValueReference clock, fmi3Float64 time",
 }
 _FMI3_TYPES = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64", "String")
-"""Types of which a unit has no variables."""
+"""Types without variables in a unit."""
 _FMI3_OF_NONE = {
     **{f"fmi3Get{name}": f"{_R}, fmi3{name} value[], size_t values" for name in _FMI3_TYPES},
     **{f"fmi3Set{name}": f"{_R}, const fmi3{name} value[], size_t values" for name in (*_FMI3_TYPES, "Int32")},
@@ -341,7 +355,7 @@ def _common(root: xml.Element, unit: Unit, stop: float) -> None:
         if (known := base_unit(name)) is not None:
             xml.SubElement(defined, "BaseUnit", known)
     categories = xml.SubElement(root, "LogCategories")
-    xml.SubElement(categories, "Category", name="logAll", description="everything that is said")
+    xml.SubElement(categories, "Category", name="logAll", description="all messages")
     times = {"startTime": "0.0", "stopTime": repr(stop), "stepSize": repr(unit.step_size)}
     xml.SubElement(root, "DefaultExperiment", times)
 
@@ -357,8 +371,8 @@ def _described(one: Variable) -> dict[str, str]:
 
 def _value(one: Variable) -> dict[str, str]:
     found = {"unit": one.unit} if one.unit else {}
-    if one.positive:
-        found["min"] = "0.0"
+    if one.bound.startswith(("<", ">")):
+        found["min" if one.bound.startswith(">") else "max"] = "0.0"
     if one.start is not None:
         found["start"] = ("true" if one.start else "false") if one.kind == "truth" else repr(float(one.start))
     return found

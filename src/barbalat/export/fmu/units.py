@@ -14,7 +14,7 @@ from barbalat.export.plant_source import PrintedPlant
 from barbalat.export.texts import Printed
 
 FREEZE = Variable("freeze", "input", "discrete", "true: the estimates keep their values", 0.0, kind="truth")
-STATUS = Variable("status", "output", "discrete", "0: the last sample was taken; else as in controller.h", kind="whole")
+STATUS = Variable("status", "output", "discrete", "0: the last sample was accepted; otherwise as in controller.h", kind="whole")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Unit:
 
     def _labelled(self, found: list[Variable]) -> list[Variable]:
         """What is measured by the case's names, where these are names of variables and no other variable's."""
-        labels = self.printed.contents.problem.labels
+        labels = self.printed.contents.problem.measured_labels
         names = () if labels is None else labels.names
         own = entries(self.printed.measured, len(names), scalar=self.scalar_output)
         taken = {re.split(r"[.\[]", one.name)[0] for one in found if one.name not in own} | {FREEZE.name, STATUS.name, "time"}
@@ -108,7 +108,7 @@ class Unit:
         contents, found = self.printed.contents, []
         if self.controller:
             m, p = contents.sizes[2:]
-            found += self._of_inputs("u", "output", "control, as it is simulated", [None] * m)
+            found += self._of_inputs("u", "output", "control before the limits, as simulated", [None] * m)
             found += self._of_inputs("u_limited", "output", "control within the limits", [None] * m)
             found += array("theta_hat", "output", "discrete", "estimates", [None] * p)
         if self.made is not None:
@@ -116,9 +116,9 @@ class Unit:
         return found
 
     def _measured(self, causality: str, starts: Iterable[float | None]) -> list[Variable]:
-        labels = self.printed.contents.problem.labels
+        labels = self.printed.contents.problem.measured_labels
         name, scalar = self.printed.measured, self.scalar_output
-        text = "measured output" if scalar else "measured state"
+        text = "measured output" if name == "y" else "measured state"
         variability = "discrete" if self.controller else "continuous"
         return array(name, causality, variability, text, starts, scalar=scalar, units=() if labels is None else labels.units)
 
@@ -140,6 +140,22 @@ class Unit:
     def _kept(self) -> list[StatePart]:
         layout = self.printed.contents.layout
         return [part for part in layout.parts if part not in (layout.u, layout.theta_hat, layout.started)]
+
+    def refusals(self) -> list[str]:
+        """C: bounds of parameters, their own and those that lie between two of them."""
+        opened, contents = self.printed.contents.opened, self.printed.contents
+        assert opened is not None
+        here = {one.name for one in self.variables.reals if one.causality == "parameter"}
+        own = [one for one in opened.parameters if one.name in here]
+        tests = [(f"{self._at(one.name)} {one.bound}", f"{one.name} must be {one.bound}") for one in own if one.bound]
+        for i, j, strict in opened.ordered:
+            low, high, relation = opened.parameters[i].name, opened.parameters[j].name, "<" if strict else "<="
+            if {low, high} <= here:
+                tests.append((f"{self._at(low)} {relation} {self._at(high)}", f"{low} must be {relation} {high}"))
+        most = contents.parameter_range
+        for one in contents.parameters if self.controller else ():
+            tests.append((f"fabs({self._at(one.name)}) <= {most!r}", f"{one.name} must be at most {most:g} in size"))
+        return [f'if (!({test})) {{ return "{text}"; }}' for test, text in tests] or ["(void)m;"]
 
     def start(self) -> list[str]:
         """C: from the variables to the initial state."""

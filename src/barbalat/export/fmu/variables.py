@@ -19,7 +19,7 @@ class Variable:
     start        None for what is calculated
     kind         "real", "truth" or "whole"
     path         its place in the case's symbols, "x[1]", where the name is another one; else empty
-    positive     whether only numbers above 0 may be set
+    bound        "> 0" or another one that a parameter has by itself; else empty
     """
 
     name: str
@@ -30,7 +30,7 @@ class Variable:
     unit: str = ""
     kind: str = "real"
     path: str = ""
-    positive: bool = False
+    bound: str = ""
 
     @property
     def settable(self) -> str:
@@ -41,7 +41,7 @@ class Variable:
         if self.causality == "input":
             return "i"
         found = {"tunable": "t", "fixed": "s"}.get(self.variability, "n") if self.causality == "parameter" else "n"
-        return found.upper() if self.positive and found != "n" else found
+        return found.upper() if self.bound == "> 0" and found != "n" else found
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter]) -> list[V
     """Parameters; of those that a state begins with, none changes after the start."""
     begun = set(fixed)
     return [
-        Variable(one.name, "parameter", "fixed" if one in begun else "tunable", one.meaning, one.value, positive=one.positive)
+        Variable(one.name, "parameter", "fixed" if one in begun else "tunable", one.meaning, one.value, bound=one.bound)
         for one in found
     ]
 

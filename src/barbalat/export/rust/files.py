@@ -6,6 +6,7 @@ import numpy as np
 
 from barbalat.export.c99.files import named, sources
 from barbalat.export.plain import plain_functions
+from barbalat.export.settable import parameter_names
 from barbalat.export.target import Request
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.validate import Array, InputError
@@ -17,8 +18,10 @@ TESTED = 100
 def files(asked: Request) -> dict[str, str]:
     """The files by their names; InputError as of ``export_controller``."""
     if asked.closed_loop:
-        raise InputError("the target rust has the controller alone: take the target c99 for the closed loop")
-    printed, texts = sources(asked.problem, asked.controller, asked.simulation, float32=asked.float32, name=asked.name)
+        raise InputError("the target rust exports only the controller: use the target c99 for the closed loop")
+    printed, texts = sources(
+        asked.problem, asked.controller, asked.simulation, float32=asked.float32, name=asked.name, parameters=asked.parameters
+    )
     own = next(iter(named({"controller.h": ""}, asked.name))), next(iter(named({"controller.c": ""}, asked.name)))
     y, q, m, p = printed.contents.sizes
     around = printed.contents.around
@@ -31,10 +34,11 @@ def files(asked: Request) -> dict[str, str]:
         "inputs": m,
         "estimates": p,
         "number": number,
-        "start_declared": f"x: *const {number}, " if printed.contents.measures_state else "",
-        "start_argument": f"x: &[{number}; MEASURED], " if printed.contents.measures_state else "",
-        "start_given": "x.as_ptr(), " if printed.contents.measures_state else "",
+        "start_declared": f"{printed.measured}: *const {number}, " if printed.contents.measures_state else "",
+        "start_argument": f"{printed.measured}: &[{number}; MEASURED], " if printed.contents.measures_state else "",
+        "start_given": f"{printed.measured}.as_ptr(), " if printed.contents.measures_state else "",
         "samples": _samples(printed),
+        **_settable(printed, number),
         "held": "" if acts_at_once else indented(["assert_eq!(out.u, before.u);"], 12),
         "and_held": "" if acts_at_once else "_and_the_control_stays",
         "bits": f"u{number[1:]}",
@@ -45,6 +49,25 @@ def files(asked: Request) -> dict[str, str]:
         "Cargo.toml": filled("Cargo.toml", name=printed.name.lower()),
         "build.rs": filled("build.rs", name=printed.name, controller=own[1]),
         "lib.rs": filled("lib.rs", **given),
+    }
+
+
+def _settable(printed: Printed, number: str) -> dict[str, str]:
+    """What stands in lib.rs's places that are the parameters'; empty texts without any."""
+    macros = parameter_names(printed)
+    if not macros:
+        return dict.fromkeys(("set_declared", "parameters", "set", "set_tested"), "")
+    names = [macro.removeprefix(f"{printed.macro}_") for macro in macros]
+    lines = (
+        f"/// {one.name}, {one.meaning}; {one.value:g} in the case.\npub const {name}: usize = {i};\n"
+        for i, (name, one) in enumerate(zip(names, printed.contents.parameters, strict=True))
+    )
+    given = {"name": printed.name, "number": number, "first": names[0]}
+    return {
+        "parameters": f"\n{''.join(lines)}pub const PARAMETERS: usize = {len(macros)};\n",
+        "set_declared": f"    fn {printed.name}_set(c: *mut c_void, which: c_int, value: {number}, samples: c_long) -> c_uint;\n",
+        "set": filled("set.rs", **given),
+        "set_tested": filled("set_tested.rs", **given),
     }
 
 

@@ -16,6 +16,7 @@ TARGETS = (
         name="rust",
         help="a crate around the C, with a safe wrapper",
         files=_files,
+        parameters=True,
         check=lambda folder, _: f"cd {folder} && cargo test --offline",
     ),
 )

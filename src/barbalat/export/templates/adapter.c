@@ -1,4 +1,4 @@
-/* Not of the export: hands samples of a simulation to it, whose state stands with the simulation's. */
+/* Not part of the export: passes samples of a simulation to it; its state is kept with the simulation's. */
 #include "controller.h"
 #include <math.h>
 #include <stdint.h>

@@ -9,18 +9,19 @@
 
 #include <AP_Logger/AP_Logger.h>
 #include <GCS_MAVLink/GCS.h>
+#include <string.h>
 
 const AP_Param::GroupInfo AC_CustomControl_${kind}::var_info[] = {
     // @Param: AXIS
     // @DisplayName: Axis
-    // @Description: Which axis the controller is for
+    // @Description: The axis of the controller
     // @Values: 0:Roll, 1:Pitch, 2:Yaw
     // @User: Advanced
     AP_GROUPINFO("AXIS", 1, AC_CustomControl_${kind}, _axis, 1),
 
     // @Param: ANGLE
     // @DisplayName: Angle is measured
-    // @Description: Where the controller measures one number: 1 the angle, 0 its rate. It measures both in this order otherwise.
+    // @Description: For a controller that measures one number: 1 for the angle, 0 for its rate. Others measure both in this order.
     // @Values: 0:Rate, 1:Angle
     // @User: Advanced
     AP_GROUPINFO("ANGLE", 2, AC_CustomControl_${kind}, _angle, 1),
@@ -34,10 +35,10 @@ const AP_Param::GroupInfo AC_CustomControl_${kind}::var_info[] = {
 
     // @Param: SCALE
     // @DisplayName: Scale of the control
-    // @Description: What the controller's u is at a motor command of 1
+    // @Description: The controller's u at a motor command of 1
     // @User: Advanced
     AP_GROUPINFO("SCALE", 4, AC_CustomControl_${kind}, _scale, 1.0f),
-
+${infos}
     AP_GROUPEND
 };
 
@@ -51,13 +52,13 @@ AC_CustomControl_${kind}::AC_CustomControl_${kind}(AC_CustomControl& frontend, A
 {
     AP_Param::setup_object_defaults(this, var_info);
     ${name}_init(&_controller);
-    const float off = dt > ${macro}_SAMPLE_TIME ? dt - ${macro}_SAMPLE_TIME : ${macro}_SAMPLE_TIME - dt;
+${built}    const float off = dt > ${macro}_SAMPLE_TIME ? dt - ${macro}_SAMPLE_TIME : ${macro}_SAMPLE_TIME - dt;
     if (off > 0.001f * ${macro}_SAMPLE_TIME) {
         GCS_SEND_TEXT(MAV_SEVERITY_WARNING, "${name}: made for a loop rate of ${rate} Hz");
     }
 }
 
-float *AC_CustomControl_${kind}::_axis_of(Vector3f &rpy) const
+${apply}float *AC_CustomControl_${kind}::_axis_of(Vector3f &rpy) const
 {
     return _axis.get() <= 0 ? &rpy.x : _axis.get() == 1 ? &rpy.y : &rpy.z;
 }
@@ -74,7 +75,7 @@ void AC_CustomControl_${kind}::_measure(float *measured, float *r) const
     const float command = *_axis_of(wanted);
     const bool both = ${both} != 0;
     if (both || _angle.get() != 0) {
-        measured[0] = command - wrap_PI(command - *_axis_of(angle)); // no jump where yaw passes south
+        measured[0] = command - wrap_PI(command - *_axis_of(angle)); // no jump when yaw passes south
         measured[${macro}_MEASURED - 1] = both ? *_axis_of(rate) : measured[0];
         r[0] = command;
     } else {
@@ -83,7 +84,7 @@ void AC_CustomControl_${kind}::_measure(float *measured, float *r) const
     }
 }
 
-// What the main controller has put out stays on the ground, on the other axes, and where the state is lost.
+// The main controller's output remains on the ground, on the other axes, and if the state is lost.
 Vector3f AC_CustomControl_${kind}::update(void)
 {
     Vector3f out{_motors->get_roll(), _motors->get_pitch(), _motors->get_yaw()};
@@ -97,7 +98,7 @@ Vector3f AC_CustomControl_${kind}::update(void)
     ${name}_input in;
     ${name}_output result;
     ${read}
-    if (_starting) {
+${applied}    if (_starting) {
         const float u_now[${macro}_INPUTS] = {*_axis_of(out) * scale};
         _starting = ${name}_start(&_controller, ${start_given}u_now, _fade.get(), 0) != ${macro}_OK;
     }
@@ -114,7 +115,9 @@ ${timer}    for (int i = 0; i < ${macro}_MEASURED; ++i) {
         _logged = 0;
         AP::logger().Write("BBLT", "TimeUS,Sta,Y,R,U,ULim", "QIffff", AP_HAL::micros64(), uint32_t(status), double(x[0]),
                            double(r[0]), double(result.u[0]), double(result.u_limited[0]));
-    }
+        ${name}_log inside;
+        ${name}_read_log(&_controller, &inside);
+${lines}    }
     if ((status & ${macro}_STATE_REFUSED) != 0u) {
         reset();
         return out;

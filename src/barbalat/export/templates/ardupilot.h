@@ -25,14 +25,14 @@ protected:
     float *_axis_of(Vector3f &rpy) const;
 
     ${name}_controller _controller;
-    bool _starting; // with the next update
+    bool _starting; // whether the next update starts the controller
     uint8_t _logged; // updates since the last line of the log
     float _period; // [s] of the main loop
-    uint64_t _last; // [us] when the last update was, where that is measured; 0 after a start
+    uint64_t _last; // [us] time of the last update, if it is measured; 0 after a start
     AP_Int8 _axis;
     AP_Int8 _angle;
     AP_Int16 _fade;
     AP_Float _scale;
-};
+${members}};
 
 #endif

@@ -5,7 +5,7 @@
 #include "controller.h"
 ${include}
 ${guard}
-${functions}/* Whether every number is one, and in range; NaN compares false. */
+${functions}/* Whether every number is in range; NaN compares false. */
 static int in_range(const ${real} *values, int count)
 {
     int i;
@@ -17,9 +17,17 @@ static int in_range(const ${real} *values, int count)
     return 1;
 }
 
+${parameter_functions}/* Whether the results of a sample are in range. */
+static int result_is_usable(const ${name}_controller *c)
+{
+    return ${usable_result};
+}
+
+/* Whether the whole state is in range; no sample leads out of range. */
 static int state_is_usable(const ${name}_controller *c)
 {
-    return ${usable};
+    return ${usable}
+        && result_is_usable(c);
 }
 
 /* One sample of the whole controller: the operations of the simulation, in their order. */
@@ -45,7 +53,7 @@ static void fade(${name}_controller *c)
     }
 }
 
-/* Without a measurement the control stays where it is; a start goes on fading out, unseen until the next good sample. */
+/* Without a measurement the control is held; a start continues to fade out, visibly at the next good sample. */
 static void hold(${name}_controller *c)
 {
     int i;
@@ -57,29 +65,29 @@ static void hold(${name}_controller *c)
     }
 }
 
-${fall_back}/* Advances to this sample, measured or lost, and returns 1; returns 0, with nothing changed, where that leads out of range. */
+${fall_back}/* Advances to this sample, measured or lost, and returns 1; returns 0 without a change if that leads out of range. */
 static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
 {
     int i;
-    ${name}_controller next;
-    next = *c;
-    advance(&next, in);
+    ${name}_controller before;
+    before = *c;
+    advance(c, in);
     if (measured ${good}) {
-${returns}${repeated}        fade(&next);
+${returns}${repeated}        fade(c);
     } else {
-${counted}        hold(&next);
+${counted}        hold(c);
 ${falls_back}    }
-    if (!state_is_usable(&next)) {
+    if (!result_is_usable(c)) {
+        *c = before;
         return 0;
     }
-    *c = next;
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         c->last_u[i] = c->${u}[i];
     }
     return 1;
 }
 
-${shell_functions}${shell_timer}/* Replaces a lost command by the last good one, and a lost measurement by the last good one with the estimates frozen. */
+${shell_functions}${shell_timer}/* Replaces a lost command by the last good one, and a lost measurement by the last good one with the estimates frozen${predicts}. */
 static void take(const ${name}_controller *c, ${name}_input *in, int *measured, unsigned *status)
 {
     int i;
@@ -89,7 +97,7 @@ ${untold}        for (i = 0; i < ${macro}_COMMANDS; ++i) {
         }
     }
     if (${late}${implausible}) {
-${lost}        in->freeze = 1;
+${lost}        in->freeze = ${lost_freeze};
         for (i = 0; i < ${macro}_MEASURED; ++i) {
             in->${measured}[i] = c->${last_measured}[i];
         }
@@ -104,7 +112,7 @@ ${give}    out->status = status;
 void ${name}_reset(${name}_controller *c)
 {
     int i;
-    const int held = in_range(c->last_u, ${macro}_INPUTS); /* else there is nothing to hold */
+    const int held = in_range(c->last_u, ${macro}_INPUTS); /* otherwise there is no valid control to hold */
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         c->last_u[i] = held != 0 ? c->last_u[i] : ${zero};
         c->bump[i] = ${zero};
@@ -152,3 +160,10 @@ ${clock_test}    if (!state_is_usable(c)) {
 ${sample}${fallback_status}    give(c, out, status);
     return out->status;
 }
+
+void ${name}_read_log(const ${name}_controller *c, ${name}_log *log)
+{
+    ${name}_output out;
+    give(c, &out, ${macro}_OK);
+${log}}
+${parameter_set}

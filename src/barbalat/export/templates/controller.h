@@ -1,72 +1,76 @@
 /*
  * ${origin}
  *
- * Compile as ISO C (or C++17): -std=c99 -ffp-contract=off. A compiler that fuses multiply-adds by itself, as GNU mode does on
- * aarch64 and riscv64, changes last bits; selftest.c sees it.
+ * Compile as ISO C (or C++17): -std=c99 -ffp-contract=off. A compiler that fuses multiply-adds, as in GNU mode on aarch64
+ * and riscv64, changes the last bits; selftest.c detects it.
  */
 #ifndef ${macro}_CONTROLLER_H
 #define ${macro}_CONTROLLER_H
 
 #define ${macro}_EXPORT ${mark}
-#define ${macro}_SAMPLE_TIME ${sample_time} /* [s] for which it was made */
-#define ${macro}_RANGE ${range} /* what a measurement, a command or a state may be in size: beyond it is refused */
-${sizes}${limits}${shell_macros}
-/* Status of a step, of which several may hold, and of a start. */
+#define ${macro}_SAMPLE_TIME ${sample_time} /* [s] of the controller */
+#define ${macro}_RANGE ${range} /* largest size of a measurement, a command or a state; larger ones are refused */
+${sizes}${limits}${shell_macros}${log_macros}${parameter_macros}
+/* Status bits of a step, possibly several, and of a start. */
 #define ${macro}_OK 0u
-#define ${macro}_WRONG_SAMPLE_TIME 1u /* called after another time, by more than 0.1 %; the step was made as if after the right one */
-#define ${macro}_MEASUREMENT_LOST 2u /* an entry of the measurement is no number or out of range: see ${name}_step */
-#define ${macro}_STATE_REFUSED 4u /* the state is no number or out of range: last u held, nothing goes on until reset or start */
-#define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: u and the whole state stay as they are */
-#define ${macro}_COMMAND_LOST 16u /* an entry of the command is no number or out of range: see ${name}_step */
-#define ${macro}_START_REFUSED 32u /* of ${name}_start, which changed nothing: an argument is no number or out of range */
+#define ${macro}_WRONG_SAMPLE_TIME 1u /* called at a wrong time, off by more than ${tolerated}: ${wrong_time} */
+#define ${macro}_MEASUREMENT_LOST 2u /* an entry of the measurement is NaN or out of range: see ${name}_step */
+#define ${macro}_STATE_REFUSED 4u /* the state is NaN or out of range: the last u is held until reset or start */
+#define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: u and the whole state keep their values */
+#define ${macro}_COMMAND_LOST 16u /* an entry of the command is NaN or out of range: see ${name}_step */
+#define ${macro}_START_REFUSED 32u /* of ${name}_start, which changed nothing: an argument is NaN or out of range */
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-/* Everything that the controller keeps. Matrices stand row by row. */
+/* The state of the controller. Matrices are stored row by row. */
 typedef struct {
-${members}    ${real} last_u[${macro}_INPUTS]; /* what was put out last: what is held */
-    ${real} bump[${macro}_INPUTS]; /* of a bumpless start: what fades out of u */
-    long fade; /* samples over which it does */
-    long fade_left; /* of them still to come */
+${members}    ${real} last_u[${macro}_INPUTS]; /* the last control, which is held */
+    ${real} bump[${macro}_INPUTS]; /* of a bumpless start: the part of u that fades out */
+    long fade; /* samples over which it fades out */
+    long fade_left; /* remaining samples of the fade */
     int matching; /* 1 until the first sample after a start */
 ${shell_members}} ${name}_controller;
 
 typedef struct {
-    ${real} sample_time; /* [s] since the last call, as a timer has it or ${macro}_SAMPLE_TIME: within 0.1 % of that */
+    ${real} sample_time; /* [s] since the last call, from a timer or ${macro}_SAMPLE_TIME: within 0.1 % of it */
     ${real} ${measured}[${macro}_MEASURED]; /* ${measured_meaning} */
     ${real} r[${macro}_COMMANDS]; /* command of (2) */
-    int freeze; /* not 0: the estimates and what was learnt for them keep their values, all else goes on */
+    int freeze; /* not 0: the estimates and the law's signals keep their values, all else continues${predicts_only} */
 } ${name}_input;
 
 typedef struct {
-    ${real} u[${macro}_INPUTS]; /* control${units} as it was simulated, before the actuator */
-    ${real} u_limited[${macro}_INPUTS]; /* the same within the saturation limits, where the case has them; a rate limit is left to the actuator */
-${estimates}    unsigned status; /* as ${name}_step returns it */
+    ${real} u[${macro}_INPUTS]; /* control${units} before the actuator, as simulated */
+    ${real} u_limited[${macro}_INPUTS]; /* u within the saturation limits of the case, if any; the actuator applies a rate limit */
+${estimates}    unsigned status; /* the return value of ${name}_step */
 } ${name}_output;
+
+/* The internal signals for a log: consecutive numbers of one type; their names and labels are defined above. */
+typedef struct {
+${log_members}} ${name}_log;
 
 /* The state in which the simulation starts. */
 void ${name}_init(${name}_controller *c);
 
-/* The same, with what was last put out still held where an input is refused. */
+/* The same, but the last control is still held if an input is refused. */
 void ${name}_reset(${name}_controller *c);
 
 /*
  * ${start_comment}
- * u_now is what the actuator gets at this moment: the first control is the same, and the difference to the controller's own
- * fades out over so many samples. keep_estimates: not 0 to keep what was learnt so far.
+ * u_now is the present control of the actuator: the first control equals it, and the difference to the controller's own control
+ * fades out over this number of samples. keep_estimates: not 0 to keep the estimates.
  * Returns ${macro}_OK, or ${macro}_START_REFUSED.
  */
 unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_now[${macro}_INPUTS], long samples,
     int keep_estimates);
 
 /*
- * One sample. Call it every ${macro}_SAMPLE_TIME, also when there is no measurement (then with NaN in its place), put u out at
- * once and hold it until the next call. Returns the status.
- * A lost measurement: u stays, and all else goes on under the last good measurement and this u, with the estimates frozen.
- * A lost command: the last good one stands in for it, and the controller goes on as ever.
- * Nothing begins, and u stays, until a first sample after init, reset or start has both.
+ * One sample. Call it every ${macro}_SAMPLE_TIME, also without a measurement (then pass NaN), apply u at once and hold it
+ * until the next call. Returns the status.
+ * A lost measurement: u is held, and all else continues with ${with_what}, with the estimates frozen.
+ * A lost command: the last good command replaces it, and the controller continues normally.
+ * Until the first sample after init, reset or start that has both, the state does not advance and u is held.
 ${shell_comment} */
 /*@ requires \valid(c) && \valid_read(in) && \valid(out);
     requires \separated(c, in, out);
@@ -75,6 +79,9 @@ ${shell_comment} */
 */
 unsigned ${name}_step(${name}_controller *c, const ${name}_input *in, ${name}_output *out);
 
+/* The internal signals after the last step, without any change of the state. */
+void ${name}_read_log(const ${name}_controller *c, ${name}_log *log);
+${parameter_declared}
 #ifdef __cplusplus
 }
 #endif

@@ -1,5 +1,5 @@
 /*
- * All controllers of this folder. Made by barbalat, and made anew with each export into it.
+ * All controllers of this folder. Written by barbalat, and rewritten with each export into the folder.
  */
 #ifndef CONTROLLERS_H
 #define CONTROLLERS_H

@@ -1,4 +1,4 @@
-/* Not of the export: lets another program step the controller of this library. */
+/* Not part of the export: lets another program step the controller of this library. */
 #include "controller.h"
 
 static ${name}_controller controller;

@@ -1,10 +1,10 @@
 /*
  * ${origin}
- * All functions of FMI 2.0 (https://fmi-standard.org), for Co-Simulation; those of Model Exchange are there and refuse.
+ * All functions of FMI 2.0 (https://fmi-standard.org), for Co-Simulation; the functions of Model Exchange exist and refuse.
  */
 #include "fmu_instance.h"
 
-#ifdef FMI_OFFICIAL_HEADERS /* of the standard; without them what follows declares as much of them as is needed */
+#ifdef FMI_OFFICIAL_HEADERS /* of the standard; otherwise the following declares the necessary parts */
 #include "fmi2Functions.h"
 #else
 #include "fmi2_types.h"
@@ -114,8 +114,7 @@ FMI fmi2Status fmi2ExitInitializationMode(fmi2Component c)
     if (i->state.stage != INITIALIZING) {
         return refused(c, "the initialization was not entered");
     }
-    begin(&i->state);
-    return fmi2OK;
+    return unless(c, begin(&i->state));
 }
 
 FMI fmi2Status fmi2Terminate(fmi2Component c)
@@ -144,12 +143,7 @@ FMI fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference r[], size_t
 
 FMI fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference r[], size_t count, const fmi2Real value[])
 {
-    const char *what = NULL;
-    size_t k;
-    for (k = 0; k < count && what == NULL; ++k) {
-        what = set_real(&((instance *)c)->state, r[k], value[k]);
-    }
-    return unless(c, what);
+    return unless(c, set_reals(&((instance *)c)->state, r, count, value));
 }
 
 static fmi2Status wholes(fmi2Component c, const fmi2ValueReference r[], size_t count, int value[], char kind)
@@ -186,7 +180,7 @@ FMI fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference r[], siz
 {
     (void)r;
     (void)value;
-    return count == 0 ? fmi2OK : refused(c, "no whole number can be set");
+    return count == 0 ? fmi2OK : refused(c, "whole numbers cannot be set");
 }
 
 FMI fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference r[], size_t count, fmi2String value[])
@@ -227,5 +221,5 @@ FMI fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi
     return fmi2OK;
 }
 
-/* Statuses of pending steps, of which there are none; then what is not offered, as modelDescription.xml says. */
+/* Statuses of pending steps, which do not occur; then functions that are not offered, as modelDescription.xml states. */
 ${refused}

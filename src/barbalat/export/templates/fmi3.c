@@ -1,10 +1,10 @@
 /*
  * ${origin}
- * All functions of FMI 3.0 (https://fmi-standard.org), for Co-Simulation; those of the other interfaces are there and refuse.
+ * All functions of FMI 3.0 (https://fmi-standard.org), for Co-Simulation; the functions of the other interfaces exist and refuse.
  */
 #include "fmu_instance.h"
 
-#ifdef FMI_OFFICIAL_HEADERS /* of the standard; without them what follows declares as much of them as is needed */
+#ifdef FMI_OFFICIAL_HEADERS /* of the standard; otherwise the following declares the necessary parts */
 #include "fmi3Functions.h"
 #else
 #include "fmi3_types.h"
@@ -142,8 +142,7 @@ FMI fmi3Status fmi3ExitInitializationMode(fmi3Instance c)
     if (i->state.stage != INITIALIZING) {
         return refused(c, "the initialization was not entered");
     }
-    begin(&i->state);
-    return fmi3OK;
+    return unless(c, begin(&i->state));
 }
 
 FMI fmi3Status fmi3Terminate(fmi3Instance c)
@@ -172,12 +171,8 @@ FMI fmi3Status fmi3GetFloat64(fmi3Instance c, const fmi3ValueReference r[], size
 
 FMI fmi3Status fmi3SetFloat64(fmi3Instance c, const fmi3ValueReference r[], size_t count, const fmi3Float64 value[], size_t values)
 {
-    const char *what = values == count ? NULL : "all variables are scalars: as many values as references are wanted";
-    size_t k;
-    for (k = 0; k < count && what == NULL; ++k) {
-        what = set_real(&((instance *)c)->state, r[k], value[k]);
-    }
-    return unless(c, what);
+    const char *what = "all variables are scalars: as many values as references are wanted";
+    return unless(c, values == count ? set_reals(&((instance *)c)->state, r, count, value) : what);
 }
 
 FMI fmi3Status fmi3GetInt32(fmi3Instance c, const fmi3ValueReference r[], size_t count, fmi3Int32 value[], size_t values)
@@ -229,5 +224,5 @@ FMI fmi3Status fmi3DoStep(fmi3Instance c, fmi3Float64 point, fmi3Float64 size, f
     return said((const instance *)c, grades[grade], what);
 }
 
-/* Types of which there is no variable; then what is not offered, as modelDescription.xml says. */
+/* Types without variables; then functions that are not offered, as modelDescription.xml states. */
 ${refused}

@@ -1,6 +1,6 @@
 /*
  * ${origin}
- * What both versions of the standard share: an instance, its stages, access to variables, steps, states as bytes.
+ * Common parts of both versions of the standard: an instance, its stages, access to variables, steps, states as bytes.
  */
 #ifndef FMU_INSTANCE_H
 #define FMU_INSTANCE_H
@@ -18,7 +18,7 @@
 
 enum { INSTANTIATED, INITIALIZING, STEPPING, TERMINATED };
 
-/* Everything that a step depends on, and not one pointer: a copy of it is a saved state. */
+/* Everything that a step depends on, without pointers: a copy of it is a saved state. */
 typedef struct {
     model m;
     double start; /* [s] */
@@ -29,7 +29,7 @@ typedef struct {
 typedef struct {
     char mark[sizeof MODEL_TOKEN];
     fmu_state state;
-} fmu_saved; /* as it is written to a file */
+} fmu_saved; /* the form written to a file */
 
 static void clear(fmu_state *s)
 {
@@ -43,7 +43,7 @@ static double now(const fmu_state *s)
     return s->start + s->steps * MODEL_STEP;
 }
 
-/* Values are given out as they follow from everything that was set: before the start too. */
+/* Values follow from all values that were set, also before the start. */
 static void refresh(fmu_state *s)
 {
     if (s->stage <= INITIALIZING) {
@@ -75,13 +75,32 @@ static const char *set_real(fmu_state *s, unsigned reference, double value)
         return "this variable can't be set now: it is an output, or a parameter that is fixed from the start on";
     }
     if (when != 'i' && !isfinite(value)) {
-        return "a parameter must be a finite number"; /* an input that is none is refused by the controller, with a status */
+        return "a parameter must be a finite number"; /* the controller itself refuses such an input, with a status */
     }
     if ((when == 'T' || when == 'S') && !(value > 0.0)) {
         return "this parameter must be above 0, see modelDescription.xml";
     }
     s->m.real[reference] = value;
     return NULL;
+}
+
+/* The reals of one call: either all are set or none. Before the start parameters may be set in any order. */
+static const char *set_reals(fmu_state *s, const unsigned references[], size_t count, const double values[])
+{
+    double before[MODEL_REALS];
+    const char *what = NULL;
+    size_t k;
+    memcpy(before, s->m.real, sizeof before);
+    for (k = 0; k < count && what == NULL; ++k) {
+        what = set_real(s, references[k], values[k]);
+    }
+    if (what == NULL && s->stage > INITIALIZING) {
+        what = model_refused(&s->m);
+    }
+    if (what != NULL) {
+        memcpy(s->m.real, before, sizeof before);
+    }
+    return what;
 }
 
 static const char *get_whole(const fmu_state *s, unsigned reference, char kind, int *value)
@@ -104,15 +123,19 @@ static const char *set_whole(fmu_state *s, unsigned reference, int value)
     return NULL;
 }
 
-static void begin(fmu_state *s)
+static const char *begin(fmu_state *s)
 {
-    model_start(&s->m);
-    model_outputs(&s->m);
-    s->steps = 0;
-    s->stage = STEPPING;
+    const char *what = model_refused(&s->m);
+    if (what == NULL) {
+        model_start(&s->m);
+        model_outputs(&s->m);
+        s->steps = 0;
+        s->stage = STEPPING;
+    }
+    return what;
 }
 
-/* From the communication point on by a whole number of the model's own steps; what is wrong, and how wrong. */
+/* Advance from the communication point by a whole number of the model's own steps; returns the fault and its severity. */
 static const char *advance_by(fmu_state *s, double point, double size, int *grade)
 {
     const double ratio = size / MODEL_STEP, count = floor(ratio + 0.5);

@@ -4,10 +4,16 @@
  */
 #include "model.h"
 #include <math.h>
+#include <stddef.h>
 
 ${give}void model_defaults(model *m)
 {
 ${defaults}}
+
+const char *model_refused(const model *m)
+{
+${refusals}    return NULL;
+}
 
 void model_start(model *m)
 {

@@ -1,6 +1,6 @@
 /*
  * ${origin}
- * The unit ${identifier}: its variables, and what a step of it is.
+ * The unit ${identifier}: its variables and its step.
  */
 #ifndef MODEL_H
 #define MODEL_H
@@ -11,16 +11,16 @@ ${include}
 #define MODEL_TIME ${reals}u
 #define MODEL_FIRST_WHOLE ${first_whole}u
 #define MODEL_STEP ${step} /* [s] */
-#define MODEL_TOLERANCE 1e-6 /* of a step size, relative: above its rounding, below what anybody means by another one */
-#define MODEL_POINT_TOLERANCE 0.1 /* of a step: a master's sum of so many steps rounds to less, a repeated one is off by 1 */
-#define MODEL_MOST_STEPS 1e9 /* in one call; more is a mistake */
+#define MODEL_TOLERANCE 1e-6 /* relative tolerance of a step size: above its rounding, below any intended difference */
+#define MODEL_POINT_TOLERANCE 0.1 /* in steps: the rounding of a master's sum of steps is smaller, a repeated step is off by 1 */
+#define MODEL_MOST_STEPS 1e9 /* in one call; a larger number is a mistake */
 
 typedef struct {
     double real[MODEL_REALS];
     int whole[2]; /* freeze and status, of a unit with a controller */
 ${parts}} model;
 
-/* For each real variable: i an input, t tunable, s fixed from the start on, n calculated; T and S as t and s, above 0 alone. */
+/* For each real variable: i an input, t tunable, s fixed from the start on, n calculated; T and S as t and s, but only above 0. */
 static const char model_settable[] = "${settable}";
 /* For each other variable: b a truth value, w a whole number. */
 static const char model_kinds[] = "${kinds}";
@@ -28,6 +28,7 @@ static const unsigned model_wholes = (unsigned)sizeof model_kinds - 1u;
 enum { FMU_OK, FMU_WARNING, FMU_ERROR }; /* of a step */
 
 void model_defaults(model *m);
+const char *model_refused(const model *m); /* the bound that the parameters violate; NULL for none */
 void model_start(model *m);
 int model_step(model *m);
 void model_outputs(model *m);

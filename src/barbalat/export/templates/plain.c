@@ -1,6 +1,6 @@
 /*
  * ${origin}
- * The controller with plain arguments: what it keeps is ${name}_size() bytes of the caller's.
+ * The controller with plain arguments: its state is ${name}_size() bytes of the caller.
  */
 #include "${header}"
 #include <stddef.h>

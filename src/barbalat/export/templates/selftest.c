@@ -15,7 +15,7 @@ static const ${real} commands[SAMPLES][${macro}_COMMANDS] = {
 ${command_rows}};
 static const ${real} controls[SAMPLES][${macro}_INPUTS] = {
 ${control_rows}};
-${estimate_table}/* Of everything that is kept after each sample. */
+${estimate_table}/* Digests of the whole state after each sample. */
 static const uint64_t digests[SAMPLES] = {
     ${digests} };
 static const ${real} limits[${macro}_INPUTS][2] = {
@@ -24,6 +24,9 @@ ${limit_rows}};
 static const int losses[] = { ${losses} };
 static const ${real} lossy_controls[][${macro}_INPUTS] = {
 ${lossy_rows}};
+/* The log after the last sample. */
+static const ${real} logged[${macro}_LOG_SIZE] = {
+    ${log_row} };
 static int failures = 0;
 
 static void require(int holds, const char *what)
@@ -79,7 +82,7 @@ static int is_limited(const ${name}_output *out)
     return 1;
 }
 
-/* The bits of these numbers mixed into a digest, which tells every single difference. */
+/* The bits of these numbers mixed into a digest, which shows every single difference. */
 static uint64_t mixed(uint64_t digest, const ${real} *numbers, int count)
 {
     int i;
@@ -115,17 +118,23 @@ static int replay(${name}_controller *c, int count)
 ${chosen_tests}static void test_vectors(void)
 {
     ${name}_controller c, fresh;
+    ${name}_log log;
+    ${real} shown[${macro}_LOG_SIZE];
     int k;
-    memset(&c, 60, sizeof c); /* numbers of which nothing may be left */
+    memset(&c, 60, sizeof c); /* values that init must overwrite */
     memset(&fresh, 0, sizeof fresh);
     ${name}_init(&c);
     ${name}_init(&fresh);
-    require(same_state(&c, &fresh) && same(c.last_u, fresh.last_u, ${macro}_INPUTS), "init leaves what was there before");
+    require(same_state(&c, &fresh) && same(c.last_u, fresh.last_u, ${macro}_INPUTS), "init does not overwrite the state");
     k = replay(&c, SAMPLES);
     if (k < SAMPLES) {
         printf("sample %d differs from the simulation\n", k);
     }
     require(k == SAMPLES, "the test vectors do not agree");
+    memset(&log, 60, sizeof log);
+    ${name}_read_log(&c, &log);
+    memcpy(shown, &log, sizeof shown);
+    require(sizeof log == sizeof shown && same(shown, logged, ${macro}_LOG_SIZE), "the log differs");
 ${state_tests}    c.fade = -1L;
     c.fade_left = 1L;
     c.matching = 1;
@@ -135,7 +144,7 @@ ${state_tests}    c.fade = -1L;
     require(replay(&c, SAMPLES < 50 ? SAMPLES : 50) == (SAMPLES < 50 ? SAMPLES : 50), "reset is not a fresh start");
 }
 
-/* Samples are lost, also before there was a good one: u and the state are what was computed of the same losses. */
+/* Samples are lost, also before the first good one: u and the state agree with the computation with the same losses. */
 static void test_losses(void)
 {
     ${name}_controller c;
@@ -159,7 +168,7 @@ static void test_losses(void)
     }
 ${lossy_tests}}
 
-/* Of a bad measurement: it is the last good one once more, frozen, and u stays. Of a bad command: the last good one stands in. */
+/* A bad measurement repeats the last good one, frozen, and holds u. The last good command replaces a bad one. */
 static void test_refused(${real} bad, int in_command)
 {
     ${name}_controller c, other;
@@ -178,7 +187,7 @@ static void test_refused(${real} bad, int in_command)
         } else if (k < last) {
             in.${measured}[0] = bad;
             memcpy(as.${measured}, measured[last - 3], sizeof as.${measured});
-            as.freeze = 1;
+            as.freeze = ${lost};
         }
         (void)${name}_step(&other, &as, &expected);
         if (k < last && in_command == 0) {
@@ -188,13 +197,13 @@ static void test_refused(${real} bad, int in_command)
 ${mirror_outage}        }
         require(${name}_step(&c, &in, &out) == (k == last ? ${macro}_OK : in_command != 0 ? ${macro}_COMMAND_LOST : ${macro}_MEASUREMENT_LOST),
             "a bad input is not told");
-        require(same(out.u, expected.u, ${macro}_INPUTS), "not the control that a bad input should have");
-        require(is_limited(&out), "a bad input is answered beyond the actuator's limits, or with another control within");
-        require(same_state(&c, &other), "time does not go on through a bad input as it should");
+        require(same(out.u, expected.u, ${macro}_INPUTS), "a wrong control after a bad input");
+        require(is_limited(&out), "a bad input leads beyond the actuator's limits, or changes the control within");
+        require(same_state(&c, &other), "the state does not advance through a bad input as it should");
     }
 }
 
-/* A sample that would lead out of range, here by what is to fade out: nothing moves. */
+/* A sample that would lead out of range, here because of the fade: nothing moves. */
 static void test_result(void)
 {
     ${name}_controller c, before;
@@ -208,7 +217,7 @@ static void test_result(void)
     c.fade_left = 1L;
     beyond = c.bump[0] + controls[${fade_from}][0];
     if (beyond >= -${macro}_RANGE && beyond <= ${macro}_RANGE) {
-        return; /* this control is lost in the rounding of so large a number */
+        return; /* this control vanishes in the rounding of such a large number */
     }
     before = c;
     require(${name}_step(&c, &in, &out) == ${macro}_RESULT_REFUSED, "a result out of range is not refused");
@@ -221,6 +230,7 @@ static void test_limits(void)
     ${name}_controller c;
     ${name}_input in = sample(0);
     ${name}_output out;
+    ${name}_log log;
     int i, k;
     ${name}_init(&c);
     in.sample_time = ${macro}_SAMPLE_TIME * (1 + 9 * ${small});
@@ -237,18 +247,21 @@ ${timer_tests}    ${name}_init(&c);
     require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED, "a state out of range is not refused");
     require(out.u[0] == 1 && is_limited(&out), "the last good control is not held");
 ${limit_tests}    ${name}_reset(&c);
-    require(${name}_step(&c, &in, &out) == ${macro}_OK, "there is no way back from a bad state");
+    require(${name}_step(&c, &in, &out) == ${macro}_OK, "the controller does not return from a bad state");
     c.last_u[0] = 2 * ${macro}_RANGE;
     c.bump[0] = 2 * ${macro}_RANGE;
     c.fade_left = 1L;
     require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED && out.u[0] == 0 && is_limited(&out),
         "a control out of range is held");
     ${name}_reset(&c);
-    require(${name}_step(&c, &in, &out) == ${macro}_OK, "there is no way back from a bad control");
+    require(${name}_step(&c, &in, &out) == ${macro}_OK, "the controller does not return from a bad control");
+    c.bump[0] = 2 * ${macro}_RANGE;
+    require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED, "a bump out of range is not refused");
+    ${name}_reset(&c);
     c.fade = 0L;
     c.fade_left = 1L;
     require(${name}_step(&c, &in, &out) == ${macro}_STATE_REFUSED, "a fade that never ends is not refused");
-    /* what is held is put out within the limits: from below the lower to above the upper one, and at both */
+    /* a held control is applied within the limits: from below the lower to above the upper one, and at both */
     for (k = -4; k <= 20; ++k) {
         ${name}_init(&c);
         in.${measured}[0] = 2 * ${macro}_RANGE;
@@ -258,11 +271,13 @@ ${limit_tests}    ${name}_reset(&c);
         }
         require(${name}_step(&c, &in, &out) == ${macro}_MEASUREMENT_LOST && same(out.u, c.last_u, ${macro}_INPUTS),
             "before the first good sample the control is not held");
-        require(is_limited(&out), "a control beyond the actuator's limits, or another one within");
+        require(is_limited(&out), "a control beyond the actuator's limits, or a changed one within");
+        ${name}_read_log(&c, &log);
+        require(${log_of_u}, "the log has a different control");
     }
 }
 
-/* Far outside of what was simulated, with inputs up to the range: what is given out stays finite, in its limits, and said. */
+/* Far outside the simulated range, with inputs up to the range: the outputs stay finite, within limits, and reported. */
 static void test_hard_inputs(void)
 {
     ${name}_controller c;
@@ -280,7 +295,7 @@ static void test_hard_inputs(void)
         for (i = 0; i < ${macro}_INPUTS; ++i) {
             require(out.u[i] >= -${macro}_RANGE && out.u[i] <= ${macro}_RANGE, "a control out of range");
         }
-        require(is_limited(&out), "a control beyond the actuator's limits, or another one within");
+        require(is_limited(&out), "a control beyond the actuator's limits, or a changed one within");
         if (failures != 0) {
             return;
         }
@@ -303,7 +318,7 @@ ${frozen_tests}        (void)before;
     }
 }
 
-/* Where the controller's own control is not zero: the first is u_now, the difference fades out, also while a sample is lost. */
+/* If the controller's own control is not zero, the first is u_now, and the difference fades out, also during a lost sample. */
 static void test_fade(void)
 {
     ${name}_controller c;
@@ -338,7 +353,7 @@ static void test_fade(void)
         }
         (void)${name}_step(&c, &in, &out);
         require(same(out.u, expected.u, ${macro}_INPUTS) && is_limited(&out), "a start does not fade out as it should");
-        require(c.fade_left == (k < ${fade} ? ${fade} - 1L - k : 0L) && c.matching == 0, "a start does not fade out in its time");
+        require(c.fade_left == (k < ${fade} ? ${fade} - 1L - k : 0L) && c.matching == 0, "a start does not fade out in the given time");
     }
 }
 
@@ -361,13 +376,13 @@ ${kept_tests}    require(c.fade == 0L && c.fade_left == 0L && ${name}_step(&c, &
     }
     c = before;
     (void)${name}_start(&c, ${start_argument}u_now, ${fade}L, 1);
-    require(c.fade == ${fade}L && c.fade_left == ${fade}L && c.matching == 1, "the bump does not fade out in the time that was asked for");
+    require(c.fade == ${fade}L && c.fade_left == ${fade}L && c.matching == 1, "the bump does not fade out in the given time");
     require(${name}_step(&c, &in, &out) == ${macro}_OK, "the first sample after a start is refused");
-    require(close_to(out.u, u_now, ${macro}_INPUTS), "the start is not without a bump");
+    require(close_to(out.u, u_now, ${macro}_INPUTS), "the start causes a bump");
     for (i = 1; i < ${fade}; ++i) {
         (void)${name}_step(&c, &in, &out);
     }
-    require(c.fade_left == 0L, "the bump does not fade out in the time that was asked for");
+    require(c.fade_left == 0L, "the bump does not fade out in the given time");
     c = before;
     (void)${name}_start(&c, ${start_argument}u_now, 0L, 1);
     require(${name}_step(&c, &in, &out) == ${macro}_OK && same(out.u, own.u, ${macro}_INPUTS),

@@ -1,14 +1,14 @@
 #define CHOSEN ${count}
 #define NUMBERS ${numbers}
 
-/* Single samples that were chosen because the run of the simulation does not tell some fault of the arithmetic: see README.md. */
+/* Single samples, chosen because the simulation's run does not reveal some faults of the arithmetic: see README.md. */
 static const ${real} chosen_before[CHOSEN][NUMBERS] = {
 ${before_rows}};
 static const ${real} chosen_measured[CHOSEN][${macro}_MEASURED] = {
 ${measured_rows}};
 static const ${real} chosen_commands[CHOSEN][${macro}_COMMANDS] = {
 ${command_rows}};
-static const int chosen_freeze[CHOSEN] = { ${freeze} };
+${parameter_table}static const int chosen_freeze[CHOSEN] = { ${freeze} };
 static const ${real} chosen_after[CHOSEN][NUMBERS] = {
 ${after_rows}};
 
@@ -20,13 +20,13 @@ static void test_chosen(void)
         ${name}_input in;
         ${name}_output out;
         ${name}_init(&c);
-${set}        memcpy(in.${measured}, chosen_measured[k], sizeof in.${measured});
+${set}${set_parameters}        memcpy(in.${measured}, chosen_measured[k], sizeof in.${measured});
         memcpy(in.r, chosen_commands[k], sizeof in.r);
         in.sample_time = ${macro}_SAMPLE_TIME;
         in.freeze = chosen_freeze[k];
         require(${name}_step(&c, &in, &out) == ${macro}_OK && out.status == ${macro}_OK, "a chosen sample is refused");
-        require(same(out.u, c.${u}, ${macro}_INPUTS)${estimates} && is_limited(&out), "not what is kept is put out");
-        require(${has}, "a chosen sample leads elsewhere");
+        require(same(out.u, c.${u}, ${macro}_INPUTS)${estimates}${limited}, "the output differs from the state");
+        require(${has}, "the state after a chosen sample differs");
     }
 }
 

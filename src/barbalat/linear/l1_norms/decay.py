@@ -1,4 +1,4 @@
-"""Ball-arithmetic ground work: outward floats, exact spectra, verified decay certificates.
+"""Foundations in ball arithmetic: outward floats, exact spectra, verified decay certificates.
 
 Every quantity that enters a bound is an Arb ball (python-flint); plain floats only steer choices
 (step sizes, precision, iteration counts) whose outcome is verified afterwards in ball arithmetic.
@@ -50,7 +50,7 @@ def scaled(A: FloatMatrix, B: FloatMatrix, C: FloatMatrix) -> ScaledSystem:
     from scipy.linalg.lapack import dgebal
 
     n, m, p = A.shape[0], B.shape[1], C.shape[0]
-    # gebal scales by powers of two; anything else is cut to one, so that exactness does not rest on it.
+    # gebal scales by powers of two; anything else is reduced to one, so that exactness does not depend on it.
     _, _, _, scaling, _ = dgebal(A, scale=1, permute=0)
     exponents = [math.frexp(float(scale))[1] - 1 for scale in scaling]
     rows = A.tolist()
@@ -75,7 +75,7 @@ def eigenvalues(A: FloatMatrix) -> list[tuple[acb, int]]:
     return list(_eigenvalues(tuple(A.ravel().tolist()), ctx.prec))
 
 
-@lru_cache(maxsize=64)  # the norms of a system with several inputs and outputs share it; far-apart entries take seconds
+@lru_cache(maxsize=64)  # the norms of a system with several inputs and outputs share it; widely separated entries take seconds
 def _eigenvalues(entries: tuple[float, ...], precision: int) -> tuple[tuple[acb, int], ...]:
     """Return enclosures, at a precision in bits, of the eigenvalues of a matrix given row by row."""
     n = math.isqrt(len(entries))

@@ -168,6 +168,11 @@ class System:
         """Number of states n."""
         return int(self.A.shape[0])
 
+    @property
+    def matrices(self) -> tuple[FloatMatrix, FloatMatrix, FloatMatrix, FloatMatrix]:
+        """A, B, C and D."""
+        return self.A, self.B, self.C, self.D
+
 
 @dataclass(frozen=True)
 class NormModel:

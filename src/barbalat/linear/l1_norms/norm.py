@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -220,12 +221,12 @@ _PRECISION_LIMIT = 4096
 # Each repeated attempt tightens every tolerance by this factor.
 _TIGHTENING = 2.0**-6
 _ATTEMPTS = 4
-# The ends are two units in the last place (2^-52 each) apart at best: no narrower width can be promised.
+# The ends differ by at least two units in the last place (2^-52 each): no narrower width can be promised.
 _NARROWEST_WIDTH = 1e-15
 
 
 def of_norm(states: float) -> Estimate:
-    """What an L1 norm costs: half a second and some 10 MB for 100 states."""
+    """The cost of an L1 norm: half a second and some 10 MB for 100 states."""
     return Estimate(memory=1000.0 * states**2, seconds=5e-7 * states**3)
 
 
@@ -240,7 +241,8 @@ def l1_norm(
 ) -> Enclosure:
     """Return a guaranteed enclosure of the L1 norm of the system with exactly these float64 matrices.
 
-    In place of the four, one system: a TransferFunction, a StateSpace, or python-control's (a state space of any size).
+    Instead of the four matrices, one system may be given: a TransferFunction, a StateSpace, or python-control's (a state space of
+    any size).
 
     A is (n, n), B (n, m), C (p, n), D (p, m); n may be 0. The norm is the induced L-infinity norm: the
     largest over outputs i of the sum over inputs j of |D_ij| + integral_0^inf |c_i e^(At) b_j| dt; t in s.
@@ -267,8 +269,18 @@ def l1_norm(
         "the system of an L1 norm", system.order, of_norm, given=f"has {system.order} states and",
         fits=lambda most: f"at most {most} states", what=f"an L1 norm of {system.order} states",
     )  # fmt: skip
+    return enclosed(tuple((matrix.shape, matrix.tobytes()) for matrix in system.matrices), relative_width, work_limit)
+
+
+@lru_cache(maxsize=4096)
+def enclosed(matrices: tuple[tuple[tuple[int, ...], bytes], ...], width: float, work_limit: int) -> Enclosure:
+    """The norm of a system by the shapes and bytes of A, B, C and D.
+
+    Most norms of a certificate are requested again, by its other entries and by other controllers of the same plant.
+    """
+    system = System(*(np.frombuffer(data).reshape(shape) for shape, data in matrices))
     require_hurwitz(system.A)
-    return _NormSearch(system, relative_width, work_limit).run()
+    return _NormSearch(system, width, work_limit).run()
 
 
 def _checked(A: ArrayLike, B: ArrayLike | None, C: ArrayLike | None, D: ArrayLike | None) -> System:
@@ -381,7 +393,7 @@ def _identically_zero(system: System) -> bool:
 
 
 def matrices(system: Any) -> tuple[Array, Array, Array, Array]:
-    """A (n, n), B (n, m), C (p, n), D (p, m) of ours, or of a continuous-time system of python-control.
+    """A (n, n), B (n, m), C (p, n), D (p, m) from one of our systems, or from a continuous-time system of python-control.
 
     A state space is taken as it is, with any number of inputs and outputs; a transfer function has one of each and is realised:
     its coefficients over the leading one of the denominator, rounded to floats.

@@ -1,8 +1,7 @@
 """Witnesses of L1 norms: a quadratic form with its rate, and the steps on which an impulse response is followed.
 
-They prove nothing by themselves: whoever checks one follows the response on these steps in ball arithmetic
-(docs/proofs.md, "The L1 norm"). A step ends where an output changes its sign, so that its integral of |h| is known to
-the last digits.
+They prove nothing by themselves: a checker follows the response on these steps in ball arithmetic (docs/proofs.md, "The L1
+norm"). A step ends where an output changes its sign, so that its integral of |h| is known to the last digits.
 """
 
 from __future__ import annotations
@@ -20,16 +19,16 @@ from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, BernsteinPiece, b
 from barbalat.validate import Array
 
 CLOSENESS = 2.0**-60
-"""Width of what is to be enclosed, relative to the norm: far within the float ends of a certificate's enclosure."""
+"""Target width of the enclosure relative to the norm: far within the float ends of a certificate's enclosure."""
 FIRST_BITS, MOST_BITS = 256, 4096
 RATES = (0.5, 0.25, 0.05)
-"""Of the slowest decay, as shares that are tried."""
+"""Shares of the slowest decay that are tried."""
 MOST_STEPS = 40_000
-"""For one input: half a minute; a response that takes more has no witness."""
+"""For one input: half a minute; a response that takes more steps has no witness."""
 NEAREST_ROOT = 2.0**-60
 """A root is known to twice as many bits."""
 SHORTEST_PIECE = 2.0**-90
-"""Relative to the step: a sign that is not told by then is charged."""
+"""Relative to the step: a sign that is still undecided then is charged."""
 
 
 def dyadic(value: arb) -> str:
@@ -39,9 +38,9 @@ def dyadic(value: arb) -> str:
 
 
 def witness(A: arb_mat, B: arb_mat, C: arb_mat, size: float) -> dict[str, Any] | None:
-    """A witness for c_i e^(At) b_j of all outputs and inputs, ``size`` the norm, about; None where none is found.
+    """A witness for c_i e^(At) b_j of all outputs and inputs, where ``size`` is approximately the norm; None if none is found.
 
-    A (n, n), B (n, m), C (p, n): balls, as good as exact at 1024 bits.
+    A (n, n), B (n, m), C (p, n): balls, practically exact at 1024 bits.
     """
     spectrum = np.linalg.eigvals(as_floats(A))
     decay = float(-spectrum.real.max())
@@ -143,7 +142,7 @@ class _March:
         return euclidean_norm(arb_mat([[((x.transpose() * self.P * x)[0, 0]).upper().max(arb(0)).sqrt()]]))
 
     def _step(self, terms: list[arb_mat], per_second: float) -> arb | None:
-        """The longest power of two whose remainder is tolerable, or up to where an output changes its sign."""
+        """The longest power of two whose remainder is tolerable, or the time up to which an output changes its sign."""
         d = POLYNOMIAL_DEGREE
         beyond = self._norm(terms[-1])  # |A^25 x|_P/25!
         longest = 8.0 / self.decay

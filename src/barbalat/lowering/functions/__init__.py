@@ -1,4 +1,4 @@
-"""The elementary functions as operation lists, which all targets print: no target's library can change a bit of a result.
+"""The elementary functions as operation lists, which all targets print, so that no target's library can change a bit of a result.
 
 The coefficients of ``normal`` are Wichura's, all others fdlibm's. Copyright (C) 1993, 2004 by Sun Microsystems, Inc. All rights
 reserved. Permission to use, copy, modify, and distribute this software is freely granted, provided that this notice is preserved.
@@ -19,8 +19,8 @@ from barbalat.lowering.operations import Program
 class Function:
     """One function of ``arguments`` numbers, inputs (0, 0), (1, 0), ... of its lists.
 
-    usual  gives the value and, where there is a rare list, whether the arguments need that one
-    rare   gives the value where ``usual`` says so, and is not computed elsewhere
+    usual  computes the value and, if there is a rare list, whether the arguments need that one
+    rare   computes the value if ``usual`` says so; otherwise it is not evaluated
     """
 
     arguments: int
@@ -29,12 +29,12 @@ class Function:
 
 
 FUNCTIONS = frozenset({"exp", "log", "sin", "cos", "tan", "tanh", "atan", "pow", "ndtri"})
-"""The operations that are functions of this kind. ndtri, the inverse of the normal distribution function, is none of CasADi's."""
+"""The operations that are such functions. ndtri, the inverse of the normal distribution function, is not one of CasADi's."""
 
 
 @cache
 def function(name: str, of: Format = DOUBLE) -> Function:
-    """One of FUNCTIONS on numbers of a format, its lists made when they are first asked for."""
+    """One of FUNCTIONS for numbers of a format; its lists are made at the first request."""
     match name:
         case "sin" | "cos" | "tan":
             value = {"sin": trigonometric.sin, "cos": trigonometric.cos, "tan": trigonometric.tan}[name]

@@ -20,10 +20,10 @@ L = (
 )  # fmt: skip
 _LN_2 = float.fromhex("0x1.62e42feep-1"), float.fromhex("0x1.a39ef35793c76p-33")
 LN_2 = {DOUBLE: _LN_2, SINGLE: SINGLE.parted(whole(*_LN_2), 15)}
-"""ln 2 in 32 bits, of a float in 15, whose product with an exponent is exact, and the rest."""
+"""ln 2; for 32 bits as a float of 15 bits, whose product with an exponent is exact, and the remainder."""
 ONE_OVER_LN_2 = float.fromhex("0x1.71547652b82fep+0")
 BEYOND_EXP = {DOUBLE: 800.0, SINGLE: 120.0}
-"""exp of it overflows, of its negative rounds to zero; 2^k stays within what two factors reach."""
+"""exp of it overflows, and exp of its negative rounds to zero; 2^k stays within the range of two factors."""
 TANH_IS_ONE = {DOUBLE: 22.0, SINGLE: 10.0}
 
 

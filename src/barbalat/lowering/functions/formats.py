@@ -1,4 +1,4 @@
-"""The two binary formats that the functions' lists are written for; what of a formula follows from a format stands here."""
+"""The two binary formats for which the functions' lists are written, with the constants that depend on the format."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from fractions import Fraction
 class Format:
     """A binary format of IEEE 754.
 
-    bits              of a significand, with the one that is not stored
-    largest_exponent  of a number, and the bias of the stored ones
+    bits              of a significand, including the implicit one
+    largest_exponent  of a number; also the bias of stored exponents
     """
 
     bits: int
@@ -19,12 +19,12 @@ class Format:
 
     @property
     def rounder(self) -> float:
-        """Added and subtracted again it rounds a number below a third of it to a whole one, ties to even."""
+        """Adding and then subtracting it rounds a number below a third of it to a whole one, ties to even."""
         return 1.5 * 2.0 ** (self.bits - 1)
 
     @property
     def splitter(self) -> float:
-        """Dekker's factor, which halves a significand, the second half with a sign."""
+        """Dekker's factor, which splits a significand into halves, the second one signed."""
         return 2.0 ** ((self.bits + 1) // 2) + 1
 
     @property
@@ -38,21 +38,21 @@ class Format:
 
     @property
     def aligned(self) -> float:
-        """A whole number added to it stands, with the bias, in the last bits of the sum."""
+        """A whole number added to it appears, with the bias, in the last bits of the sum."""
         return 2.0 ** (self.bits - 1) + self.largest_exponent
 
     def nearest(self, value: Fraction) -> float:
-        """The number of this format next to a value of normal size; of two as near that with an even last bit."""
+        """The number of this format nearest to a value of normal size, with ties to even."""
         unit = self._unit(value, self.bits)
         return float(round(value / unit) * unit)
 
     def leading(self, value: Fraction, bits: int) -> float:
-        """The first so many bits of a value."""
+        """The leading ``bits`` bits of a value."""
         unit = self._unit(value, bits)
         return float(int(value / unit) * unit)
 
     def parted(self, value: Fraction, *bits: int) -> tuple[float, ...]:
-        """A value as a sum: parts of so many bits each, then what is left, to the last bit."""
+        """A value as a sum: parts with these numbers of bits, then the remainder, to the last bit."""
         parts: list[float] = []
         for count in bits:
             parts.append(self.leading(value, count))
@@ -61,7 +61,7 @@ class Format:
 
     @staticmethod
     def _unit(value: Fraction, bits: int) -> Fraction:
-        """Return the weight of the last of so many bits."""
+        """Return the weight of the last of ``bits`` bits."""
         size, exponent = abs(value), 0
         while size >= 2:
             size, exponent = size / 2, exponent + 1

@@ -12,10 +12,10 @@ from barbalat.lowering.functions.exponential import log
 from barbalat.lowering.functions.trace import TracedNumber
 
 CENTRAL = 0.425
-"""|p - 1/2| up to which a rational function of its square serves; beyond, functions of sqrt(-log min(p, 1 - p)) do."""
+"""|p - 1/2| up to which a rational function of its square is used; beyond it, functions of sqrt(-log min(p, 1 - p)) are."""
 CENTRAL_SQUARED = 0.180625
 TAIL_FROM, FAR_FROM = 1.6, 5.0
-"""Of that root: what is subtracted before the tail's and the far tail's functions; the latter begins where it is FAR_FROM."""
+"""Values of that root that are subtracted before the functions of the tail and the far tail; the latter begins at FAR_FROM."""
 
 A = (
     3.3871328727963666080e0, 1.3314166789178437745e2, 1.9715909503065514427e3, 1.3731693765509461125e4,
@@ -44,7 +44,7 @@ F = (
 
 
 def _polynomial(coefficients: tuple[float, ...], x: TracedNumber) -> TracedNumber:
-    """Evaluate a polynomial by Horner's rule; the constant stands first."""
+    """Evaluate a polynomial by Horner's rule; the constant comes first."""
     *rest, last = coefficients
     value = x.constant(last)
     for coefficient in reversed(rest):
@@ -53,14 +53,14 @@ def _polynomial(coefficients: tuple[float, ...], x: TracedNumber) -> TracedNumbe
 
 
 def central(p: TracedNumber) -> tuple[TracedNumber, TracedNumber]:
-    """The value for |p - 1/2| <= CENTRAL, and whether p lies beyond, or is no number."""
+    """The value for |p - 1/2| <= CENTRAL, and whether p is outside, or NaN."""
     q = p - 0.5
     r = CENTRAL_SQUARED - q * q
     return q * _polynomial(A, r) / _polynomial(B, r), ~(abs(q) <= CENTRAL)
 
 
 def tail(p: TracedNumber) -> tuple[TracedNumber]:
-    """The value beyond; infinite at 0 and 1, and no number outside of them."""
+    """The value in the tails; infinite at 0 and 1, and NaN outside [0, 1]."""
     upper = p > 0.5
     (logarithm,) = log(upper.then(1.0 - p, p))
     r = (-logarithm).sqrt()

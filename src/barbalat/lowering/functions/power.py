@@ -1,4 +1,4 @@
-"""x^y = 2^(y log2 x), the logarithm in two doubles.
+"""x^y = 2^(y log2 x), with the logarithm as a sum of two doubles.
 
 Coefficients: fdlibm's e_pow.c (Copyright (C) 2004 by Sun Microsystems, Inc.); see docs/licences.md.
 """
@@ -26,9 +26,9 @@ LN_2_HIGH, LN_2_LOW = 6.93147182464599609375e-01, -1.90465429995776804525e-09
 
 @dataclass(frozen=True)
 class PowerConstants:
-    """Each in one number, or in a first part of half of the bits and the rest.
+    """Each as one number, or as a first part with half of the bits and the remainder.
 
-    largest_power  2 to it overflows, to its negative rounds to zero, and half of it is an exponent
+    largest_power  2 to it overflows, 2 to its negative rounds to zero, and half of it is an exponent
     """
 
     two_over_3_ln_2: tuple[float, ...]
@@ -52,9 +52,9 @@ CONSTANTS: dict[Format, PowerConstants] = {
 
 
 def power(x: TracedNumber, y: TracedNumber) -> tuple[TracedNumber]:
-    """x^y; where that is nothing real, not a number."""
+    """x^y; NaN if it is not real."""
     a = abs(x)
-    largest = 2.0 ** (x.format.bits + 11)  # with a larger one every x but 1 over- or underflows: |log2 x| is at least 2^-bits
+    largest = 2.0 ** (x.format.bits + 11)  # with a larger one every x except 1 over- or underflows: |log2 x| is at least 2^-bits
     exponent = (y > largest).then(largest, y)
     exponent = (exponent < -largest).then(-largest, exponent)
     value = _two_to(_times(_log2(a), exponent))

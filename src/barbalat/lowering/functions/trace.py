@@ -1,7 +1,7 @@
 """Operation lists written as formulas: every operator on a ``TracedNumber`` appends one operation, in the order of writing.
 
-What is written is what is computed. Nothing is simplified or reordered, as that would cost a function its last bits. Sums and
-products with their rounding errors, and rounding to whole numbers, are made from additions and multiplications alone (Knuth, The
+The list computes exactly what is written. Nothing is simplified or reordered, because that would cost a function its last bits.
+Sums and products with their rounding errors, and rounding to whole numbers, use only additions and multiplications (Knuth, The
 Art of Computer Programming 2, 4.2.2, theorem B; Dekker, Numer. Math. 18 (1971) 224-242).
 """
 
@@ -18,7 +18,7 @@ from barbalat.lowering.optimize import drop_dead
 
 @dataclass(eq=False)
 class Trace:
-    """The operations so far, on numbers of one format; equal constants are one operation."""
+    """The operations so far, on numbers of one format; equal constants share one operation."""
 
     format: Format
     operations: list[Operation] = field(default_factory=list)
@@ -45,18 +45,18 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class TracedNumber:
-    """The value of one operation: a number, or a truth value where it comes from a comparison."""
+    """The value of one operation: a number, or a truth value if it is a comparison."""
 
     trace: Trace
     place: int
 
     @property
     def format(self) -> Format:
-        """The format of the numbers that are computed with."""
+        """The format of the numbers in the computation."""
         return self.trace.format
 
     def constant(self, value: float) -> TracedNumber:
-        """A number of the same list."""
+        """A constant in the same list."""
         return self.trace.number(value)
 
     def __add__(self, other: TracedNumber | float) -> TracedNumber:
@@ -114,7 +114,7 @@ class TracedNumber:
         return self.trace.append("eq", self, other)
 
     def then(self, yes: TracedNumber | float, no: TracedNumber | float) -> TracedNumber:
-        """``yes`` where this is true, else ``no``; both are computed."""
+        """``yes`` if this is true, else ``no``; both are computed."""
         return self.trace.append("select", self, yes, no)
 
     def with_sign_of(self, other: TracedNumber) -> TracedNumber:
@@ -139,7 +139,7 @@ class TracedNumber:
         return self.trace.append("pow2", self)
 
     def entry_of(self, table: tuple[float, ...]) -> TracedNumber:
-        """The table's entry at this whole number, which is one of its places."""
+        """The table's entry at this index, which must be a valid one."""
         return self.trace.append("lookup", self, table=table)
 
 
@@ -151,7 +151,7 @@ def traced(formula: Callable[..., tuple[TracedNumber, ...]], arguments: int, of:
 
 
 class Double(NamedTuple):
-    """An unevaluated sum of a number and its rest, which is at most about half a unit in its last place."""
+    """An unevaluated sum of a number and its remainder, which is at most about half a unit in its last place."""
 
     high: TracedNumber
     low: TracedNumber
@@ -177,13 +177,13 @@ def fast_two_sum(a: TracedNumber, b: TracedNumber) -> Double:
 
 
 def split(x: TracedNumber) -> Double:
-    """x = high + low, of half of the bits each (26 in doubles, 12 in floats), where the product does not overflow."""
+    """x = high + low, with half of the bits each (26 in doubles, 12 in floats), if the product does not overflow."""
     scaled = x * x.format.splitter
     high = scaled - (scaled - x)
     return Double(high, x - high)
 
 
 def two_product(a: TracedNumber, b: TracedNumber) -> Double:
-    """a b = high + low, exactly but for over- and underflow."""
+    """a b = high + low, exactly except for over- and underflow."""
     high, (a1, a2), (b1, b2) = a * b, split(a), split(b)
     return Double(high, ((a1 * b1 - high) + a1 * b2 + a2 * b1) + a2 * b2)

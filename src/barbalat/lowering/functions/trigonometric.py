@@ -1,6 +1,7 @@
 """sin, cos, tan and atan.
 
-x = n pi/2 + y with |y| <= pi/4, y in two numbers: usually by Cody and Waite's parts, for large x by Payne and Hanek's digits.
+x = n pi/2 + y with |y| <= pi/4 and y as a sum of two numbers: usually by Cody and Waite's parts, for large x by Payne and Hanek's
+digits.
 
 Polynomials, parts and intervals: fdlibm's k_sin.c, k_cos.c, k_tan.c, e_rem_pio2.c, k_rem_pio2.c and s_atan.c (Copyright (C) 1993,
 2004 by Sun Microsystems, Inc.); see docs/licences.md.
@@ -17,10 +18,10 @@ from barbalat.lowering.functions.formats import DOUBLE, SINGLE, Format, whole
 from barbalat.lowering.functions.trace import Double, TracedNumber, fast_two_sum, rounded, split, two_product, two_sum
 
 LARGEST_USUAL = 2.0**19 * math.pi / 2
-"""Up to here n has at most 20 bits, and its product with a part of 33 bits is exact."""
+"""Up to this value n has at most 20 bits, and its product with a part of 33 bits is exact."""
 TWO_OVER_PI = float.fromhex("0x1.45f306dc9c883p-1")
 PI_2_PARTS = tuple(map(float.fromhex, ("0x1.921fb544p+0", "0x1.0b4611a6p-34", "0x1.3198a2ep-69")))
-"""pi/2 in parts of 33 bits, and what is left in a fourth."""
+"""pi/2 in parts of 33 bits, with the remainder in a fourth."""
 PI_2_REST = float.fromhex("0x1.b839a252049c1p-104")
 PI_2_HIGH, PI_2_LOW = float.fromhex("0x1.921fb54442d18p+0"), float.fromhex("0x1.1a62633145c07p-54")
 
@@ -40,13 +41,13 @@ PI_2 = whole(*PI_2_PARTS, PI_2_REST)
 
 @dataclass(frozen=True)
 class ReductionConstants:
-    """What the reduction of a format needs.
+    """The constants for the reduction in a format.
 
-    largest_usual  up to here the product of n with a part of pi/2 is exact
+    largest_usual  up to this value the product of n with a part of pi/2 is exact
     parts, rest    of pi/2
-    digit_bits     of a digit of 2/pi: the sum of three products of digits is exact
+    digit_bits     bits of a digit of 2/pi: the sum of three products of digits is exact
     digits         with zeros before the point
-    products       digits of x 2/pi that are kept
+    products       number of digits of x 2/pi that are kept
     """
 
     largest_usual: float
@@ -66,11 +67,11 @@ def _zeros_before(digits: tuple[float, ...]) -> tuple[float, ...]:
 _SINGLE_PARTS = SINGLE.parted(PI_2, 12, 12, 12, 12)
 _BYTES = tuple(float(byte) for digit in TWO_OVER_PI_DIGITS[:10] for byte in int(digit).to_bytes(3, "big"))
 CONSTANTS: dict[Format, ReductionConstants] = {
-    # what is cut off is below 2^-140, and no double is nearer than 2^-61 to a multiple of pi/2
+    # the neglected part is below 2^-140, and no double is closer than 2^-61 to a multiple of pi/2
     DOUBLE: ReductionConstants(
         LARGEST_USUAL, TWO_OVER_PI, PI_2_PARTS, PI_2_REST, (PI_2_HIGH, PI_2_LOW), DIGIT_BITS, _zeros_before(TWO_OVER_PI_DIGITS), 8
     ),
-    # n and the parts have 12 bits each; cut off is what is below 2^-66, and no float is nearer than 2^-31
+    # n and the parts have 12 bits each; the neglected part is below 2^-66, and no float is closer than 2^-31
     SINGLE: ReductionConstants(
         2.0**11 * math.pi / 2, SINGLE.nearest(1 / PI_2), _SINGLE_PARTS[:-1], _SINGLE_PARTS[-1], SINGLE.parted(PI_2, 24), 8,
         _zeros_before(_BYTES), 11,
@@ -87,13 +88,13 @@ class Reduced(NamedTuple):
 
 
 def is_large(x: TracedNumber) -> TracedNumber:
-    """Whether ``usual`` is not for this x; infinity and NaN are, and make a NaN there."""
+    """Whether ``usual`` does not apply to this x; it does for infinity and NaN, and gives NaN."""
     size = abs(x)
     return (size > CONSTANTS[x.format].largest_usual) & (size < math.inf)
 
 
 def usual(x: TracedNumber) -> Reduced:
-    """Where n is small. The errors of the subtractions are kept: near a multiple of pi/2 they are what is left."""
+    """The reduction for small n. The rounding errors of the subtractions are kept: near a multiple of pi/2 they dominate."""
     of = CONSTANTS[x.format]
     n = rounded(x * of.two_over_pi)
     first, second, *others = (n * part for part in of.parts)  # exact
@@ -107,14 +108,14 @@ def usual(x: TracedNumber) -> Reduced:
 
 
 def large(x: TracedNumber) -> Reduced:
-    """For every larger, finite |x|; what else may stand beside it in a vector is replaced."""
+    """The reduction for every larger, finite |x|; other values in the same vector are replaced."""
     of = CONSTANTS[x.format]
     bits = of.digit_bits
     size = abs(x)
     size = is_large(x).then(size, of.largest_usual)
     e = size.exponent() - (bits - 1)
     rest, digits = size.significand() * 2.0 ** (bits - 1), []
-    for _ in range(3):  # 24 + 24 + 5 bits, or 8 + 8 + 8, and the last ones with signs
+    for _ in range(3):  # 24 + 24 + 5 bits, or 8 + 8 + 8, of which the last part is signed
         digits.append(rounded(rest))
         rest = (rest - digits[-1]) * 2.0**bits
     skipped = rounded((e - 3.0 - (bits - 1) / 2) * (1 / bits))  # digits of 2/pi whose products are multiples of 8
@@ -132,7 +133,8 @@ def large(x: TracedNumber) -> Reduced:
 
 
 def _fraction(terms: list[TracedNumber]) -> tuple[TracedNumber, Double]:
-    """The whole number next to the sum of the terms, and the rest of it; three numbers hold what cancellation leaves."""
+    """The whole number nearest to the sum of the terms, and the remainder; three numbers hold the digits that cancellation
+    leaves."""
     total = terms[0] + terms[1]  # exact: 47 bits, or 17
     n = rounded(total)
     high, low = two_sum(total - n, terms[2])
@@ -175,7 +177,7 @@ T = (
     2.59073051863633712884e-05,
 )  # fmt: skip
 TAN_TURNS = 0.67434
-"""Above it tan y comes from tan(pi/4 - y), as in fdlibm."""
+"""Above it tan y is computed from tan(pi/4 - y), as in fdlibm."""
 _PI_4 = float.fromhex("0x1.921fb54442d18p-1"), float.fromhex("0x1.1a62633145c07p-55")
 PI_4 = {DOUBLE: _PI_4, SINGLE: SINGLE.parted(whole(*_PI_4), SINGLE.bits)}
 
@@ -235,14 +237,14 @@ def tan(x: TracedNumber, at: Reduced) -> TracedNumber:
 
 
 def _or_itself(x: TracedNumber, value: TracedNumber) -> TracedNumber:
-    """x is its own sine and tangent to the last bit where it is so small, and keeps the sign of zero."""
+    """x, which is its own sine and tangent to the last bit if it is small enough, with the sign of zero kept."""
     return (abs(x) < x.format.linear_range).then(x, value)
 
 
 def usual_of(
     value: Callable[[TracedNumber, Reduced], TracedNumber],
 ) -> Callable[[TracedNumber], tuple[TracedNumber, TracedNumber]]:
-    """(the value, whether it is not for this x)."""
+    """(the value, whether it does not apply to this x)."""
     return lambda x: (value(x, usual(x)), is_large(x))
 
 

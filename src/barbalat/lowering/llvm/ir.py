@@ -3,9 +3,9 @@
 The step's outputs become its inputs again ("carry"). Part of the carry, the accumulators, is reset at the start of every
 block of steps and written out at its end, so that figures over all steps cost no memory. The kernel knows nothing else.
 
-A quantity may be watched: every window of steps keeps its largest value, and the state and the step where it occurred. It is
-looked at before every WATCH_EVERY-th step, counted from t = 0. Windows have nothing to do with blocks. What is no number is
-never the largest.
+A quantity may be monitored: every window of steps keeps its largest value, with the state and the step at which it occurred. It
+is evaluated before every WATCH_EVERY-th step, counted from t = 0. Windows are independent of blocks. NaN is never the largest
+value.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, WATCH_EVERY, LoopSh
 class ExternalFunction:
     """``void function(double *numbers, int64_t step)`` at an address of this process, called at every sample.
 
-    given  rows of the state as the list makes them at this sample: they stand first in ``numbers``
-    kept   rows whose old values follow there, and whose new values the function leaves in their places
+    given  rows of the state as the list computes them at this sample: they come first in ``numbers``
+    kept   rows whose old values follow there, and whose new values the function writes in their place
     """
 
     address: int
@@ -33,11 +33,11 @@ class ExternalFunction:
 
     @property
     def room(self) -> str:
-        """On the loop's stack, which is reserved once."""
+        """Memory on the loop's stack, reserved once."""
         return f"  %outside = alloca [{len(self.given) + len(self.kept)} x double], align 8"
 
     def call(self, sampled: Sequence[str]) -> tuple[list[str], list[str]]:
-        """Lines of LLVM IR, and the names of the state's values afterwards: ``sampled``, but for those that are kept."""
+        """Lines of LLVM IR, and the names of the state's values afterwards: ``sampled``, except for those that are kept."""
         numbers = [*(sampled[row] for row in self.given), *(f"%x{row}.held" for row in self.kept)]
         lines, after = [], list(sampled)
         for i, value in enumerate(numbers):
@@ -54,13 +54,13 @@ LAST_BLOCK = "kept"
 """The last basic block of a step that has a watch."""
 
 LONGEST_INSIDE = 4000
-"""Operations of a quantity that is compiled with the step. LLVM takes minutes for some 30,000 in one block."""
+"""Largest number of operations of a quantity that is compiled with the step. LLVM takes minutes for some 30,000 in one block."""
 
 
 def called(lines: list[str], quantity: str, used: list[str]) -> tuple[list[str], list[str], list[str]]:
-    """A long quantity as a function of its own, which LLVM translates as it stands; its room on the stack; its call.
+    """A long quantity as a separate function, which LLVM translates unchanged; its memory on the stack; its call.
 
-    ``used`` are the values of the loop that its ``lines`` read. The operations and their order, so every bit, are the same.
+    ``used`` are the values of the loop that its ``lines`` read. The operations and their order, and so every bit, are the same.
     """
     reads, passes = [], []
     for i, name in enumerate(used):
@@ -76,9 +76,9 @@ def called(lines: list[str], quantity: str, used: list[str]) -> tuple[list[str],
 
 
 def keep_largest(states: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
-    """``lines`` compute the quantity, ``due`` has %watch.due from %watch.phase.
+    """``lines`` compute the quantity; ``due`` computes %watch.due from %watch.phase.
 
-    A new largest value is rare: a branch, not a selection for every entry of the state.
+    A new largest value is rare, so a branch is used instead of a selection for every entry of the state.
     """
     stores = []
     for i in range(states):
@@ -111,7 +111,7 @@ def keep_largest(states: int, lines: list[str], quantity: str, due: list[str]) -
 
 
 def keep_largest_values(lanes: int, lines: list[str], quantity: str, due: list[str]) -> list[str]:
-    """The same for members side by side, each of which keeps its own largest value."""
+    """The same for parallel members, each of which keeps its own largest value."""
     vector, mask = f"<{lanes} x double>", f"<{lanes} x i1>"
     return [
         f"  %watch.phase = urem i64 %now, {WATCH_EVERY}",
@@ -153,20 +153,20 @@ def loop(
 
     state       [states][W], in and out
     parameters  [parameters][W]
-    signals     [blocks * steps][signals], the same for all W members; a row for each piece where steps come in pieces
+    signals     [blocks * steps][signals], the same for all W members; a row for each piece if steps come in pieces
     out         [blocks][states + accumulators][W]: the state at a block's start, the accumulators at its end
     start       number of the first step since t = 0
-    lags        [W]: the newest value handed back is that of ``lag`` steps ago, at least 1
-    ring        [mask + TAPS_PER_CHANNEL][delayed][W]: remembered values, a power of two of steps and the first ones again; what
-                stands there first is the past
-    noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0, the first row that of ``start``
+    lags        [W]: the newest value returned is that of ``lag`` steps ago, at least 1
+    ring        [mask + TAPS_PER_CHANNEL][delayed][W]: stored values, for a power of two of steps followed by a copy of the first
+                ones; its initial content is the past
+    noise       [rows][noise][W]: a row for each ``noise_hold`` steps since t = 0; the first row is that of ``start``
 
-    watched     rows of ``watch``, see ``keep_largest``; then the first step of the first and the steps of each
-    at last     ``sample_every`` and ``noise_hold``, read where the shape leaves them open
+    watched     rows of ``watch``, see ``keep_largest``; then the first step of the first window and the number of steps of each
+    at last     ``sample_every`` and ``noise_hold``, read if the shape leaves them open
 
     Before a step whose number is a multiple of ``sample_every``, ``sample`` replaces the state. ``watch`` is a quantity whose
-    largest value in every window of steps is kept, of one member with the state there. ``outside`` has a hand in the sampled
-    part, of one member as well.
+    largest value in every window of steps is kept, for a single member with the state there. ``outside`` computes some of the
+    sampled part, for a single member as well.
     """
     _require_fitting(shape, lanes, sample, watch, outside)
     inputs = _inputs(shape)
@@ -175,7 +175,7 @@ def loop(
     body = _Body(shape, printer.vector, [printer.splat(value) for value in resets], new)
     sampling = _sampling(sample, shape, lanes, inputs, outside)
     watching = _watching(watch, shape, lanes, inputs)
-    last = watching.last or sampling.last or "step"  # without either the step is one block
+    last = watching.last or sampling.last or "step"  # without either the step is a single block
     functions, declared = definitions(printer.functions | sampling.functions | watching.functions, lanes)
     lines = [
         HEAD,
@@ -225,10 +225,10 @@ def _inputs(shape: LoopShape) -> dict[tuple[int, int], str]:
 
 @dataclass(frozen=True)
 class _Part:
-    """What stands in a step before its own operations.
+    """The part of a step before its own operations.
 
-    last        its last block; empty where there is no such part
-    apart       a function beside the loop, and room for it on the loop's stack
+    last        its last block; empty if there is no such part
+    apart       a function outside the loop, and memory for it on the loop's stack
     intrinsics  declarations that it needs
     functions   elementary functions that it calls
     """
@@ -244,7 +244,7 @@ class _Part:
 def _sampling(
     sample: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str], outside: ExternalFunction | None
 ) -> _Part:
-    """What replaces the state before a step whose number is a multiple of ``sample_every``."""
+    """The code that replaces the state before a step whose number is a multiple of ``sample_every``."""
     if sample is None:
         return _Part()
     n = shape.states
@@ -266,7 +266,7 @@ def _sampling(
 
 
 def _due(shape: LoopShape, sampler: Printer) -> list[str]:
-    """%due: whether the sampled part is called before this step; with ``sample_row`` where some member asks for it."""
+    """%due: whether the sampled part is called before this step; with ``sample_row``, if some member requests it."""
     if shape.sample_row is None:
         return [f"  %phase = urem i64 %now, {count(shape.sample_every, 'sample.every')}", *due(shape, "due", "%phase")]
     zero, own = sampler.splat(0.0), f"%x{shape.sample_row}.held"
@@ -280,7 +280,7 @@ def _due(shape: LoopShape, sampler: Printer) -> list[str]:
 
 
 def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[tuple[int, int], str]) -> _Part:
-    """What keeps a quantity's largest value."""
+    """The code that keeps a quantity's largest value."""
     if watch is None:
         return _Part()
     watcher = Printer(watch, lanes, inputs, prefix="g")
@@ -302,7 +302,8 @@ def _watching(watch: Program | None, shape: LoopShape, lanes: int, inputs: dict[
 
 @dataclass(frozen=True)
 class _Body:
-    """The blocks around a step's own operations; ``new`` are its results and ``resets`` what accumulators begin a block with."""
+    """The blocks around a step's own operations; ``new`` are its results and ``resets`` the initial values of accumulators in
+    a block."""
 
     shape: LoopShape
     vector: str
@@ -310,7 +311,7 @@ class _Body:
     new: list[str]
 
     def entry(self, room: tuple[str, ...], lanes: int) -> list[str]:
-        """What is loaded once."""
+        """The loads that are made once."""
         return [
             "entry:",
             *room,

@@ -1,7 +1,7 @@
-"""IR that loads what drives a step: the table of signals, the same for all members, each member's noise, and its past.
+"""IR that loads a step's inputs: the table of signals, the same for all members, each member's noise, and its past.
 
-The past is a ring of values beside the loop, one for each delayed channel. The ring's first TAPS_PER_CHANNEL - 1 rows stand once
-more behind its last, so that the taps of a step are neighbours: one address for each member, however many taps and channels.
+The past is a ring buffer outside the loop, one for each delayed channel. The ring's first TAPS_PER_CHANNEL - 1 rows are repeated
+after its last, so that the taps of a step are adjacent: one address for each member, for any number of taps and channels.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from barbalat.lowering.shape import TAPS_PER_CHANNEL, LoopShape
 
 
 def count(compiled: int | None, argument: str) -> str:
-    """A count of steps: compiled in, or the kernel's argument."""
+    """A number of steps: a compiled-in constant, or the kernel's argument."""
     return f"%{argument}" if compiled is None else str(compiled)
 
 
@@ -33,7 +33,7 @@ def noise_loads(shape: LoopShape, vector: str) -> list[str]:
 
 
 def signal_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
-    """%s{i}: the signals of this step, for every lane; of a step in pieces also what the piece's row says of it."""
+    """%s{i}: the signals of this step, for every lane; for a step in pieces also the description of the piece in its row."""
     if shape.signal_row is not None:
         assert lanes == 1, "rows of signals by the state are for one member"
         return _signals_of_row(shape)
@@ -63,7 +63,7 @@ def signal_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
 
 
 def _signals_of_row(shape: LoopShape) -> list[str]:
-    """%s{i}: the signals of the row that the state of the only member names."""
+    """%s{i}: the signals of the row whose number is in the only member's state."""
     held = f"%x{shape.signal_row}" + (".held" if shape.sample_row is not None else "")
     lines = [f"  %s.row = fptosi double {held} to i64", f"  %s.first = mul i64 %s.row, {shape.signals}"]
     for i in range(shape.signals):
@@ -76,7 +76,7 @@ def _signals_of_row(shape: LoopShape) -> list[str]:
 
 
 def row_number(shape: LoopShape, name: str, sources: str) -> list[str]:
-    """The number of the row of signals, where it is not that of the step."""
+    """The number of the row of signals, if it is not that of the step."""
     return [f"  %{name} = phi i64 {sources}"] if shape.in_pieces else []
 
 
@@ -88,7 +88,7 @@ def due(shape: LoopShape, what: str, phase: str) -> list[str]:
 
 
 def lag_loads(shape: LoopShape, lanes: int) -> list[str]:
-    """Once, at the start: how far each member looks back."""
+    """Once, at the start: how far back each member looks."""
     if not shape.delayed:
         return []
     count = lanes if shape.lag_per_member else 1
@@ -99,7 +99,7 @@ def lag_loads(shape: LoopShape, lanes: int) -> list[str]:
 
 
 def past_loads(shape: LoopShape, lanes: int, vector: str) -> list[str]:
-    """%d{channel * TAPS_PER_CHANNEL + tap}: what was remembered lag + tap steps ago."""
+    """%d{channel * TAPS_PER_CHANNEL + tap}: the value stored lag + tap steps ago."""
     if not shape.delayed:
         return []
     lines = []
@@ -145,7 +145,7 @@ def remember(shape: LoopShape, vector: str, values: list[str]) -> list[str]:
         f"  %is.first = icmp ult i64 %slot.now, {TAPS_PER_CHANNEL - 1}",
         "  %slot.behind = add i64 %slot.now, %mask",
         "  %slot.again = add i64 %slot.behind, 1",
-        "  %slot.twin = select i1 %is.first, i64 %slot.again, i64 %slot.now",  # elsewhere the same is stored twice
+        "  %slot.twin = select i1 %is.first, i64 %slot.again, i64 %slot.now",  # otherwise the same value is stored twice
         f"  %base.now = mul i64 %slot.now, {shape.delayed}",
         f"  %base.twin = mul i64 %slot.twin, {shape.delayed}",
     ]

@@ -47,10 +47,11 @@ _SCHEDULER = threading.Lock()
 
 @contextmanager
 def _unscheduled() -> Iterator[None]:
-    """LLVM keeps our order of operations. Its switch is the whole process's, so it is set back to what it is by default.
+    """Makes LLVM keep our order of operations. The switch applies to the whole process, so it is set back to its default
+    afterwards.
 
-    LLVM's scheduler brings long chains forward, as is right for one member. Two vectors of members in 16 registers lose a sixth
-    of their speed by it, to values that are stored and loaded again (docs/kernel.md).
+    LLVM's scheduler moves long chains forward, which is right for one member. Two vectors of members in 16 registers lose a sixth
+    of their speed by it, because values are spilled (docs/kernel.md).
     """
     with _SCHEDULER:
         llvm.set_option("", "-enable-misched=false")
@@ -61,15 +62,15 @@ def _unscheduled() -> Iterator[None]:
 
 
 def remembered(lag: int) -> int:
-    """Steps that a ring for this lag holds: a power of two, and the first ones again."""
+    """Number of steps in a ring for this lag: a power of two, plus the repeated first ones."""
     return (1 << (lag + TAPS_PER_CHANNEL - 1).bit_length()) - 1 + TAPS_PER_CHANNEL
 
 
 class Rings:
     """The memory of a group of members between calls.
 
-    lags     (W,) int64, at least 1: how many steps ago the newest value lies that a member's step gets back
-    history  (channels, W): what every channel was before t = 0
+    lags     (W,) int64, at least 1: the age, in steps, of the newest value that a member's step receives
+    history  (channels, W): the value of every channel before t = 0
     """
 
     def __init__(self, lags: np.ndarray, history: np.ndarray) -> None:
@@ -82,10 +83,10 @@ class Rings:
 
 
 class Watch:
-    """What a kernel with a quantity to watch has kept: for each of ``windows`` windows of steps, from step ``first`` on, a row.
+    """The record of a kernel with a monitored quantity: a row for each of ``windows`` windows of steps, from step ``first`` on.
 
-    A row holds the largest value, the state and the number of the step at which it occurred; minus infinity where none did.
-    Of members in several ``lanes`` it holds their largest values.
+    A row contains the largest value, and the state and the number of the step at which it occurred; minus infinity if there was
+    none. For members in several ``lanes`` it contains only their largest values.
     """
 
     def __init__(self, states: int, first: int, stop: int, window: int, lanes: int = 1) -> None:
@@ -93,20 +94,20 @@ class Watch:
         self.rows = np.full((-(-(stop - first) // window), states + 2 if lanes == 1 else lanes), -np.inf)
 
     def elsewhere(self, first: int, stop: int) -> Watch:
-        """A watch of the same kind over other steps, as one window."""
+        """A watch of the same kind for other steps, as one window."""
         return Watch(self.states, first, stop, -(-(stop - first) // WATCH_EVERY) * WATCH_EVERY, self.lanes)
 
 
 def _at_once(bound: Callable[Given, Callable[[], None]]) -> Callable[Given, None]:
     def call(*given: Given.args, **named: Given.kwargs) -> None:
-        """What ``bound`` binds, called once."""
+        """Call once the function that ``bound`` returns."""
         bound(*given, **named)()
 
     return call
 
 
 def _engine(source: str, *, quickly: bool) -> llvm.ExecutionEngine:
-    """What holds the machine code of a module, not yet made."""
+    """The execution engine of a module, before the machine code is made."""
     target = _target()
     machine = target.create_target_machine(
         cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=0 if quickly else 3
@@ -114,12 +115,12 @@ def _engine(source: str, *, quickly: bool) -> llvm.ExecutionEngine:
     module = llvm.parse_assembly(source)
     module.triple = target.triple
     module.data_layout = str(machine.target_data)
-    # The operations come optimised: what else a pipeline has finds nothing, and takes longer than making the machine code.
+    # The operations are already optimised: further passes find nothing, and take longer than making the machine code.
     passes = llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options())
     pipeline = llvm.create_new_module_pass_manager()
-    pipeline.add_instruction_combine_pass()  # addresses: without it code that is made quickly takes a third longer for a step
+    pipeline.add_instruction_combine_pass()  # addresses: without it, quickly made code takes a third longer for a step
     pipeline.run(module, passes)
-    NewPassManager._dispose(pipeline)  # 0.1 to 0.2 MB; llvmlite 0.50 inherits from a class that frees nothing before this one
+    NewPassManager._dispose(pipeline)  # 0.1 to 0.2 MB; in llvmlite 0.50 the base class would free nothing
     pipeline.detach()
     return llvm.create_mcjit_compiler(module, machine)
 
@@ -127,7 +128,7 @@ def _engine(source: str, *, quickly: bool) -> llvm.ExecutionEngine:
 class Kernel:
     """A compiled loop; one call advances ``lanes`` members by ``blocks * steps`` steps.
 
-    The call releases the interpreter's lock, writes only into the arrays it is given, and may run in many threads at once.
+    The call releases the interpreter's lock, writes only into the arrays it receives, and may run in many threads at once.
     """
 
     def __init__(
@@ -142,7 +143,7 @@ class Kernel:
         outside: ExternalFunction | None = None,
         quickly: bool = False,
     ) -> None:
-        """``quickly``: machine code in a fifth of the time, two to three times slower, of the same bits."""
+        """``quickly``: machine code is made in a fifth of the time; it is two to three times slower, with the same bits."""
         if lanes < 1 or lanes & (lanes - 1):
             raise ValueError(f"lanes must be a power of two, got {lanes}")
         self.shape = shape
@@ -175,15 +176,15 @@ class Kernel:
         sample_every: int | None = None,
         noise_hold: int | None = None,
     ) -> Callable[[], None]:
-        """The call with these arrays, checked once, to be made again and again; it keeps them alive.
+        """The call with these arrays, checked once, for repeated use; it keeps them alive.
 
         Shapes: see ``llvm.ir.loop``; all arrays are C-contiguous float64.
 
-        past   goes with a step that has delays
-        noise  goes with a step that has noise
-        watch  goes with a kernel that watches; its windows hold all steps
+        past   required for a step with delays
+        noise  required for a step with noise
+        watch  required for a kernel that monitors; its windows must cover all steps
         start  number of the first step since t = 0
-        sample_every, noise_hold  where the shape leaves them open
+        sample_every, noise_hold  if the shape leaves them open
         """
         w, s = self.lanes, self.shape
         every, hold = _count("sample_every", s.sample_every, sample_every), _count("noise_hold", s.noise_hold, noise_hold)
@@ -205,7 +206,7 @@ class Kernel:
         call, alive = self._call, (self, state, parameters, signals, out, past, noise, watch)
 
         def again() -> None:
-            assert alive  # held by this closure, as its arguments are plain addresses
+            assert alive  # kept alive by this closure, because the call's arguments are plain addresses
             call(*arguments)
 
         return again
@@ -213,7 +214,7 @@ class Kernel:
     def _require_parts(
         self, start: int, stop: int, signals: np.ndarray, past: Rings | None, noise: np.ndarray | None, watch: Watch | None
     ) -> None:
-        """ValueError where a call lacks what this kernel needs, or brings what it has no use for."""
+        """ValueError if a call lacks an argument that this kernel needs, or has one that it does not use."""
         s = self.shape
         if s.in_pieces and (signals[:, -1].sum() != stop - start or signals[-1, -1] != 1):
             raise ValueError(f"the pieces of {stop - start} steps must end so many steps, got {signals[:, -1].sum():g}")
@@ -233,14 +234,14 @@ class Kernel:
 
 
 def _require_sizes(expected: Mapping[str, tuple[np.ndarray, int]]) -> None:
-    """ValueError for an array that the machine code would read or write beyond its end, by name with what it must hold."""
+    """ValueError for an array that the machine code would access beyond its end, by name with its required size."""
     for name, (array, size) in expected.items():
         if array.dtype != np.float64 or not array.flags.c_contiguous or array.size < size:
             raise ValueError(f"{name} must be C-contiguous float64 with at least {size} entries, got {array.shape} {array.dtype}")
 
 
 def _count(name: str, compiled: int | None, given: int | None) -> int:
-    """What is compiled in, or what a call gives."""
+    """The compiled-in number, or the call's argument."""
     if compiled is not None:
         if given not in (None, compiled):
             raise ValueError(f"{name} = {compiled} is compiled in, got {given}")

@@ -1,4 +1,4 @@
-"""Operations -> LLVM IR text, for numbers or for vectors of W members at once; elementary functions stand beside the loop."""
+"""Operations -> LLVM IR text, for numbers or for vectors of W members at once; elementary functions are separate functions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _INTRINSICS = {"sqrt": 1, "fabs": 1, "floor": 1, "ceil": 1, "copysign": 2}
 
 
 def constant(value: float) -> str:
-    """A double as LLVM writes it exactly: by its bits."""
+    """A double in LLVM's exact notation, by its bits."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
@@ -117,12 +117,12 @@ class Printer:
         raise ValueError(f"the operation {name} has no LLVM translation")
 
     def extremum(self, name: str, x: list[str]) -> str:
-        """Minimum or maximum that lets the first operand's NaN through instead of the bound: a blow-up must stay visible."""
+        """A minimum or maximum that passes on the first operand's NaN instead of the bound: a divergence must stay visible."""
         relation = "olt" if name == "fmax" else "ogt"
         return self.select(self.assign(f"fcmp {relation} {self.vector} {x[0]}, {x[1]}"), x[1], x[0])
 
     def of_bits(self, name: str, x: str) -> str:
-        """A number's exponent and significand, or the power of two with an exponent, by way of the bits."""
+        """A number's exponent and significand, or the power of two with an exponent, by manipulating bits."""
         if name == "pow2":
             aligned = self.assign(f"fadd {self.vector} {x}, {self.splat(ALIGNED)}")
             whole = self.assign(f"bitcast {self.vector} {aligned} to {self.bits}")
@@ -133,7 +133,7 @@ class Printer:
             return self.as_number(self.assign(f"or {self.bits} {fraction}, {self.whole(EXPONENT_BIAS << FRACTION_BITS)}"))
         shifted = self.assign(f"lshr {self.bits} {bits}, {self.whole(FRACTION_BITS)}")
         exponent = self.assign(f"and {self.bits} {shifted}, {self.whole(2 * EXPONENT_BIAS + 1)}")
-        # sets the number behind 2^52, where a whole number's bits are its last ones: processors convert 64 bits one by one
+        # moves the number beyond 2^52, where a whole number is in the last bits: processors convert 64-bit integers one at a time
         behind = self.as_number(
             self.assign(f"or {self.bits} {exponent}, {self.whole((EXPONENT_BIAS + FRACTION_BITS) << FRACTION_BITS)}")
         )
@@ -146,7 +146,7 @@ class Printer:
         return str(value) if self.lanes == 1 else "<" + ", ".join([f"i64 {value}"] * self.lanes) + ">"
 
     def lookup(self, table: tuple[float, ...], place: str) -> str:
-        """One entry for each lane; the table is written where it is used first, in the module's constants."""
+        """One entry for each lane; the table is written at its first use, among the module's constants."""
         kind = f"[{len(table)} x double]"
         name = f"@table.{len(table)}.{abs(hash(table))}"
         self.tables[name] = (

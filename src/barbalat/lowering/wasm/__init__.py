@@ -1,1 +1,1 @@
-"""Operation list -> WebAssembly: a module of the same time loop, for pages that simulate."""
+"""Operation list -> WebAssembly: a module with the same time loop, for pages that simulate."""

@@ -8,7 +8,7 @@ from barbalat.lowering.shape import ENTRY, TAPS_PER_CHANNEL, LoopShape
 from barbalat.lowering.wasm.module import module
 
 ALIGNMENTS = 256
-"""Bytes that two functions' places on the stack may lose, whose ends are multiples of 64."""
+"""Bytes that the places of two functions on the stack may lose to alignment to 64."""
 
 
 def loop(
@@ -16,12 +16,12 @@ def loop(
 ) -> bytes:
     """A module whose function ``barbalat_loop`` has the arguments that ``llvm.ir.loop`` describes, in that order.
 
-    Addresses in the module's memory are 32 bits, counts 64. Raises ValueError for a list with fused multiply-adds, of which
-    WebAssembly has none.
+    Addresses in the module's memory are 32 bits, counts 64. Raises ValueError for a list with fused multiply-adds, which
+    WebAssembly lacks.
     """
     given = [program for program in (step, sample, watch) if program is not None]
     if any(op.name in ("fma", "fnma") for program in given for op in program.operations):
         raise ValueError("WebAssembly has no fused multiply-add: optimize(program, fused=False) makes a list without them")
     inputs = shape.states + shape.accumulators + shape.parameters + shape.signals + shape.delayed * TAPS_PER_CHANNEL + shape.noise
-    stack_bytes = 8 * inputs + ALIGNMENTS  # a long watched quantity is called with what it reads there
+    stack_bytes = 8 * inputs + ALIGNMENTS  # a long monitored quantity is called with the values that it reads
     return module(ir.loop(step, shape, resets, 1, sample, watch), ENTRY, stack_bytes=stack_bytes)

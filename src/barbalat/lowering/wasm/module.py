@@ -1,7 +1,7 @@
-"""LLVM IR -> a WebAssembly module: LLVM's wasm32 target writes an object file, and what a linker would do is done here.
+"""LLVM IR -> a WebAssembly module: LLVM's wasm32 target writes an object file, and the linker's work is done here.
 
-That is little. There is one object, and nothing is put before or behind it: its indices and the addresses of its data, which
-begin at 0, are final. It lacks a memory, a stack pointer where it has a stack, and exports.
+That work is small. There is only one object, without anything before or after it, so that its indices and the addresses of its
+data, which begin at 0, are final. It lacks a memory, a stack pointer if it has a stack, and exports.
 
 Formats: WebAssembly core specification, version 1, chapter 5; "WebAssembly object file linking" of its tool conventions.
 """
@@ -18,7 +18,8 @@ CPU, FEATURES = "mvp", "+nontrapping-fptoint"
 """The instructions of version 1, and conversions that don't trap: browsers have had both since 2021."""
 EFFORT = 0
 """LLVM's level of optimisation. Browsers optimise once more: level 3 makes modules of two thirds of the size, whose steps take
-0 to 15 % less time, in three to ten times the time, which grows with the square of a function's length (docs/backends.md)."""
+0 to 15 % less time, but takes three to ten times as long, and this grows with the square of a function's length
+(docs/backends.md)."""
 PAGE_BYTES = 65_536
 
 
@@ -27,7 +28,7 @@ class _Section(IntEnum):
 
 
 class _Kind(IntEnum):
-    """What is imported or exported."""
+    """The kinds of imports and exports."""
 
     FUNCTION, TABLE, MEMORY, GLOBAL = range(4)
 
@@ -35,8 +36,8 @@ class _Kind(IntEnum):
 def module(source: str, entry: str, *, stack_bytes: int = 0) -> bytes:
     """A module that exports the first function of ``source`` as ``entry``, and its ``memory``.
 
-    The memory that it begins with is the module's own: its tables, and a stack of ``stack_bytes`` where its functions need one.
-    What a host hands over goes into pages that the host adds. ValueError for IR that needs a function from outside.
+    Its initial memory is the module's own: its tables, and a stack of ``stack_bytes`` if its functions need one. Data from a host
+    go into pages that the host adds. ValueError for IR that needs an external function.
     """
     sections = _sections(_object_file(source))
     imported = _imported(sections.pop(_Section.IMPORTS))
@@ -48,7 +49,7 @@ def module(source: str, entry: str, *, stack_bytes: int = 0) -> bytes:
             raise ValueError("this code needs a stack: its size must be given")
         pages += -(-stack_bytes // PAGE_BYTES)
         constant = b"\x41" + _leb128(pages * PAGE_BYTES, last=0x3F) + b"\x0b"
-        sections[_Section.GLOBALS] = b"\x01\x7f\x01" + constant  # one, an i32 that changes: the stack grows downwards
+        sections[_Section.GLOBALS] = b"\x01\x7f\x01" + constant  # one mutable i32: the stack grows downwards
     sections[_Section.MEMORIES] = b"\x01\x00" + _leb128(pages)
     exports = _exported("memory", _Kind.MEMORY), _exported(entry, _Kind.FUNCTION)
     sections[_Section.EXPORTS] = _leb128(len(exports)) + b"".join(exports)
@@ -64,7 +65,7 @@ def _target() -> llvm.Target:
 
 
 def _object_file(source: str) -> bytes:
-    # llvmlite's own default for codemodel asks for an ELF object on Windows
+    # llvmlite's default codemodel requests an ELF object on Windows
     machine = _target().create_target_machine(cpu=CPU, features=FEATURES, opt=EFFORT, codemodel="default")
     parsed = llvm.parse_assembly(source)
     parsed.triple, parsed.data_layout = TRIPLE, str(machine.target_data)
@@ -82,7 +83,7 @@ class _Reader:
         return self.text[self.at - 1]
 
     def whole(self) -> int:
-        """A whole number from 0 on, in LEB128."""
+        """An unsigned integer in LEB128."""
         value = shift = 0
         while (byte := self.byte()) > 0x7F:
             value |= (byte & 0x7F) << shift
@@ -90,14 +91,14 @@ class _Reader:
         return value | byte << shift
 
     def part(self) -> bytes:
-        """Bytes that stand behind their number."""
+        """Bytes preceded by their number."""
         size = self.whole()
         self.at += size
         return self.text[self.at - size : self.at]
 
 
 def _sections(text: bytes) -> dict[int, bytes]:
-    """What a module of version 1 keeps of an object file: relocations and symbols are for linkers."""
+    """The sections of an object file that a module of version 1 keeps: relocations and symbols are for linkers."""
     reader, found = _Reader(text, at=8), dict[int, bytes]()
     while reader.at < len(text):
         kind, part = reader.byte(), reader.part()
@@ -107,10 +108,10 @@ def _sections(text: bytes) -> dict[int, bytes]:
 
 
 def _imported(text: bytes) -> dict[str, int]:
-    """The names of what an object needs from outside, each with the least size of a memory or table."""
+    """The names of an object's imports, each with the least size of a memory or table."""
     reader, found = _Reader(text), dict[str, int]()
     for _ in range(reader.whole()):
-        reader.part()  # the name of where it is from
+        reader.part()  # the name of the module it comes from
         name, kind, least = reader.part().decode(), reader.byte(), 0
         if kind in (_Kind.TABLE, _Kind.GLOBAL):
             reader.byte()  # the type of its entries, or of its value
@@ -119,13 +120,13 @@ def _imported(text: bytes) -> dict[str, int]:
             if limited:
                 reader.whole()
         else:
-            reader.whole()  # the type of a function, or whether a global changes
+            reader.whole()  # the type of a function, or whether a global is mutable
         found[name] = least
     return found
 
 
 def _leb128(value: int, last: int = 0x7F) -> bytes:
-    """A whole number from 0 on; of a type with a sign the last byte is at most 0x3F."""
+    """An unsigned integer; for a signed type the last byte is at most 0x3F."""
     out = bytearray()
     while value > last:
         out.append(value & 0x7F | 0x80)
@@ -135,5 +136,5 @@ def _leb128(value: int, last: int = 0x7F) -> bytes:
 
 
 def _exported(name: str, kind: _Kind) -> bytes:
-    """The first of its kind by this name."""
+    """The first export of its kind with this name."""
     return _leb128(len(name)) + name.encode() + bytes((kind, 0))

@@ -1,4 +1,4 @@
-"""A module of standard Gaussian numbers from Philox counters: the stream that ``np.random.Philox`` and the list ndtri make.
+"""A module of standard Gaussian numbers from Philox counters: the same stream as from ``np.random.Philox`` and the list ndtri.
 
 Philox4x64-10: Salmon, Moraes, Dror and Shaw, "Parallel random numbers: as easy as 1, 2, 3", SC'11. A row of numbers begins on a
 count of its own; counts begin with 1, as NumPy's do, and their upper 192 bits are zero.
@@ -14,9 +14,9 @@ NUMBERS_PER_COUNT = 4
 ROUNDS = 10
 MULTIPLIERS = 0xD2E7470EE14C6C93, 0xCA5A826395121157
 WEYL = 0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B
-"""What the two halves of the key grow by from round to round: the golden ratio and sqrt(3) - 1, in 64 bits."""
+"""The increments of the two halves of the key from round to round: the golden ratio and sqrt(3) - 1, in 64 bits."""
 UNUSED_BITS = 11
-"""Of 64: what is left is a double's whole number, of which half a unit more is never 0."""
+"""Unused bits of 64: the others are a double's whole number, to which half a unit is added, so that it is never 0."""
 
 _HIGH_HALF = """
 ; the upper 64 bits of the product of two whole numbers of 64, by halves (Knuth, Seminumerical Algorithms, 4.3.1)
@@ -42,7 +42,7 @@ define internal i64 @high_half(i64 %a, i64 %b) noinline {
 
 
 def normal_module(channels: int) -> bytes:
-    """Its function ``barbalat_normal(seed, member, first, rows, out)`` writes rows of so many numbers, one after another."""
+    """Its function ``barbalat_normal(seed, member, first, rows, out)`` writes rows of ``channels`` numbers, one after another."""
     counts = -(-channels // NUMBERS_PER_COUNT)
     lines = [
         f"define void @{ENTRY}(i64 %seed, i64 %member, i64 %first, i64 %rows, ptr %out) {{",
@@ -71,7 +71,7 @@ def normal_module(channels: int) -> bytes:
 
 
 def _drawn(name: str, k: int, numbers: int) -> list[str]:
-    """The first numbers of the row's count number ``k``, stored in their places; its values are called ``name``."""
+    """The first numbers of the row's count number ``k``, stored in their places; the prefix of its values is ``name``."""
     lines, words = [f"  %{name} = add i64 %count, {k + 1}"], [f"%{name}", "0", "0", "0"]
     for i in range(ROUNDS):
         more, words = _round(f"{name}.{i}", words, i)

@@ -1,1 +1,1 @@
-"""The abstract of AIAA 2006-6347: phase and delay margins under high gain, beside a constant disturbance."""
+"""The abstract of AIAA 2006-6347: phase and delay margins under high gain, with a constant disturbance."""

@@ -1,1 +1,1 @@
-"""The abstract of arXiv:math/0608320: what L1-AC guarantees of the transient, and what the MRAC is said not to."""
+"""The abstract of arXiv:math/0608320: guarantees for the transient of L1-AC, and their absence for the MRAC."""

@@ -8,7 +8,7 @@ from barbalat.papers.paper import Paper
 PAPER = Paper(
     package=__package__,
     title="Design and Analysis of a Novel L1 Adaptive Control Architecture with Guaranteed Transient Performance",
-    introduction="What the abstract of the paper by Cao and Hovakimyan (arXiv:math/0608320, 2006) says, measured on the plant of the other side's example, Section V of\n"
-    "<em>What is L1 Adaptive Control</em>. Only the abstract was at hand, but for its last sentence.",
+    introduction="The statements in the abstract of the paper by Cao and Hovakimyan (arXiv:math/0608320, 2006), measured on the plant of the opposing paper's example, Section V of\n"
+    "<em>What is L1 Adaptive Control</em>. Only the abstract was available, without its last sentence.",
     coverage=COVERAGE,
 )

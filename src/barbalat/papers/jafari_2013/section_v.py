@@ -1,4 +1,4 @@
-"""The simulations of Section V: every run that Figures 2-5 show or speak of, and what is needed to judge them."""
+"""The simulations of Section V: every run that Figures 2-5 show or mention, and the quantities needed to judge them."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ import numpy as np
 from barbalat.adaptation.laws import LeastSquares
 from barbalat.budget import Progress, part_of
 from barbalat.cases.load import load_case
+from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.controllers import L1Adaptive, Mrac, NormalizedMrac, RobustMrac
 from barbalat.controllers.parametric_model import State
 from barbalat.controllers.robust_mrac import Equations
-from barbalat.linear.systems import input_filter
+from barbalat.linear.margins import margins
+from barbalat.linear.systems import TransferFunction, input_filter, two_slopes
 from barbalat.papers.claim import Listing, table
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
@@ -32,15 +34,18 @@ from barbalat.validate import Array
 
 T_END = 60.0
 COARSE_STEP, FINE_STEP = 1e-4, 1e-5
+FIGURE_4_GAIN = 1e4
 KAPPA = 0.02
 TAU = 0.5
 COVARIANCE0 = 500.0
 C_0 = (1.0, 1.0)
-"""As printed, in seconds: horizon, both steps, kappa and tau; P(0) and c_0 of the robust MRAC."""
+"""The printed settings: the horizon, both steps, kappa and tau, all in seconds; L1-AC's gain; P(0) and c_0 of the robust MRAC."""
+SEARCHED_KAPPAS = (1e-3, 0.5)
+"""[s]: between these time constants, the delay margin with two slopes rises above that with (6)."""
 ERRATUM_TAUS = (0.1, 0.05)
-"""Two values below the loop's own time constants, where proportional to tau means what it says."""
+"""Two values below the loop's time constants, at which the error is proportional to tau."""
 MODERATE_GAIN = 10.0
-"""Of the standard MRAC beside them: h times its adaptation frequency stays near 0.2 at the coarse step."""
+"""Gain of the standard MRAC in the comparison: h times its adaptation frequency is near 0.2 at the coarse step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +67,20 @@ def l1(name: str, gamma: float, kappa: float = KAPPA, *, projection: bool = True
     return L1Adaptive(gamma=gamma, filter=input_filter(kappa), projection=projection, name=name)
 
 
+def limit_delay_margin(C: TransferFunction) -> float:
+    """Exact, of the limit of fast adaptation at Section V's theta [s]."""
+    return margins(fast_adaptation(problem().plant, C.realise())).delay
+
+
+@cache
+def two_slopes_kappa() -> float:
+    """The kappa [s] with which the filter of two slopes has the limit's delay margin with (6) and Section V's kappa."""
+    from scipy.optimize import brentq
+
+    margin = limit_delay_margin(input_filter(KAPPA))
+    return float(brentq(lambda value: limit_delay_margin(two_slopes(value)) - margin, *SEARCHED_KAPPAS))
+
+
 @cache
 def problem() -> Problem:
     """Plant, model, command and known set of Section V."""
@@ -71,13 +90,13 @@ def problem() -> Problem:
 
 
 def coarse_controllers() -> list[Controller]:
-    """What runs at the coarse step."""
+    """The controllers run at the coarse step."""
     return [
         robust_mrac("Robust MRAC"),
         robust_mrac("Robust MRAC, no projection", projection=False),
         NormalizedMrac(c_0=C_0, law=LeastSquares(covariance0=COVARIANCE0), name="Robust MRAC, no auxiliary input"),
         *(robust_mrac(f"tau {tau}", tau) for tau in ERRATUM_TAUS),
-        *(PrintedSign(controller=robust_mrac(f"tau {tau}, printed sign", tau)) for tau in ERRATUM_TAUS),
+        *(PrintedSign(controller=robust_mrac(f"tau {tau}, printed sign", tau)) for tau in (TAU, *ERRATUM_TAUS)),
         l1("L1", 1e4),
         l1("L1, no projection", 1e4, projection=False),
         l1("L1, kappa/2", 1e4, KAPPA / 2),
@@ -86,7 +105,7 @@ def coarse_controllers() -> list[Controller]:
 
 
 def fine_controllers() -> list[Controller]:
-    """What runs at the fine step."""
+    """The controllers run at the fine step."""
     return [
         l1("L1, gamma 1e4", 1e4),
         l1("L1, gamma 1e4, no projection", 1e4, projection=False),
@@ -96,7 +115,7 @@ def fine_controllers() -> list[Controller]:
 
 
 def run(progress: Progress | None = None) -> Runs:
-    """All runs, those that are labelled numerically unstable with their check at a finer step."""
+    """All runs; those labelled numerically unstable have their check at a finer step."""
     given, coarse, fine = problem(), coarse_controllers(), fine_controllers()
     runs = Runs(
         coarse=simulate(given, coarse, Simulation(t_end=T_END, dt=COARSE_STEP), progress=part_of(progress, 0.0, 0.1)),
@@ -139,7 +158,7 @@ def variant(
     box: ParameterBox | None = None,
     input: PlantInput | None = None,
 ) -> Problem:
-    """The problem of Section V; what is given replaces what the paper has."""
+    """The problem of Section V; arguments replace the paper's values."""
     given = problem()
     plant = given.plant
     return Problem(
@@ -156,7 +175,7 @@ def figures(members: Sequence[tuple[Problem, Controller]], t_end: float, dt: flo
 
 
 def at_instants(t: Array, instants: Sequence[float]) -> Array:
-    """The places of recorded instants, (k,) of (K,); ValueError for one that was not recorded."""
+    """The indices of recorded instants, (k,) of (K,); ValueError for an instant that was not recorded."""
     at = np.array([np.abs(t - instant).argmin() for instant in instants])
     if not np.allclose(t[at], instants, rtol=1e-9, atol=1e-9):  # roundings of a time's own product
         raise ValueError(f"not recorded: {instants}, nearest {t[at]}")
@@ -164,12 +183,13 @@ def at_instants(t: Array, instants: Sequence[float]) -> Array:
 
 
 def by_component(caption: str, runs: Mapping[str, Metrics]) -> Listing:
-    """For each scheme the tail's error and the variation of the estimates, by component; Section V has two of either."""
+    """For each scheme the tail's error and the variation of the estimates, by component; Section V has two components of
+    each."""
     errors = {f"|e_{i + 1}|, tail": [run.tail_max_abs_e[0, i] for run in runs.values()] for i in range(2)}
     rates = {f"theta_hat_{i + 1} moves [1/s]": [run.theta_hat_variation_rate[0, i] for run in runs.values()] for i in range(2)}
     return table(caption, {"scheme": list(runs), **errors, **rates})
 
 
 def local_exponents(values: Array, settings: Array) -> Array:
-    """From each setting to the next, (k - 1,) for (k,)."""
+    """The local exponent from each setting to the next, (k - 1,) for (k,)."""
     return np.asarray(np.diff(np.log(values)) / np.diff(np.log(settings)))

@@ -1,10 +1,10 @@
-"""The known convex set of the unknown parameters: a box or a ball, and beside it the intervals of unknown input gains.
+"""The known convex set of the unknown parameters: a box or a ball, with intervals for unknown input gains.
 
 Each set projects an adaptive law onto itself: the estimate never leaves it, and the Lyapunov function still decreases. Every
 projection subtracts Gamma g lambda from the rate with the outward normal g of a face or sphere and lambda >= 0. Since
-theta_tilde'Gamma^-1 Gamma g = (theta_hat - theta)'g >= 0 for every theta in a convex set, V = theta_tilde'Gamma^-1 theta_tilde
-never grows by it. An implicit step (``implicit_step``) is theta_next = proj(theta + Gamma phi s) with
-s = error - K phi'(theta_next - theta); docs/sampled.md, "The known set", has the proofs.
+theta_tilde'Gamma^-1 Gamma g = (theta_hat - theta)'g >= 0 for every theta in a convex set, this never increases V =
+theta_tilde'Gamma^-1 theta_tilde. An implicit step (``implicit_step``) is theta_next = proj(theta + Gamma phi s) with s = error -
+K phi'(theta_next - theta); docs/sampled.md, "The known set", has the proofs.
 
 Source: Ioannou and Fidan, Adaptive Control Tutorial, section 3.10; Ioannou and Sun, Robust Adaptive Control, section 4.4.
 """
@@ -24,14 +24,14 @@ __all__ = [
 ]  # fmt: skip
 
 KnownSet: TypeAlias = ParameterBox | ParameterBall
-"""What theta can be projected onto."""
+"""The sets onto which theta can be projected."""
 
 EstimateSet: TypeAlias = KnownSet | ParameterProduct
-"""What an estimate can be projected onto: of theta, or of theta and the input gains."""
+"""The sets onto which an estimate of theta, or of theta and the input gains, can be projected."""
 
 
 def with_gains(theta: KnownSet | None, gains: ParameterBox | None) -> EstimateSet | None:
-    """The set of all that is estimated; ``None`` for no set and no unknown gains."""
+    """The set of everything that is estimated; ``None`` if there is no set and all gains are known."""
     if gains is None:
         return theta
     return ParameterProduct(None, gains) if theta is None else theta.with_gains(gains)

@@ -1,4 +1,4 @@
-"""A ball as the known set, also beside intervals of unknown input gains."""
+"""A ball as the known set, also in combination with intervals of unknown input gains."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ if TYPE_CHECKING:
     from barbalat.problem.known_set.box import ParameterBox
 
 ROUNDED_UP = 1 + 1e-12
-"""Room for the roundings of a sum of fewer than thousands of numbers."""
+"""Allowance for the rounding of a sum of up to thousands of numbers."""
 
 ON_THE_SPHERE = 2.0**-46
-"""An estimate this near to the sphere counts as on it: a few dozen roundings, relative to |center| + radius."""
+"""An estimate this close to the sphere counts as on it: a few dozen rounding errors, relative to |center| + radius."""
 
 INSIDE_THE_SPHERE = 2.0**-50
-"""How far inside the sphere the limit puts an estimate: its roundings then can't bring it out."""
+"""Distance inside the sphere to which the limit moves an estimate, so that rounding cannot move it out."""
 
 SPHERE_STEPS = 6
-"""Newton steps of the implicit step; it is proven after any number of them. Seen: less than 1e-9 of the radius is left 999 times
-in 1000, and never more than 2e-3."""
+"""Newton steps of the implicit step; the step is valid after any number of them. Observed: the residual is below 1e-9 of the
+radius in 999 of 1000 cases, and never above 2e-3."""
 
 SCALAR_ONLY = (
     "discretization = 'midpoint' projects onto a ball for a scalar gain only (not for a matrix or least squares); "
@@ -52,7 +52,7 @@ class ParameterBall(Settings):
 
     first_field: ClassVar[str] = "center"
     fills_its_extent: ClassVar[bool] = False
-    intervals: ClassVar[ParameterBox | None] = None  # no estimate has one of its own
+    intervals: ClassVar[ParameterBox | None] = None  # no estimate has an interval of its own
     bounds_theta: ClassVar[bool] = True
     cuts_corners: ClassVar[bool] = False  # there are none
     steps_cut_corners: ClassVar[bool] = False
@@ -88,7 +88,8 @@ class ParameterBall(Settings):
 
     @property
     def theta_max(self) -> float:
-        """The largest 1-norm in the set, rounded up: |center|_1 + radius sqrt(n), where every component moves outward alike."""
+        """The largest 1-norm in the set, rounded up: |center|_1 + radius sqrt(n), attained if every component moves outward
+        equally."""
         return self.farthest_1(np.zeros(self.size)) * ROUNDED_UP
 
     @property
@@ -101,24 +102,24 @@ class ParameterBall(Settings):
         return float(np.abs(self.center - theta).sum() + self.radius * math.sqrt(self.size))
 
     def farthest(self, theta: Array, weights: Array | float = 1.0) -> float:
-        """The largest Euclidean distance from ``theta`` to a point of the set; with ``weights``, (p,), at least that."""
+        """The largest Euclidean distance from ``theta`` to a point of the set; with ``weights``, (p,), an upper bound of it."""
         return math.hypot(*(np.sqrt(weights) * (theta - self.center))) + self.radius * math.sqrt(np.max(weights))
 
     def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
-        """The ends along the axes, and points of the surface drawn at random: ``most`` in all."""
+        """The ends along the axes, and random points of the surface: ``most`` in all."""
         n = self.size
         directions = rng.standard_normal((most - 2 * n, n))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return np.asarray(self.center + self.radius * np.concatenate([np.eye(n), -np.eye(n), directions]))
 
     def drawn(self, rng: np.random.Generator, count: int) -> Array:
-        """Points of the set, evenly at random, (count, n): the volume within a radius goes as its n-th power."""
+        """Uniformly distributed points of the set, (count, n): the volume within a radius is proportional to its n-th power."""
         directions = rng.standard_normal((count, self.size))
         directions /= np.linalg.norm(directions, axis=1, keepdims=True)
         return np.asarray(self.center + self.radius * rng.uniform(size=(count, 1)) ** (1 / self.size) * directions)
 
     def brought_in(self, points: Array) -> Array:
-        """Points (M, n), with the nearest of the set in the place of those outside."""
+        """The points (M, n), with each point outside the set replaced by the nearest point of the set."""
         away = points - self.center
         return np.asarray(self.center + away * np.minimum(1, self.radius / np.linalg.norm(away, axis=1, keepdims=True)))
 
@@ -127,18 +128,18 @@ class ParameterBall(Settings):
         return ParameterProduct(self, gains)
 
     def of_theta(self, count: int) -> ParameterBall:
-        """Return the set of theta alone, which is all that it holds."""
+        """Return the set of theta alone, which is the whole set here."""
         return self
 
     def over(self, gains: ParameterBox) -> ParameterBall:
-        """A ball that holds theta/omega for every theta in this one and every omega > 0 in the intervals, whichever of them."""
+        """A ball that contains theta/omega for every theta in this one and every omega > 0 in any of the intervals."""
         low, high = (1 / gains.upper).min(), (1 / gains.lower).max()  # of 1/omega
         reach = self.radius * high + math.hypot(*self.center) * (high - low) / 2
         return ParameterBall(center=self.center * (low + high) / 2, radius=float(reach) * ROUNDED_UP)
 
     @property
     def sphere(self) -> ParameterBall:
-        """The ball that the first of the estimates are in: here all of them."""
+        """The ball of the first estimates: here of all of them."""
         return self
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
@@ -163,26 +164,28 @@ class ParameterBall(Settings):
         return np.where(outside, self.center + g * (reach / np.sqrt(np.where(outside, g @ g, 1.0))), theta_hat)
 
     def nearest(self, theta_hat: Value, gain: Gain) -> Value:
-        """The nearest point of the set: only a scalar gain is asked for."""
+        """The nearest point of the set; the gain must be a scalar."""
         return self.limit(theta_hat)
 
     def _reach(self, slack: float) -> Value:
-        """The radius less ``slack``, relative to the size of the numbers that are subtracted on the way."""
+        """The radius less ``slack``, which is relative to the magnitude of the subtracted numbers."""
         return self.radius - slack * (self.radius + np.sqrt(self.center @ self.center))
 
     def why_no_step(self, gain: Gain) -> str | None:
-        """Why no implicit step is known for such a gain: the nearest point in its metric has no closed form."""
+        """Why there is no implicit step for such a gain: the nearest point in its metric has no closed form."""
         return SCALAR_ONLY if gain.dimensions else None
 
     def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBall:
-        """What an implicit step keeps to: with a leakage the concentric ball that also holds zero, to which it draws."""
+        """The set that an implicit step respects; with a leakage, the concentric ball that also contains zero, to which the
+        leakage draws."""
         return ParameterBall(center=self.center, radius=max(self.radius, math.hypot(*self.center) if leaking else 0.0))
 
     def implicit_step(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
-        """theta_next, for a number. Along phi and across it the distance from the centre is a/(mu + k) and b/mu with mu >= 1.
+        """theta_next, for a scalar gain. The distances from the centre along phi and across it are a/(mu + k) and b/mu with mu >=
+        1.
 
-        mu = 1 is the step without a set, which is taken with several inputs. Beyond the sphere mu solves distance = radius:
-        Newton's method on 1/distance, which is concave in mu, comes from below and never passes the root. Each mu on the way
+        mu = 1 is the step without a set, which is used with several inputs. Outside the sphere mu solves distance = radius:
+        Newton's method on 1/distance, which is concave in mu, approaches the root from below and never passes it. Each iterate mu
         is the exact step for a larger ball. Source: More and Sorensen (1983), SIAM J. Sci. Stat. Comput. 4(3).
         """
         if phi.ndim == 2:
@@ -195,7 +198,7 @@ class ParameterBall(Settings):
         along = direction * share + gamma * phi * (error + coupling * share)
         k = gamma * coupling * squared
         a, b = along @ along, across @ across
-        mu = np.maximum(1.0, np.sqrt(a) / self.radius - k)  # one of the two alone would fill the radius
+        mu = np.maximum(1.0, np.sqrt(a) / self.radius - k)  # one of the two alone would reach the radius
         for _ in range(SPHERE_STEPS):
             distance = a / (mu + k) ** 2 + b / mu**2
             slope = a / (mu + k) ** 3 + b / mu**3
@@ -212,20 +215,20 @@ BOX_ONLY = (
 
 @dataclass(frozen=True, eq=False)
 class ParameterProduct:
-    """Every theta in a ball, or any theta at all, with every input gain in its interval: two sets, each with its own projection.
+    """Every theta in a ball, or any theta, with every input gain in its interval: two sets, each with its own projection.
 
-    A box of theta is no factor here: with the intervals it is one ``ParameterBox``, see ``with_gains``.
+    A box of theta does not occur here: it forms one ``ParameterBox`` with the intervals, see ``with_gains``.
     """
 
-    theta: ParameterBall | None  # None where nothing is known of theta, or it is not to be projected
-    gains: ParameterBox  # (m,) the last m of what is estimated
+    theta: ParameterBall | None  # None if nothing is known of theta, or if it is not projected
+    gains: ParameterBox  # (m,) the last m of the estimates
 
     def __str__(self) -> str:
         theta = "" if self.theta is None else f"theta {self.theta}, "
         return f"{theta}the input gains {self.gains}"
 
     def parts(self, values: Value) -> tuple[Value, Value]:
-        """theta and the input gains of all that is estimated."""
+        """theta and the input gains from all estimates."""
         theta = values.shape[0] - self.gains.size
         return values[:theta], values[theta:]
 
@@ -240,14 +243,15 @@ class ParameterProduct:
 
     @property
     def extent(self) -> tuple[Array, Array]:
-        """The least and the largest value of each component that the set bounds."""
+        """The least and the largest value of each bounded component."""
         if self.theta is None:
             return self.gains.extent
         lower, upper = (np.concatenate(ends) for ends in zip(self.theta.extent, self.gains.extent, strict=True))
         return lower, upper
 
     def within(self, bound: Fraction) -> bool:
-        """Whether |theta|_2 + |omega|_1 <= bound throughout, in exact arithmetic: a little more than |(theta, omega)|_2 asks."""
+        """Whether |theta|_2 + |omega|_1 <= bound throughout, in exact arithmetic: slightly stronger than |(theta, omega)|_2 <=
+        bound."""
         bound = bound - sum((Fraction(value) for value in self.gains.upper.tolist()), Fraction(0))
         return bound >= 0 and (self.theta is None or self.theta.within(bound))
 
@@ -267,21 +271,23 @@ class ParameterProduct:
 
     @property
     def bounds_theta(self) -> bool:
-        """Whether anything is known of theta."""
+        """Whether theta is bounded."""
         return self.theta is not None
 
     @property
     def cuts_corners(self) -> bool:
-        """Whether with a gain matrix the limit may cut off what does not keep the proof: one or two intervals follow a ball."""
+        """Whether, with a gain matrix, the limit may cut off more than the proof allows: if one or two intervals follow a
+        ball."""
         return self.gains.cuts_corners or self.theta is not None
 
     @property
     def steps_cut_corners(self) -> bool:
-        """Whether projecting at the end of a step cuts corners: a gain matrix has no implicit step here."""
+        """Whether a step with a gain matrix may cut off more than the proof allows: there is no implicit step for it."""
         return self.cuts_corners
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
-        """A scalar or diagonal gain does not couple sphere and intervals; with a matrix the intervals follow the sphere."""
+        """Project the rate. A scalar or diagonal gain does not couple sphere and intervals; with a matrix the intervals are
+        projected after the sphere."""
         first = rate.shape[0] - self.gains.size
         if gain.is_matrix:
             along = rate if self.theta is None else self.theta.project(rate, theta_hat, gain)
@@ -297,17 +303,17 @@ class ParameterProduct:
         return np.concatenate([theta if self.theta is None else self.theta.limit(theta), self.gains.limit(gains)])
 
     def nearest(self, theta_hat: Value, gain: Gain) -> Value:
-        """The nearest point of the set: no gain matrix is asked for."""
+        """The nearest point of the set; the gain must not be a matrix."""
         return self.limit(theta_hat)
 
     def why_no_step(self, gain: Gain) -> str | None:
-        """Why no implicit step is known for such a gain."""
+        """Why there is no implicit step for such a gain."""
         if gain.is_matrix:
             return BOX_ONLY
         return None if self.theta is None else self.theta.why_no_step(gain)
 
     def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBox:
-        """What an implicit step of ``size`` estimates keeps to: the intervals of the input gains."""
+        """The set that an implicit step of ``size`` estimates respects: the intervals of the input gains."""
         lower, upper = (np.full(size, -UNREACHED_BOUND), np.full(size, UNREACHED_BOUND))
         lower[-self.gains.size :], upper[-self.gains.size :] = self.gains.extent
         return ParameterBox(lower=lower, upper=upper).kept_by_steps(size, leaking=leaking)

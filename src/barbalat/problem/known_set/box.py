@@ -1,4 +1,4 @@
-"""A box as the known set, of the parameters or of the input gains."""
+"""A box as the known set of the parameters or of the input gains."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from barbalat.problem.known_set.ball import ParameterBall
 
 UNREACHED_BOUND = 1e150
-"""A bound that no run reaches: it has diverged long before."""
+"""A bound that no run reaches, because it diverges long before."""
 
 MOST_GUESSES = 4
-"""Guesses, with several inputs, of which components end on a face. The step is taken where one of them proves right."""
+"""Number of guesses, with several inputs, of the components that end on a face. The step uses the guess that proves correct."""
 
 AGREEMENT_TOLERANCE = 2.0**-36
-"""Of a guess with the equations, relatively: a few thousand roundings."""
+"""Relative residual of a guess in the equations: a few thousand rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class ParameterBox(Settings):
 
     @property
     def theta_max(self) -> float:
-        """The largest 1-norm in the set, rounded up: the sum itself where it is a float."""
+        """The largest 1-norm in the set, rounded up unless the sum is exactly a float."""
         largest = np.maximum(np.abs(self.lower), np.abs(self.upper))
         exact = sum((Fraction(value) for value in largest.tolist()), Fraction(0))
         nearest = float(exact)
@@ -108,11 +108,11 @@ class ParameterBox(Settings):
         return float(np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta)).sum())
 
     def farthest(self, theta: Array, weights: Array | float = 1.0) -> float:
-        """The largest Euclidean distance from ``theta`` to a point of the set, the squares with ``weights``, (p,)."""
+        """The largest Euclidean distance from ``theta`` to a point of the set, with the squares weighted by ``weights``, (p,)."""
         return float(np.linalg.norm(np.sqrt(weights) * np.maximum(np.abs(theta - self.lower), np.abs(self.upper - theta))))
 
     def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
-        """The vertices, or as many as ``most`` of them, drawn at random."""
+        """The vertices, or ``most`` of them, drawn at random."""
         if 2**self.size <= most:
             signs = np.array(list(itertools.product((0.0, 1.0), repeat=self.size)))
         else:
@@ -120,11 +120,11 @@ class ParameterBox(Settings):
         return np.asarray(self.lower + signs * (self.upper - self.lower))
 
     def drawn(self, rng: np.random.Generator, count: int) -> Array:
-        """Points of the set, evenly at random, (count, n)."""
+        """Uniformly distributed points of the set, (count, n)."""
         return rng.uniform(self.lower, self.upper, (count, self.size))
 
     def brought_in(self, points: Array) -> Array:
-        """Points (M, n), with the nearest of the set in the place of those outside."""
+        """The points (M, n), with each point outside the set replaced by the nearest point of the set."""
         return np.clip(points, self.lower, self.upper)
 
     def with_gains(self, gains: ParameterBox) -> ParameterBox:
@@ -133,7 +133,7 @@ class ParameterBox(Settings):
 
     @property
     def intervals(self) -> ParameterBox:
-        """The intervals that the last of the estimates have: here all of them."""
+        """The intervals of the last estimates: here of all of them."""
         return self
 
     def of_theta(self, count: int) -> ParameterBox:
@@ -141,7 +141,7 @@ class ParameterBox(Settings):
         return self if count == self.size else ParameterBox(lower=self.lower[:count], upper=self.upper[:count])
 
     def over(self, gains: ParameterBox) -> ParameterBox:
-        """The least box that holds theta/omega for every theta in this one and every omega > 0 in the interval."""
+        """The smallest box that contains theta/omega for every theta in this one and every omega > 0 in the interval."""
         ends = np.stack([self.lower / gains.lower, self.lower / gains.upper, self.upper / gains.lower, self.upper / gains.upper])
         return ParameterBox(lower=ends.min(axis=0), upper=ends.max(axis=0))
 
@@ -151,17 +151,16 @@ class ParameterBox(Settings):
 
     @property
     def cuts_corners(self) -> bool:
-        """Whether with a gain matrix the limit may cut off in a corner what does not keep the proof of V' <= 0."""
+        """Whether, with a gain matrix, the limit in a corner may cut off more than the proof of V' <= 0 allows."""
         return len(self.faces) > cone.EXACT_FACES
 
     @property
     def steps_cut_corners(self) -> bool:
-        """Whether projecting at the end of a sample's step, by ``nearest``, cuts corners: projections on two faces in turn are
-        exact."""
-        return len(self.faces) > cone.EXACT_FACES_OF_STEPS
+        """Whether ``nearest``, at the end of a sample's step, may cut off more than the proof of V' <= 0 allows."""
+        return len(self.faces) > cone.EXACT_FACES_OF_STEPS  # projections on two faces in turn are exact
 
     def project(self, rate: Value, theta_hat: Value, gain: Gain = UNIT_GAIN) -> Value:
-        """A component on a face does not move outward; a gain matrix moves the others with it."""
+        """Project the rate: a component on a face does not move outward; a gain matrix moves the others with it."""
         if gain.is_matrix:
             return cone.onto_the_cone(rate, theta_hat, self, gain.value)
         highest = np.where(theta_hat >= self.upper, 0.0, np.inf)
@@ -173,26 +172,27 @@ class ParameterBox(Settings):
         return np.clip(theta_hat, self.lower, self.upper)
 
     def nearest(self, theta_hat: Value, gain: Gain) -> Value:
-        """A point of the set that is no farther from any other of its points in the metric Gamma^-1."""
+        """A point of the set that is no farther than ``theta_hat`` from any point of the set in the metric Gamma^-1."""
         return self.limit(cone.nearest(theta_hat, self, gain.value) if gain.is_matrix else theta_hat)
 
     def why_no_step(self, gain: Gain) -> str | None:
-        """Why no implicit step is known for such a gain: one is, for every gain."""
+        """Why there is no implicit step for such a gain; None, because there is one for every gain."""
         return None
 
     def kept_by_steps(self, size: int, *, leaking: bool) -> ParameterBox:
-        """What an implicit step keeps to: with a leakage the least box that also holds zero, to which it draws."""
+        """The set that an implicit step respects; with a leakage, the smallest box that also contains zero, to which the
+        leakage draws."""
         if not leaking:
             return ParameterBox(lower=self.lower, upper=self.upper)
         return ParameterBox(lower=np.minimum(self.lower, 0.0), upper=np.maximum(self.upper, 0.0))
 
     def implicit_step(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
-        """theta_next, for a number or a diagonal. With one input theta_next = limit(theta + Gamma phi s).
+        """theta_next, for a scalar or diagonal gain. With one input theta_next = limit(theta + Gamma phi s).
 
-        As |s| grows from zero, component i of the estimate moves at gamma_i |phi_i| until its room is used up:
-        |error| = |s| + K sum_i |phi_i| min(gamma_i |phi_i| |s|, room_i). The right side is concave and piecewise linear in |s|,
-        so it is the least of its lines, and |s| the largest of their roots. The lines differ in the components that have
-        arrived; these arrive one after another.
+        As |s| grows from zero, component i of the estimate moves at gamma_i |phi_i| until it reaches its bound at the distance
+        room_i: |error| = |s| + K sum_i |phi_i| min(gamma_i |phi_i| |s|, room_i). The right side is concave and piecewise linear
+        in |s|, so it is the minimum of its lines, and |s| is the largest of their roots. The lines differ in the components that
+        have reached their bound, which they do one after another.
         """
         if phi.ndim == 2:
             return self._step_of_several_inputs(theta, gain, phi, coupling, error)
@@ -207,7 +207,8 @@ class ParameterBox(Settings):
         return self.limit(theta + gain.times(phi) * np.where(error > 0, largest, -largest))
 
     def _step_of_several_inputs(self, theta: Value, gain: Gain, phi: Value, coupling: Value, error: Value) -> Value:
-        """The step for several inputs: with the components on a face guessed, s solves a linear system; without a set else."""
+        """The step for several inputs: with the components on a face guessed, s solves a linear system; otherwise the step
+        ignores the set."""
         inputs, moves = phi.shape[1], gain.as_matrix(phi.shape[0]) @ phi
         free = gain.implicit_step(theta, phi, coupling, error)
         wanted = free

@@ -1,4 +1,4 @@
-"""A box and a gain matrix, or a covariance: the nearest rate that does not leave the box, and the nearest point in it."""
+"""A box with a gain matrix, or a covariance: the nearest rate that does not leave the box, and the nearest point in it."""
 
 from __future__ import annotations
 
@@ -13,21 +13,22 @@ if TYPE_CHECKING:
     from barbalat.problem.known_set.box import ParameterBox
 
 EXACT_FACES = 4
-"""Faces up to which the projection for a gain matrix is exact: it tries the 2^n sets of them."""
+"""Largest number of faces with an exact projection for a gain matrix, which tries all 2^n sets of faces."""
 EXACT_FACES_OF_STEPS = 2
-"""Faces up to which a step over a sample is brought back into the box without a cut that V may feel: see ``nearest``."""
+"""Largest number of faces with which a step over a sample is moved back into the box without an effect on V: see
+``nearest``."""
 CONE_PASSES = 3
-"""Passes over more faces than that, and over the half spaces of the box; what is left outside after them is cut off."""
+"""Passes over more faces, and over the half spaces of the box; any remainder outside is cut off afterwards."""
 
 
 def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value, first: int = 0) -> Value:
-    """The nearest rate in the metric of Gamma^-1, a matrix, that does not leave the box of the components from ``first``.
+    """The nearest rate, in the metric Gamma^-1 of a matrix, that does not leave the box of the components from ``first`` on.
 
-    That is rate - Gamma g, g = sum of s_i lambda_i e_i over the faces that theta_hat is on, s_i their outward sides, lambda >= 0,
-    and with M = S Gamma S and b = S rate on these faces M lambda >= b, lambda_i = 0 where that is strict, which makes it unique
-    (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, section 3.1). Of up to ``EXACT_FACES`` faces the set with
-    lambda > 0 is found by trying all of them; of more, ``CONE_PASSES`` passes of Gauss and Seidel come near it with
-    lambda >= 0, and what still points outward is cut off by the limit, for which the decrease of V is not claimed.
+    It is rate - Gamma g with g = sum of s_i lambda_i e_i over the faces that theta_hat is on, their outward sides s_i, and lambda
+    >= 0. With M = S Gamma S and b = S rate on these faces, M lambda >= b, and lambda_i = 0 where that is strict; this makes it
+    unique (Cottle, Pang and Stone, The Linear Complementarity Problem, 1992, section 3.1). Up to ``EXACT_FACES`` faces, the set
+    with lambda > 0 is found by trying all of them; with more faces, ``CONE_PASSES`` Gauss-Seidel passes approximate it with
+    lambda >= 0, and any remaining outward rate is cut off by the limit, for which a decrease of V is not claimed.
     """
     if len(box.faces) <= 2:
         return _face_by_face(rate, theta_hat, box, gain, first)
@@ -52,8 +53,8 @@ def onto_the_cone(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
 def _face_by_face(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value, first: int) -> Value:
     """The projection for one or two faces: rate - Gamma g max(0, g'rate)/(g'Gamma g) on each in turn.
 
-    On one face nothing is left that points outward. In a corner of two what is left of the first, r > 0, is cut off by the limit,
-    without harm to V: it is left only if Gamma_12 < 0 between the outward sides, so that Gamma^-1 (r, 0) >= 0.
+    With one face no outward rate remains. In a corner of two faces the remaining outward rate of the first, r > 0, is cut off by
+    the limit without an increase of V: it remains only if Gamma_12 < 0 between the outward sides, so that Gamma^-1 (r, 0) >= 0.
     """
     for component in box.faces:
         i = first + component
@@ -65,19 +66,19 @@ def _face_by_face(rate: Value, theta_hat: Value, box: ParameterBox, gain: Value,
 
 
 def nearest(theta_hat: Value, box: ParameterBox, gamma: Value) -> Value:
-    """Project onto the box's half spaces in turn, each time orthogonally in the metric Gamma^-1; the limit takes what is left
-    outside."""
-    for _ in range(CONE_PASSES if box.size > 1 else 1):
-        for i in range(box.size):
+    """Project onto the box's half spaces in turn, each time orthogonally in the metric Gamma^-1; the limit cuts off the
+    remainder outside. A single face is reached by one projection."""
+    for _ in range(CONE_PASSES if len(box.faces) > 1 else 1):
+        for i in box.faces:
             excess = theta_hat[i] - np.clip(theta_hat[i], box.lower[i], box.upper[i])
             theta_hat = theta_hat - gamma[:, i] * (excess / gamma[i, i])
     return theta_hat
 
 
 def _by_all_sets(M: list[list[Value]], b: list[Value], fixed: list[Value]) -> list[Value]:
-    """lambda of the set of faces whose least multiplier and least slack are greatest: none is negative but for roundings.
+    """lambda of the set of faces whose smallest multiplier and slack are largest: none is negative, up to rounding errors.
 
-    A face that is both sides at once (``fixed``) is always in it, with a multiplier of either sign.
+    A face that is both sides at once (``fixed``) is always in the set, with a multiplier of either sign.
     """
     faces = range(len(b))
     best: Value = -np.inf

@@ -13,10 +13,10 @@ from barbalat.validate import Array, InputError
 
 @dataclass(frozen=True, eq=False)
 class Gain:
-    """A gain of a law, or its covariance, in numbers or symbols: what kind it is is asked here, once."""
+    """A law's gain, or its covariance, in numbers or symbols; this class handles the three kinds."""
 
     value: Value
-    dimensions: int = field(init=False, repr=False)  # 0 of a number, 1 of a diagonal, 2 of a matrix
+    dimensions: int = field(init=False, repr=False)  # 0 for a number, 1 for a diagonal, 2 for a matrix
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "dimensions", 0 if isinstance(self.value, (int, float)) else self.value.ndim)
@@ -27,18 +27,18 @@ class Gain:
 
     @property
     def couples(self) -> bool:
-        """Whether a parameter's rate depends on another's: a matrix that is more than a diagonal."""
+        """Whether a parameter's rate depends on another parameter's: true for a matrix that is not diagonal."""
         return self.is_matrix and bool((self.value - np.diag(np.diag(self.value))).any())
 
     def require_size(self, field: str, n: int) -> None:
-        """InputError where a diagonal or a matrix is not of the size of the problem."""
+        """InputError if a diagonal or a matrix does not have the size of the problem."""
         if self.dimensions and self.value.shape not in ((n,), (n, n)):
             got = f"{' x '.join(map(str, self.value.shape))}: {validate.show(self.value)}"
             raise InputError.of(field, f"must fit the {n} parameters, got {got}")
 
     @property
     def largest(self) -> float:
-        """The largest eigenvalue, to rounding; a number itself."""
+        """The largest eigenvalue, up to rounding; a number is its own."""
         return float(np.linalg.eigvalsh(self.value)[-1]) if self.is_matrix else float(np.max(self.value))
 
     def times(self, vector: Value) -> Value:
@@ -46,7 +46,7 @@ class Gain:
         return self.value @ vector if self.is_matrix else self.value * vector
 
     def scaled(self, scalar: Value, vector: Value) -> Value:
-        """Gamma s v, for a number s."""
+        """The product Gamma s v for a scalar s."""
         return self.value @ (scalar * vector) if self.is_matrix else self.value * scalar * vector
 
     def over(self, T: float) -> Gain:
@@ -54,11 +54,11 @@ class Gain:
         return Gain(T * self.value)
 
     def of_first(self, n: int) -> Gain:
-        """Return the gain of the first n components alone, for a number or a diagonal."""
+        """Return the gain of only the first n components, for a scalar or diagonal gain."""
         return self if self.dimensions == 0 else Gain(self.value[:n])
 
     def as_matrix(self, n: int) -> Value:
-        """(n, n) the gain as a matrix, whatever it was given as."""
+        """(n, n) the gain as a matrix, whichever kind it was given as."""
         return self.value if self.is_matrix else self.value * np.eye(n)
 
     def implicit_step(self, theta: Value, phi: Value, coupling: Value, error: Value) -> Value:
@@ -74,7 +74,7 @@ class Gain:
 
 
 def quadratic(phi: Value, gain_phi: Value) -> Value:
-    """phi'Gamma phi, which is not negative: nor is it here, if Gamma is a covariance that rounding or a hit memory has spoilt."""
+    """phi'Gamma phi, clipped at zero, because Gamma may be a covariance that rounding or a bit flip has made indefinite."""
     return np.maximum(phi @ gain_phi, 0)
 
 
@@ -82,7 +82,7 @@ UNIT_GAIN = Gain(1.0)
 
 
 def accept(field: str, value: float | Array) -> float | Array:
-    """A positive number as a float, a positive diagonal or an s.p.d. matrix as a read-only array; InputError for others."""
+    """A positive number as a float, a positive diagonal or an s.p.d. matrix as a read-only array; InputError for other values."""
     if isinstance(value, (bool, int, float, np.integer, np.floating)):
         return validate.positive(field, value)
     kinds = f"{field} must be a positive number, a list of them (a diagonal) or a symmetric positive definite matrix"
@@ -101,6 +101,7 @@ def accept(field: str, value: float | Array) -> float | Array:
 
 
 def _is_positive_definite(matrix: Array) -> bool:
-    """Beyond rounding: the smallest eigenvalue is computed with an error of the order of eps times the largest."""
+    """Positive definite beyond rounding: the smallest eigenvalue is computed with an error of the order of eps times the
+    largest."""
     eigenvalues = np.linalg.eigvalsh(matrix)
     return bool(eigenvalues[0] > len(matrix) * np.finfo(float).eps * eigenvalues[-1])

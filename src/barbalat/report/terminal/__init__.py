@@ -1,1 +1,1 @@
-"""What the commands show on a terminal: one file for each screen, on the layout they share."""
+"""The commands' output on a terminal: one file for each screen, with a common layout."""

@@ -1,4 +1,4 @@
-"""What ``barbalat certify`` shows: five lines for each controller; in full every value by its kind, and Table 1."""
+"""The screen of ``barbalat certify``: five lines for each controller; in full every value by its kind, and Table 1."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from barbalat.pictures.symbols import held
 from barbalat.report.terminal.layout import Screen
 
 GROUPS = {
-    "guaranteed": ("Guaranteed on this case", "green"),
+    "guaranteed": ("Guaranteed for this case", "green"),
     "guaranteed of the design": ("Guaranteed of the design, but not of the truth, which is simulated", "yellow"),
-    "exact": ("Exact for the linear loop named, and for nothing else", "green"),
+    "exact": ("Exact for the named linear loop only", "green"),
     "estimate": ("Estimates, without a guarantee", ""),
     "searched": ("Least margins found over the known set, without a guarantee", ""),
     "advice": ("For orientation", ""),
-    "does not apply": ("Does not apply on this case", "red"),
+    "does not apply": ("Does not apply to this case", "red"),
 }
-"""How the values of a kind are headed, in the order in which they are shown; what was searched for stands together."""
+"""The heading of each kind of values, in the order of display; searched values are grouped."""
 STYLES = {"guaranteed": "green", "guaranteed of the design": "yellow", "exact": "green", "does not apply": "red"}
 LABEL_COLUMNS = 10
-"""Columns of the five lines' labels: as many as the longest one has."""
+"""Columns of the five lines' labels, the length of the longest."""
 LEGEND = (
-    "condition: for bounded signals. bound of e: of every component's size. margin: the largest added delay of linear loops, at "
-    "the case's theta, the least found in the known set, and with the law linearised at the largest command (adapting). gain, "
-    "step: what the solver bears {}, with everything at its largest, to near where oscillations start; estimates. dt: the "
-    "case's step."
+    "condition: the one for bounded signals. bound of e: on every component. margin: the largest added delay of linear loops, at "
+    "the case's theta, the least found in the known set, and with the law linearised at the largest command (adapting). "
+    "gain, step: values that the solver tolerates {}, with all signals at their largest, up to near the onset of oscillations; "
+    "estimates. dt: the case's step."
 )
 LONGEST_KEY, LONGEST_VALUE = 30, 14
 
 
 def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
-    """Five lines for each controller, a long reason folded; then what was noted, once each."""
+    """Print five lines for each controller, with long reasons folded; then the notes, once each."""
     screen.line(case, "bold")
     for column in table.columns:
         _controller(screen, column, certificates[column.name], dt)
@@ -46,11 +46,11 @@ def show(screen: Screen, case: str, certificates: Mapping[str, Certificate], tab
 
 
 def _how_sure(certificates: Mapping[str, Certificate]) -> str:
-    """Say how sure the limits of gain and step are: "at least", or "about" where they count on the loop's own damping."""
+    """Say how reliable the limits of gain and step are: "at least", or "about" if they rely on the loop's own damping."""
     found = [counts_on_damping(one, key) for one in certificates.values() for key in ON_DAMPING if key in one.values]
     if all(found):
         return "about" if found else "at least"
-    return "at least, or about where its own damping counts" if any(found) else "at least"
+    return "at least, or about if its own damping counts" if any(found) else "at least"
 
 
 def _notes(screen: Screen, certificates: Mapping[str, Certificate]) -> None:
@@ -66,7 +66,7 @@ def _notes(screen: Screen, certificates: Mapping[str, Certificate]) -> None:
 
 
 def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate], table: Table1, dt: float | None) -> None:
-    """The five lines and everything behind them, then Table 1."""
+    """Print the five lines and everything behind them, then Table 1."""
     screen.line(case, "bold")
     for column in table.columns:
         certificate = certificates[column.name]
@@ -75,7 +75,7 @@ def show_full(screen: Screen, case: str, certificates: Mapping[str, Certificate]
             screen.fact("note", note, LABEL_COLUMNS, "yellow")
         _values(screen, certificate)
         if certificate.assumptions:
-            screen.title("Assumed of the above", "")
+            screen.title("Assumptions", "")
             for sentence in certificate.assumptions:
                 screen.line(f"- {sentence}", indent="  ")
     _table_1(screen, table)
@@ -109,7 +109,7 @@ def _group(entry: Entry) -> str:
 
 
 def _table_1(screen: Screen, table: Table1) -> None:
-    screen.title("Table 1: what is guaranteed")
+    screen.title("Table 1: guarantees")
     room = max(len(screen.name(column.name)) for column in table.columns)
     for key, title in PROPERTIES.items():
         screen.title(title, "")

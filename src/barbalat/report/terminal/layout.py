@@ -1,4 +1,5 @@
-"""Text that fits a terminal: no line ends inside a number with its unit or inside a name, and none is longer than the screen."""
+"""Text that fits a terminal: no line breaks inside a number with its unit or inside a name, and none is longer than the
+screen."""
 
 from __future__ import annotations
 
@@ -17,27 +18,27 @@ from rich.text import Text
 from barbalat.pictures.symbols import GREEK, HELD_BLANK, held
 
 NARROWEST, FALLBACK = 40, 80
-"""Columns: what any screen is taken to have, and what is assumed where nobody says (a file, a pipe)."""
+"""Columns that every screen is assumed to have, and columns assumed without a terminal (a file, a pipe)."""
 LONGEST_LINE = 100
-"""Columns of a paragraph: eyes lose a longer line; tables take what they need."""
+"""Columns of a paragraph: longer lines are hard to read; tables are as wide as necessary."""
 UNITS = r"(?:1/s\^2|1/s|rad/s|rad|deg|s|ms|us|Hz|kHz|dB|%|kB|MB|times|rows|steps)"
 PAIR = re.compile(rf"(?<=[\d\]]) (?={UNITS}(?![\w/]))")
-"""The blank between a number, or a list of numbers, and its unit."""
+"""The space between a number, or a list of numbers, and its unit."""
 COMPARED = re.compile(r"(?<=\S) (<=|>=|=|<|>|\*|/) (?=[-+\d\[(|])")
-"""The blanks around a sign that belongs to the number behind it."""
+"""The spaces around an operator that belongs to the following number."""
 ENCLOSED = re.compile(r"(?<=\d) \.\.\. (?=[-+\d])")
-"""The blanks between the two ends of an enclosure."""
+"""The spaces between the two ends of an enclosure."""
 
 
 def capitalized(text: str) -> str:
-    """A sentence with a capital, where it does not begin with a symbol."""
+    """A sentence with a capital, unless it begins with a symbol."""
     word = text.partition(" ")[0]
     symbol = not word.isalpha() or word in GREEK or (len(word) == 1 and word != "a")
     return text if symbol else f"{text[0].upper()}{text[1:]}"
 
 
 def fold(text: str, width: int, indent: str = "", start: str = "") -> list[str]:
-    """Lines of at most ``width`` columns, the further ones indented; a word that is wider stands alone."""
+    """Lines of at most ``width`` columns, with further ones indented; a wider word has its own line."""
     lines, line, empty = [], start, True
     words = [
         part for word in re.split(r"[ \n]+", _bound_to_units(text).strip(" \n")) for part in _released(word, width - len(indent))
@@ -56,13 +57,13 @@ def _bound_to_units(text: str) -> str:
 
 
 def _released(word: str, width: int) -> list[str]:
-    """A word; the words that are held together in it, where together they are too wide for a line; else pieces of one."""
+    """A word; or its parts if they are too wide together for a line; or pieces of a part."""
     parts = [word] if cell_len(word) <= width else word.split(HELD_BLANK)
     return [piece for part in parts for piece in ([part] if cell_len(part) <= width else chop_cells(part, width))]
 
 
 def console(*, to_standard_error: bool = False) -> Console:
-    """Where screens go, or notes and progress with ``to_standard_error``; as wide as the terminal or COLUMNS says."""
+    """The console for screens, or with ``to_standard_error`` for notes and progress; as wide as the terminal or COLUMNS says."""
     width = max(shutil.get_terminal_size((FALLBACK, 24)).columns, NARROWEST)
     return Console(stderr=to_standard_error, highlight=False, markup=False, emoji=False, width=width)
 
@@ -76,12 +77,12 @@ class Screen:
         self.printed = 0
 
     def title(self, text: str, style: str = "bold") -> None:
-        """A heading with an empty line above."""
+        """A heading after an empty line."""
         self._print("")
         self.line(text, style)
 
     def line(self, text: str, style: str = "", indent: str = "", start: str = "") -> None:
-        """A paragraph; its further lines are indented, the first one has its own ``start``."""
+        """A paragraph; its further lines are indented, and the first one begins with ``start``."""
         for line in self.folded(text, indent, start):
             self._print(line, style)
 
@@ -98,7 +99,8 @@ class Screen:
         self._print(self._shown(text))
 
     def fact(self, label: str, text: str, room: int, style: str = "", indent: str = "  ") -> None:
-        """A label in so many columns, and beside it a paragraph; below it where the label is too wide, or the screen narrow."""
+        """A label in ``room`` columns, followed by a paragraph; the paragraph is below it if the label is too wide or the
+        screen narrow."""
         label, text, hanging = self._shown(label), self._shown(text), indent + " " * (room + 2)
         enclosed = ENCLOSED.sub("-...-", text)  # one word as wide as it is
         widest = max((cell_len(word) for word in enclosed.replace(HELD_BLANK, " ").split()), default=0)
@@ -115,10 +117,10 @@ class Screen:
             self.printed += 1
 
     def table(self, headings: Sequence[str], rows: Sequence[Sequence[str]], leads: int = 1, left: Sequence[int] = ()) -> None:
-        """A line for each row where that fits, else with the first entries above their rows, else a paragraph for each.
+        """A line for each row if that fits, or else with the first entries above their rows, or else a paragraph for each.
 
-        leads  how many columns say of what a row is: they are left-justified, as are those of the places ``left``; a row whose
-               first entry is empty belongs to the one above. Nothing is shown without rows
+        leads  number of leading columns that identify a row: they are left-justified, as are those with the indices ``left``; a
+               row whose first entry is empty belongs to the one above. Nothing is shown without rows
         """
         if not rows:
             return
@@ -138,7 +140,7 @@ class Screen:
         return self.console.measure(table, options=self.console.options.update(width=10_000)).maximum <= self.console.width
 
     def _below_names(self, table: Table, names: Sequence[str]) -> None:
-        """A table of lines, each name on a line of its own above those that are of it."""
+        """A table in which each name has a line of its own above its rows."""
         lines = self.console.render_lines(table, pad=False)
         before = len(lines) - len(names)
         self.console.print(SegmentLines(lines[:before], new_lines=True))
@@ -161,7 +163,7 @@ class Screen:
             self.line(said, indent=f"{start}    ", start=start)
 
     def _shown(self, text: str) -> str:
-        """With escapes for what the terminal's encoding does not have, of which the layout has to know."""
+        """The text with escapes for characters that the terminal's encoding lacks, which the layout has to take into account."""
         encoding, marked = self.console.encoding, text.replace(HELD_BLANK, "\0")
         return marked.encode(encoding, "backslashreplace").decode(encoding).replace("\0", HELD_BLANK)
 

@@ -1,4 +1,4 @@
-"""What ``barbalat reproduce`` and ``barbalat claims`` show: the figures, the ledger by finding, all of one row."""
+"""The screens of ``barbalat reproduce`` and ``barbalat claims``: the figures, the ledger by finding, all details of one row."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from barbalat.report.terminal.layout import Screen, capitalized
 
 STYLES: dict[Finding, str] = {"holds": "green", "holds if": "yellow", "mixed": "yellow", "fails": "red", "erratum": "red"}
 NAME_COLUMNS = 26
-"""Columns of a row's name: as many as the longest one has."""
+"""Columns of a row's name, the length of the longest."""
 
 
 def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Claim]) -> None:
-    """The rows that hold by their names, the others with their headlines; how many of each side's rows; the figures."""
+    """Print the rows that hold by their names, the others with their headlines; the number of rows for each side; the figures."""
     for finding in get_args(Finding):
         mine = [claim for claim in claims if claim.finding == finding]
         if mine:
@@ -33,7 +33,7 @@ def overview(screen: Screen, shown: Sequence[PaperFigure], claims: Sequence[Clai
 
 
 def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
-    """How many of the paper's figures, with the statements on them, hold; ours beside them, and what does not."""
+    """Print how many of the paper's figures, and statements on them, hold; our figures; and those that do not hold."""
     paper = [figure for figure in shown if figure.key != ADDED_FIGURE]
     checks = [check for figure in paper for check in figure.checks]
     if not paper:
@@ -47,12 +47,12 @@ def _figures(screen: Screen, shown: Sequence[PaperFigure]) -> None:
 
 
 def streamed(screen: Screen, claim: Claim) -> None:
-    """A claim as soon as it is measured: a line where it fits."""
+    """Print a claim as soon as it is measured: on one line if it fits."""
     screen.line(f"{claim.id}: {held(claim.finding)}. {claim.headline}", STYLES[claim.finding], "    ")
 
 
 def in_full(screen: Screen, claim: Claim) -> None:
-    """All that is known of one claim."""
+    """Print everything about one claim."""
     screen.line(f"{claim.id}: {claim.finding}", f"bold {STYLES[claim.finding]}")
     sentence = claim.sentence
     facts = [
@@ -65,6 +65,8 @@ def in_full(screen: Screen, claim: Claim) -> None:
         ("how", claim.how),
         ("changes if", claim.would_change),
         ("sharpened", claim.sharpened),
+        *(("changed", f"{one.date}, {held(one.findings)}: {one.what}") for one in sentence.changed),
+        ("equation", sentence.equation),
         ("code", claim.code),
         ("notebook", f"barbalat claims {claim.id} --notebook {claim.id}.ipynb"),
     ]
@@ -78,7 +80,7 @@ def in_full(screen: Screen, claim: Claim) -> None:
 
 
 def _reading(one: Reading) -> str:
-    role = one.role if one.decides else "beside the sentence"
+    role = one.role if one.decides else "supplementary"
     return f"{role}, {held(one.finding)}: {one.says}. {capitalized(one.measured)}"
 
 
@@ -88,7 +90,7 @@ def _listing(screen: Screen, listing: Listing) -> None:
 
 
 def names(screen: Screen, papers: Sequence[Paper]) -> None:
-    """Every row's name, what it is about, and how long it takes to measure."""
+    """Print every row's name, its subject, and how long it takes to measure."""
     screen.line("The ledger's rows. No finding is stored: barbalat claims NAME measures one.", "bold")
     for paper in papers:
         if len(papers) > 1:
@@ -97,4 +99,4 @@ def names(screen: Screen, papers: Sequence[Paper]) -> None:
             seconds = part.seconds + paper.run_seconds * part.judges_runs
             for name, about in part.names.items():
                 screen.fact(name, about if seconds < 1 else f"{about} ({held(f'{seconds:.0f} s')})", NAME_COLUMNS)
-    screen.line("In brackets how long it takes, about, where that is a second or more.", "dim")
+    screen.line("The estimated time is in brackets, if it is at least a second.", "dim")

@@ -1,4 +1,4 @@
-"""What ``barbalat run`` shows: how each controller tracked, what its estimates did, what its numerics say."""
+"""The screen of ``barbalat run``: each controller's tracking, its estimates, its numerics."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from barbalat.judge.settings import component_names
 from barbalat.judge.verdict import Class
 from barbalat.pictures.symbols import number_text
-from barbalat.problem.labels import Labels, bracketed
+from barbalat.problem.labels import UNLABELLED, bracketed
 from barbalat.report.terminal.layout import Screen, capitalized, grouped
 from barbalat.run.results.adapting import Adapting
 from barbalat.run.results.estimates import estimates_of
@@ -21,22 +21,23 @@ LABEL_COLUMNS = 24
 
 
 MOST_LINES = 30
-"""Of the short screen at 80 columns for up to three controllers; findings that have no room are counted."""
+"""Lines of the short screen at 80 columns for up to three controllers; findings without space are counted."""
 LINES_BEHIND = 3
-"""Of them, those that say where everything is."""
+"""Those lines that give the location of the files."""
 FEWEST_FINDING_LINES = 4
-"""For the findings, however many controllers there are."""
+"""Lines for the findings, for any number of controllers."""
 
 
 def show(screen: Screen, case: str, results: Sequence[Result], room: int = MOST_LINES - LINES_BEHIND) -> None:
-    """A sentence for each controller, one table, and the findings, each once: what fits so many lines at 80 columns."""
+    """Print a sentence for each controller, one table, and the findings, each once: as much as fits into ``room`` lines at 80
+    columns."""
     _head(screen, case, results)
     _worst(screen, results)
     _told_together(screen, results, room)
 
 
 def show_full(screen: Screen, case: str, results: Sequence[Result]) -> None:
-    """The whole screen, but for where the files are."""
+    """Print the whole screen, except for the location of the files."""
     _head(screen, case, results)
     _bands(screen, results)
     _tracking(screen, results)
@@ -49,7 +50,7 @@ def show_full(screen: Screen, case: str, results: Sequence[Result]) -> None:
 
 
 def _head(screen: Screen, case: str, results: Sequence[Result]) -> None:
-    """What was simulated, and one sentence for each controller, before anything else."""
+    """Print what was simulated, and one sentence for each controller, first."""
     simulation = results[0].simulation
     count = "one controller" if len(results) == 1 else f"{len(results)} controllers"
     screen.line(f"{case}: {count}, {simulation.t_end:g} s, {simulation.how}", "bold")
@@ -59,11 +60,13 @@ def _head(screen: Screen, case: str, results: Sequence[Result]) -> None:
     for result in results:
         if result.accuracy is not None:
             screen.line(f"{screen.name(result.name)}: {result.accuracy.in_brief}", "dim", "  ")
+        if result.measured_error is not None:
+            screen.line(f"{screen.name(result.name)}: {result.measured_error.sentence}", "dim", "  ")
 
 
 def _worst(screen: Screen, results: Sequence[Result]) -> None:
-    """A line for each controller: the component that is worst against its own band, and the control."""
-    labels, names = results[0].problem.labels or Labels(), component_names(results[0].problem)
+    """Print a line for each controller: the component that is worst relative to its band, and the control."""
+    labels, names = results[0].problem.labels or UNLABELLED, component_names(results[0].problem)
     measured = any(_values(result, "max_abs_y") for result in results)
     unit = labels.unit(0) if len(names) == 1 else ""
     headings = [
@@ -91,7 +94,7 @@ def _worst(screen: Screen, results: Sequence[Result]) -> None:
 
 
 def _told_together(screen: Screen, results: Sequence[Result], room: int) -> None:
-    """Each finding once, as many whole ones as there is room for."""
+    """Print each finding once, as many whole ones as there is room for."""
     told = together({screen.name(result.name): result.findings for result in results})
     if not told:
         return
@@ -102,7 +105,7 @@ def _told_together(screen: Screen, results: Sequence[Result], room: int) -> None
         text = f"{owners}{one.text}." if owners else _sentence(one.text)
         lines, rest = len(screen.folded(text, "    ", "  ")), len(told) - k - 1
         if lines + (rest > 0) > left and k:
-            screen.line(f"{counted(rest + 1, 'more finding')}: --full has all of them.", "yellow", "    ", "  ")
+            screen.line(f"{counted(rest + 1, 'more finding')}: --full shows all of them.", "yellow", "    ", "  ")
             return
         screen.line(text, "yellow", "    ", "  ")
         left -= lines
@@ -112,7 +115,7 @@ VERDICT_STYLES = {Class.LOST: "red", Class.CYCLE: "red", Class.OFF: "yellow", Cl
 
 
 def _bands(screen: Screen, results: Sequence[Result]) -> None:
-    """What the verdicts were judged by."""
+    """Print the bands of the verdicts."""
     for bands in dict.fromkeys(result.verdict.bands for result in results if result.verdict is not None):
         screen.line(f"in the tail {bands}", "dim", "  ")
 
@@ -120,7 +123,7 @@ def _bands(screen: Screen, results: Sequence[Result]) -> None:
 def _tracking(screen: Screen, results: Sequence[Result]) -> None:
     screen.title("Tracking error e and control u, over every step")
     measured = any(_values(result, "max_abs_y") for result in results)
-    labels = results[0].problem.labels or Labels()
+    labels = results[0].problem.labels or UNLABELLED
     several = results[0].loop.inputs > 1
     u = "max |u|" if several else f"max |u|\n{labels.input_unit}".rstrip()
     headings = ["controller", "", "max |e|", "RMS e", "max |e|\nin the tail", u, *(["max |y|"] if measured else [])]
@@ -132,7 +135,7 @@ def _tracking(screen: Screen, results: Sequence[Result]) -> None:
         for i in range(len(errors[0])):
             of = "e" if len(errors[0]) == 1 else f"e_{i + 1}"
             rows.append([name, f"{of} {labels.unit(i)}".rstrip(), *(_at(values, i) for values in (*errors, *once))])
-        if several:  # each on a line of its own: on one of e's it would be read as that component's
+        if several:  # each on its own line: on a line of e it would be read as that component's
             units = [bracketed(labels.input_units[i : i + 1]) for i in range(len(controls))]
             rows += [[name, f"u_{i + 1} {unit}".rstrip(), "", "", "", _at(controls, i)] for i, unit in enumerate(units)]
     screen.table(headings, grouped(rows), leads=2)
@@ -145,7 +148,7 @@ def _tracking(screen: Screen, results: Sequence[Result]) -> None:
 
 
 def _responses(screen: Screen, results: Sequence[Result]) -> None:
-    """The responses to the command's steps, and what the control did."""
+    """Print the responses to the command's steps, and the activity of the control."""
     found = [(result, result.verdict.figures) for result in results if result.verdict is not None and result.verdict.figures]
     if not found:
         return
@@ -227,7 +230,7 @@ def _findings(screen: Screen, results: Sequence[Result]) -> None:
 
 
 def _warnings(screen: Screen, results: Sequence[Result], labels: Sequence[str], room: int) -> None:
-    """What all runs have in common once, as the problem's; then each one's own."""
+    """Print the findings that all runs share once, as the problem's; then each one's own."""
     found = [result.warnings for result in results]
     if any(found):
         screen.title("Warnings")
@@ -245,7 +248,7 @@ def _sentence(text: str) -> str:
 
 
 def numerics(result: Result) -> str:
-    """What the run says of its numerics, without what all runs have in common."""
+    """The numerics of a run, without what all runs have in common."""
     if result.simulation.tolerance is not None:
         return result.numerics
     found = result.stiffness

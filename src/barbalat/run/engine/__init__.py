@@ -1,1 +1,1 @@
-"""Running kernels: one controller with its record, many members at once, and the same run at a finer step."""
+"""Runs kernels: one controller with its record, many members at once, and the same run with a finer step."""

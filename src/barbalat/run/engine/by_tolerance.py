@@ -1,10 +1,11 @@
-"""Runs whose steps follow from a tolerance: observed beside their integration, and made once more to measure their error."""
+"""Runs whose steps follow from a tolerance: observed during integration, and repeated once to measure their error."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import inf
 
@@ -21,12 +22,14 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
 from barbalat.run.engine.engine import Batch, Group
 from barbalat.run.engine.judging import Terms, judged, watched_in_runs
-from barbalat.run.engine.motion import Motion, Nodes
+from barbalat.run.engine.motion import Motion, Nodes, compiled_attempts
 from barbalat.run.kernel.grid import Segment
+from barbalat.run.kernel.members import Members
+from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.kernel.observer import observer_program
-from barbalat.run.kernel.pieces import require_within
+from barbalat.run.kernel.pieces import Pieces, past_of, require_known_instants
 from barbalat.run.kernel.portable import run_times
-from barbalat.run.results.accuracy import Accuracy
+from barbalat.run.results.accuracy import Accuracy, MeasuredError, differences, relative_differences
 from barbalat.run.results.result import Envelope, Result, Results
 from barbalat.run.results.series import series_along
 from barbalat.run.results.spectrum import Stiffness
@@ -34,18 +37,26 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 MOST_ROWS = 1 << 15
-"""Of a table of nodes, about: some megabytes."""
+"""Approximate size of a table of nodes: some megabytes."""
 FINER = 1 / 32
-"""Of the tolerance, that of the second run, which measures the first one's error: its own is some 20 times smaller."""
+"""Factor from the tolerance to that of the second run, which measures the first run's error; its own error is some 20 times
+smaller."""
 FINEST = 1e-14
-"""Tolerance of a second run, at least: below it roundings decide."""
+"""Least tolerance of a second run; below it rounding dominates."""
 
 
 @dataclass(eq=False)
 class ObservedBatch(Batch):
-    """One member, seen at the nodes of its motion. ``remembered``: entries of the kernel's state behind the judge's memory."""
+    """Members, each observed at the nodes of its motion. ``remembered``: number of entries of the kernel's state after the
+    judge's memory."""
 
     remembered: int = 0
+
+    def metrics(self, simulation: Simulation) -> Metrics:
+        """See ``Batch.metrics``; the divergence time is that of the motion."""
+        motions = [group.motion for group in self.groups if isinstance(group, ObservedGroup) and group.motion is not None]
+        ended = [motion.t if motion.diverged else np.nan for motion in motions]
+        return replace(super().metrics(simulation), diverged_at=np.array(ended))
 
     def _unjudged(self, width: int) -> list[Array]:
         return [*super()._unjudged(width), np.zeros((self.remembered, width))]
@@ -53,20 +64,27 @@ class ObservedBatch(Batch):
 
 @dataclass(eq=False)
 class ObservedGroup(Group):
-    """The one member of an observed batch, with the motion that goes on behind its run."""
+    """The only member of an observed batch, with the motion that continues after its run."""
 
     motion: Motion | None = None
 
     @classmethod
     def of(cls, group: Group, motion: Motion) -> ObservedGroup:
-        """The group that goes on with this motion."""
+        """The group that continues with this motion."""
         given = {name: getattr(group, name) for name in Group.__dataclass_fields__}
         return cls(**given, motion=motion)
+
+    def at_end(self) -> Array:
+        """See ``Group.at_end``: the motion includes a sample that is due at the end, which affects no figure but extrema."""
+        assert self.motion is not None
+        state = super().at_end()
+        state[: len(self.motion.x), 0] = self.motion.x
+        return state
 
     def beside(self) -> Group:
         """See ``Group.beside``."""
         assert self.motion is not None
-        return replace(self, state=self.state.copy(), motion=self.motion.copied())
+        return replace(self, state=self.at_end(), motion=self.motion.copied())
 
     def held_rows(self, simulation: Simulation, step: int, steps: int, values: Array) -> Array:
         """See ``Group.held_rows``."""
@@ -78,7 +96,7 @@ class ObservedGroup(Group):
 
 @dataclass(eq=False)
 class Observation:
-    """A controller's run in the making."""
+    """A run that is being computed."""
 
     problem: TrackingProblem
     controller: Controller
@@ -89,17 +107,12 @@ class Observation:
     nodes: Nodes = field(init=False)
 
     @classmethod
-    def of(cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, watched: Watched | None) -> Observation:
-        """InputError where no tolerance goes with the problem or the controller."""
-        loop = ClosedLoop.of(problem, controller, bind=bound)
-        require_known_instants(loop, problem, simulation)
-        assert simulation.tolerance is not None
-        try:
-            motion = Motion.of(loop, problem.signals, simulation, simulation.tolerance, problem.noise)
-        except CountlessError as error:
-            raise InputError.of(
-                "simulation.tolerance", f"takes no equations with {error}, whose jumps are countless: give simulation.dt"
-            ) from error
+    def of(
+        cls, problem: TrackingProblem, controller: Controller, simulation: Simulation, watched: Watched | None, number: int = 0
+    ) -> Observation:
+        """InputError if a tolerance can't be used with the problem or the controller; ``number`` selects the noise stream."""
+        motion = motion_of(problem, controller, simulation, number)
+        loop = motion.attempts.loop
         program, remembered = observer_program(loop, simulation.grid.dt, watched, fused=simulation.fused)
         batch = ObservedBatch(
             loop, program, loop.initial()[:, None], np.zeros((0, 1)), record=True, lanes=1, steps=inf, remembered=remembered
@@ -112,51 +125,43 @@ class Observation:
         self.batch.groups = [ObservedGroup.of(group, self.motion) for group in self.batch.groups]
 
     def run(self, progress: Progress | None = None) -> None:
-        """From 0 to t_end, or to its divergence."""
-        grid, (group,), start = self.simulation.grid, self.batch.groups, 0
-        while start < grid.steps and np.isnan(self.batch.diverged_step).all():
-            stop = grid.tail_start if start < grid.tail_start else grid.steps
-            table, steps = self.nodes.rows(start, stop, MOST_ROWS)
-            group.advance(Segment(start, steps, 1, start >= grid.tail_start), table)
-            start += steps
-            if progress is not None:
-                progress(start / grid.steps)
-        group.finish(grid.steps, self.nodes.final())
+        """Run from 0 to t_end, or to the divergence."""
+        (group,) = self.batch.groups
+        observe(group, self.nodes, progress)
 
-    def accuracy(self) -> Accuracy:
-        """What the run's tolerance came to, by a run at a finer one."""
+    def accuracy(self, metrics: Metrics) -> Accuracy:
+        """The error that the tolerance gave, measured by a run with a finer one; ``metrics`` are the run's figures."""
         assert self.simulation.tolerance is not None
-        finer = max(FINER * self.simulation.tolerance, FINEST)
-        again = Nodes(self.motion.again(finer, self.simulation.t_end), self.simulation.grid, (), 0, self.simulation.steps)
+        finer, counts = max(FINER * self.simulation.tolerance, FINEST), self.motion
+        again = replace(self, motion=self.motion.again(finer, self.simulation.t_end), batch=replace(self.batch))
         try:
-            again.through()
-        except InputError:  # of the finer tolerance, with which roundings may decide where the equations jump
-            again.recorded[:] = np.nan
-        parts = self.loop.unpack(np.arange(self.loop.size))
-        rows = {"x": np.reshape(parts.x, -1), "theta_hat": np.arange(self.loop.size)[self.loop.theta_hat_rows]}
-        counts = self.motion
-        return Accuracy.of(
+            again.run()
+            others = again.batch.metrics(self.simulation.grid)
+        except InputError:  # the finer tolerance may fail if rounding decides which side of a jump the motion is on
+            again.nodes.recorded[:] = np.nan
+            others = None
+        figures = metrics.of_member(0)
+        del figures["diverged_at"]
+        return Accuracy(
             self.simulation.tolerance,
             finer,
-            self.nodes.recorded,
-            again.recorded,
-            rows,
+            differences(self.nodes.recorded, again.nodes.recorded, compared_rows(self.loop)),
+            dict.fromkeys(figures) if others is None else relative_differences(figures, others.of_member(0)),
             counts.steps,
             counts.rejected,
             counts.choices,
         )
 
     def result(self, judge: Judge | None, *, measured: bool) -> Result:
-        """What came of it; without ``measured`` its error is not known."""
+        """The result; its error is known only if it is ``measured``."""
         grid, loop, batch, problem = self.simulation.grid, self.loop, self.batch, self.problem
         metrics = batch.metrics(grid)
         known = int(np.isfinite(self.nodes.recorded).all(axis=1).sum())
         if self.motion.diverged:
-            metrics = replace(metrics, diverged_at=np.array([self.motion.t]))
             known = min(known, int(np.searchsorted(grid.time(np.arange(grid.steps + 1)), self.motion.t)))
         t, states = grid.time(np.arange(known)), self.nodes.recorded[:known]
         timed = [signal(run_times(grid, t)) for signal in problem.signals]
-        signals = np.vstack([*timed, self.motion.pieces.noise_at(t).T])
+        signals = np.vstack([*timed, self.motion.pieces.noise_at(t).T, np.zeros((loop.signals.delayed, known))])
         return Result(
             problem=problem,
             controller=self.controller,
@@ -168,22 +173,115 @@ class Observation:
             judge=judge,
             finer_by=1.0,
             judged=None if judge is None else judged(batch, grid, Terms.of(problem, grid, judge)).verdict(0),
-            accuracy=self.accuracy() if measured else None,
+            accuracy=self.accuracy(metrics) if measured else None,
         )
 
 
-def require_known_instants(loop: ClosedLoop, problem: TrackingProblem, simulation: Simulation) -> None:
-    """InputError for what no tolerance goes with yet, and for samples of which there would be none."""
-    if loop.sample_time is not None:
-        require_within("sample_time", loop.sample_time, simulation.t_end)
-    if problem.noise is not None:
-        require_within("sensor.noise.sample_time", problem.noise.sample_time, simulation.t_end)
-    if problem.faults:
-        raise InputError.of("simulation.tolerance", "takes samples without faults: give simulation.dt")
-    if loop.delayed:
-        raise InputError.of("simulation.tolerance", "takes a plant without a delay at its input: give simulation.dt")
-    if any(path is not None and path.rate_limit is not None for path in loop.paths):
-        raise InputError.of("simulation.tolerance", "takes an input without a rate limit: give simulation.dt")
+def observe(group: Group, nodes: Nodes, progress: Progress | None = None) -> None:
+    """Advance a member's motion from 0 to t_end, or to its divergence, together with its group."""
+    grid, start = nodes.grid, 0
+    while start < grid.steps and np.isnan(group.batch.diverged_step[group.columns]).all():
+        stop = grid.tail_start if start < grid.tail_start else grid.steps
+        table, steps = nodes.rows(start, stop, MOST_ROWS)
+        group.advance(Segment(start, steps, 1, start >= grid.tail_start), table)
+        start += steps
+        if progress is not None:
+            progress(start / grid.steps)
+    group.finish(grid.steps, nodes.final())
+
+
+def run_members(members: Members, which: slice, *, threads: int | None = None, progress: Progress | None = None) -> ObservedBatch:
+    """Some of the members after their runs, each with its own steps, in one shared kernel.
+
+    The results don't depend, to any bit, on the threads or on the other members. InputError, with its number, for a member that
+    stalls.
+    """
+    simulation, attempts, grid = members.simulation, members.attempts, members.simulation.grid
+    tolerance = simulation.tolerance
+    assert attempts is not None
+    assert tolerance is not None
+    states, parameters = members.states[:, which], members.parameters[:, which]
+    batch = ObservedBatch(members.loop, members.program, states, parameters, lanes=1, steps=inf, remembered=members.remembered)
+    noise, numbers = None if members.problem is None else members.problem.noise, members.numbers[which]
+    code = compiled_attempts(*attempts.lists, attempts.shape)
+
+    def begun(i: int) -> Motion:
+        own = None if noise is None or members.seeds is None else replace(noise, seed=int(members.seeds[which][i]))
+        pieces = Pieces(attempts, own, int(numbers[i]))
+        return Motion.begun(pieces, code, states[:, i].copy(), parameters[:, i].copy(), simulation, tolerance)
+
+    def whole(i: int) -> None:
+        motion = begun(i)
+        group = batch.groups[i] = ObservedGroup.of(batch.groups[i], motion)
+        try:
+            observe(group, Nodes(motion, grid, members.signals, 0, grid.steps))
+        except InputError as error:
+            raise InputError(f"member {which.start + i + 1}: {error}") from error
+        group.motion = motion.ended()
+        done[i] = True
+        if progress is not None:
+            progress(float(done.mean()))
+
+    done = np.zeros(len(batch.groups), dtype=bool)
+    with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
+        list(pool.map(whole, range(len(batch.groups))))
+    return batch
+
+
+def motion_of(problem: TrackingProblem, controller: Controller, simulation: Simulation, number: int = 0) -> Motion:
+    """The motion at the simulation's tolerance, with this noise stream; InputError if a tolerance can't be used with the
+    problem or the controller."""
+    loop = ClosedLoop.of(problem, controller, bind=bound)
+    require_known_instants(loop, problem, simulation)
+    assert simulation.tolerance is not None
+    with counted_jumps():
+        past = past_of(loop, problem)
+        return Motion.of(loop, problem.signals, simulation, simulation.tolerance, problem.noise, past, number)
+
+
+@contextmanager
+def counted_jumps() -> Iterator[None]:
+    """InputError for equations with innumerable jumps."""
+    try:
+        yield
+    except CountlessError as error:
+        raise InputError.of(
+            "simulation.tolerance", f"cannot be used with {error}, which has too many jumps: give simulation.dt"
+        ) from error
+
+
+def compared_rows(loop: ClosedLoop) -> dict[str, Array]:
+    """The rows of a flat state that are compared to measure an error, by name."""
+    rows = np.arange(loop.size)
+    return {"x": np.reshape(loop.unpack(rows).x, -1), "theta_hat": rows[loop.theta_hat_rows]}
+
+
+REFERENCE = 1e-8
+"""Tolerance of the run that measures the error of fixed steps; its own error is also measured and reported."""
+MOST_ATTEMPTS = 10_000_000
+"""Largest number of steps of such a run: some ten seconds for a small loop."""
+
+
+def measured_error(result: Result) -> MeasuredError:
+    """The error of a run with fixed steps, or the reason why it is unknown."""
+    t, states = result.t, result.states
+    try:
+        if len(t) < 3:
+            raise InputError("the run diverges at once")
+        simulation = Simulation(float(t[-1]), tolerance=REFERENCE, record_points=len(t), fused=result.simulation.fused)
+        motion = motion_of(result.problem, result.controller, simulation)
+        reference, finer = (
+            Nodes(one, simulation.grid, (), 0, len(t) - 1, instants=t)
+            for one in (motion, motion.again(FINER * REFERENCE, simulation.t_end))
+        )
+        for nodes in (reference, finer):
+            nodes.through(MOST_ATTEMPTS)
+    except InputError as error:
+        return MeasuredError(REFERENCE, {}, {}, float(t[-1]), str(error).removesuffix(": give simulation.dt"))
+    known = int(np.isfinite(reference.recorded).all(axis=1).sum())
+    exact, rows = reference.recorded[:known], compared_rows(motion.attempts.loop)
+    own = differences(exact, finer.recorded[:known], rows)
+    return MeasuredError(REFERENCE, differences(states[:known], exact, rows), own, float(t[known - 1]))
 
 
 def simulate_by_tolerance(
@@ -196,7 +294,7 @@ def simulate_by_tolerance(
     progress: Progress | None = None,
     measured: bool = True,
 ) -> Results:
-    """What ``simulate`` gives back, for a simulation with a tolerance."""
+    """The results of ``simulate`` for a simulation with a tolerance."""
     watched, made = watched_in_runs(judge, problem), []
     for controller in controllers:
         with named(controller.name):

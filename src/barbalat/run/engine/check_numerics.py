@@ -1,4 +1,5 @@
-"""Every run that left its region of stability once more at a finer step: is what it shows the solver's or the loop's?"""
+"""Repeats every run that left its region of stability with a finer step: does its behaviour belong to the solver or to the
+loop?"""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import numpy as np
 from barbalat import validate
 from barbalat.budget import Progress, part_of
 from barbalat.protocols import Stepping
+from barbalat.run.engine.by_tolerance import measured_error
 from barbalat.run.engine.simulate import simulate
 from barbalat.run.kernel.costs import steps_within
 from barbalat.run.results.result import Result, Results
@@ -18,23 +20,27 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 
 AFFORDED_STEPS = 10_000_000
-"""Of a finer run: a second of computing for a small loop."""
+"""Largest number of steps of a finer run: a second of computing for a small loop."""
 FINER_BY = (10, 100, 1000)
-"""The step is refined by these in turn, until a run stays inside the region of stability."""
+"""The step is divided by these in turn, until a run stays inside the region of stability."""
 
 
 def check_numerics(
     results: Mapping[str, Result],
     *,
     afforded_steps: int = AFFORDED_STEPS,
+    measured: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Results:
-    """The results again, where each one that left its region of stability comes with a ``check``, see FinerStep.
+    """The results with a ``check``, see FinerStep, for each run that left its region of stability.
 
-    The run is repeated at a tenth of its step, then at a hundredth and a thousandth while that leaves the region too. A finer
-    run takes at most ``afforded_steps``, and no more than the budget allows: where that does not reach t_end, both steps are
-    compared over the time that it does reach, and where not even the label's time is reached, the check says so.
+    The run is repeated with a tenth of its step, then with a hundredth and a thousandth while it still leaves the region. A finer
+    run takes at most ``afforded_steps``, and no more than the budget allows: if it does not reach t_end, the two steps are
+    compared over the time that it reaches, and if it does not reach the label's time, the check says so.
+
+    measured  also give each run with fixed steps its ``measured_error``, by two runs with a tolerance, which take seconds if
+              adaptation is fast; if a tolerance can't be used with a case, the result says so
     """
     if not isinstance(results, Mapping):
         raise InputError(f"results must be results by name, as simulate returns them, got {type(results).__name__}")
@@ -61,11 +67,16 @@ def check_numerics(
     if progress is not None:
         progress(1.0)
     unsettled = {name: _unsettled(result, afforded_steps, finest.get(name)) for name, result in pending.items()}
-    return Results(checked | {name: replace(result, check=unsettled[name]) for name, result in pending.items()})
+    all_checked = checked | {name: replace(result, check=unsettled[name]) for name, result in pending.items()}
+    return Results({name: _with_error(result) for name, result in all_checked.items()} if measured else all_checked)
+
+
+def _with_error(result: Result) -> Result:
+    return result if result.simulation.tolerance is not None else replace(result, measured_error=measured_error(result))
 
 
 def _groups(pending: Mapping[str, Result], factor: int, afforded: int) -> list[dict[str, Result]]:
-    """The runs for which a step finer by ``factor`` can be afforded; those of one problem at one step side by side."""
+    """The runs that can be repeated with a step finer by ``factor``; those of one problem and step are computed together."""
     groups: dict[tuple[int, Simulation], dict[str, Result]] = {}
     for name, result in pending.items():
         if _horizon(result, factor, afforded) is not None:
@@ -76,12 +87,12 @@ def _groups(pending: Mapping[str, Result], factor: int, afforded: int) -> list[d
 def _compared(
     members: Mapping[str, Result], factor: int, afforded: int, threads: int | None, progress: Progress | None
 ) -> dict[str, tuple[FinerStep | None, Seen]]:
-    """The verdicts that a step finer by ``factor`` gives, none for a run that leaves the region there too; and what was seen."""
+    """The checks by a step finer by ``factor``, None for a run that leaves the region again; and the observed quantities."""
     first = next(iter(members.values()))
     given, horizon = first.simulation, _horizon(first, factor, afforded)
     assert horizon is not None
     controllers = [result.controller for result in members.values()]
-    # a law that is sampled by Euler steps takes finer ones too: they are part of what is in question
+    # a law that is sampled by Euler steps takes finer ones too, because they are being checked as well
     refined = [one.refined(factor) if isinstance(one, Stepping) else one for one in controllers]
     finer = replace(given, t_end=horizon, dt=given.dt / factor)
     fine = simulate(first.problem, refined, finer, judge=first.judge, threads=threads, progress=progress).values()
@@ -95,7 +106,7 @@ def _compared(
 
 
 def _horizon(result: Result, factor: int, afforded: int) -> float | None:
-    """How far [s] a step finer by ``factor`` reaches; None where the tail of that would begin before the run became unstable."""
+    """The time [s] that a step finer by ``factor`` reaches; None if its tail would begin before the run became unstable."""
     steps = min(result.simulation.steps, afforded // factor)
     if steps == result.simulation.steps:
         return result.simulation.t_end
@@ -129,7 +140,8 @@ def _unsettled(result: Result, afforded: int, finest: Seen | None) -> FinerStep:
         needed = result.simulation.steps * FINER_BY[0]
         return FinerStep(
             "unsettled",
-            f"not checked: a tenth of the step takes {needed:.2g} steps, and {afforded:.2g} do not reach the time of the label",
+            f"not checked: a tenth of the step takes {needed:.2g} steps, and {afforded:.2g} steps, the limit, do not reach "
+            f"the time of the label",
         )
     dt = result.simulation.dt / tried[-1]
     reason = (
@@ -139,5 +151,5 @@ def _unsettled(result: Result, afforded: int, finest: Seen | None) -> FinerStep:
     if finest.diverged_at is not None:
         too += f" and diverges at t = {finest.diverged_at:.6g} s"
         if result.diverged_at is not None and at_the_same_time(result.diverged_at, finest.diverged_at):
-            too += ", about as this run does: a finite escape of the loop's own looks like that"
+            too += ", at about the same time as this run, as in a finite escape of the loop itself"
     return FinerStep("unsettled", f"not settled: {too}; {reason}", dt=dt, diverged_at=finest.diverged_at)

@@ -1,4 +1,4 @@
-"""Members that share a kernel, and the time loop that advances them in threads while the next table of signals is prepared."""
+"""Members that share a kernel, and the time loop that advances them in threads while the next table of signals is computed."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from barbalat.validate import Array
 
 
 def best_lanes(members: int) -> int:
-    """Members in one kernel call: alone, or two vector registers, whose chains of operations then overlap."""
+    """Members in one kernel call: one, or two vector registers, whose chains of operations then overlap."""
     if members == 1:
         return 1
     return min(2 * vector_width(), 1 << (members - 1).bit_length())
@@ -38,12 +38,12 @@ def best_lanes(members: int) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """What a recorded batch kept of B blocks, as far as any of its M members came.
+    """The record of B blocks for M members, as far as any member came.
 
     starts, lengths  (B,) in steps
-    states           (B, size, M) at each block's start; NaN where all members of a kernel's call had diverged before
-    accumulators     (B, accumulators, M) over each block's steps; likewise
-    memory           (B, rows, M) of the judge at each block's start; likewise
+    states           (B, size, M) at each block's start; NaN once all members of a kernel's call have diverged
+    accumulators     (B, accumulators, M) over each block's steps; NaN in the same case
+    memory           (B, rows, M) of the judge at each block's start; NaN in the same case
     """
 
     starts: Array
@@ -54,19 +54,19 @@ class Blocks:
     memory: Array
 
     def figure(self, quantity: str, operation: str) -> Array:
-        """(B, entries, M) accumulators by their names, see ``Accumulators``."""
+        """(B, entries, M) accumulators by name, see ``Accumulators``."""
         return self.accumulators[:, self.at[quantity, operation]]
 
 
 @dataclass(eq=False)
 class Batch:
-    """Members of one structure: the same step program, each with its own initial state and parameters.
+    """Members of one structure: the same step program, with different initial states and parameters.
 
     loop     the first member's; states (size, M), parameters (p, M)
-    lags     (M,) for a step with a delay, see ``delay.lag``, and history (m, M), what each of its m inputs was before t = 0
-    seeds    (M,) and numbers (M,) for one with noise: which stream each member has, 0 ... M - 1 unless given
-    record   keeps every block's start state and accumulators
-    watch    goes with a program that watches
+    lags     (M,) for a step with a delay, see ``delay.lag``, and history (m, M), the value of each of its m inputs before t = 0
+    seeds    (M,) and numbers (M,) for a step with noise: the stream of each member, 0 ... M - 1 by default
+    record   keep every block's initial state and accumulators
+    watch    the windows of a program with a monitored quantity
     steps    of the whole run
     """
 
@@ -104,7 +104,9 @@ class Batch:
 
     @classmethod
     def part(cls, members: Members, which: slice, *, record: bool = False, lanes: int | None = None) -> Batch:
-        """Some of the members; no bit depends on which others are with them."""
+        """Some of the members; their results don't depend, to any bit, on the other members. InputError for members with a
+        tolerance."""
+        members.simulation.require_steps("what is asked for here")
         return cls(
             members.loop,
             members.program,
@@ -163,14 +165,14 @@ class Batch:
 
     @property
     def diverged_step(self) -> Array:
-        """(M,) the step at which each member left what is bounded; NaN where it did not."""
+        """(M,) the step at which each member left the bounded region; NaN if it did not."""
         return self.totals.diverged_step
 
     def metrics(self, simulation: Simulation) -> Metrics:
         return self.totals.metrics(simulation, self.final_states[self.loop.theta_hat_rows])
 
     def blocks(self, simulation: Simulation) -> Blocks:
-        """What was recorded over the run that was made with ``simulation``."""
+        """The record of the run made with ``simulation``."""
         kept = [np.concatenate(group.recorded) for group in self.groups]
         count = max(len(blocks) for blocks in kept)
         padded = [np.pad(b, ((0, count - len(b)), (0, 0), (0, 0)), constant_values=np.nan) if len(b) < count else b for b in kept]
@@ -184,7 +186,7 @@ class Batch:
         )
 
     def resumed(self, state: Array) -> Group:
-        """The only member in this state (size,), with nothing on its way: at t = 0, or at any time where there is no delay."""
+        """The only member in this state (size,), with an empty delay: at t = 0, or at any time without a delay."""
         (group,) = self.groups
         past = None if group.past is None else Rings(group.past.lags, group.past.history)
         return replace(group, state=np.vstack([state[:, None], *self._unjudged(1)]), past=past, recorded=[])
@@ -195,7 +197,7 @@ class Group:
     """The members of one kernel call, as many as the kernel has lanes.
 
     quiet        without the measurement's noise
-    before_tail  (rows, W) what the judge kept of the run before its tail, and ``judged`` of all of it; None until it is known
+    before_tail  (rows, W) the judge's memory of the run before its tail, and ``judged`` of all of it; None until it is known
     """
 
     batch: Batch
@@ -204,7 +206,7 @@ class Group:
     state: Array
     parameters: Array
     past: Rings | None
-    streams: list[tuple[int, int]] | None  # seed and number of each member: its noise
+    streams: list[tuple[int, int]] | None  # seed and number of each member, for its noise
     watch: Watch | None
     recorded: list[Array] = field(default_factory=list)
     quiet: bool = False
@@ -222,8 +224,8 @@ class Group:
             self.recorded.append(out)
 
     def finish(self, steps: int, row: Array) -> None:
-        """The outputs at t_end, after all ``steps``: one more step whose end state is thrown away."""
-        state = self.state.copy()
+        """The outputs at t_end, after all ``steps``, by one more step whose end state is discarded."""
+        state = self.at_end()
         out = self.call(steps, 1, 1, state, row)
         self.batch.totals.merge_final(out[0, self.batch.program.shape.states :], self.columns)
         own, memory = self.batch.loop.size, self.batch.program.memory
@@ -231,8 +233,12 @@ class Group:
         if memory is not None:
             self.judged[memory.responses] = self.state[own:][memory.responses]
 
+    def at_end(self) -> Array:
+        """The state, (rows, W), from which that step is made, as a copy."""
+        return self.state.copy()
+
     def renew(self, at: Begins) -> Array:
-        """What the judge kept so far, (rows, W); what it keeps of the tail, or of a window, begins anew."""
+        """The judge's memory so far, (rows, W); the parts for the tail, or for a window, restart."""
         own, memory = self.batch.loop.size, self.batch.program.memory
         before = self.state[own:].copy()
         if memory is not None:
@@ -241,15 +247,15 @@ class Group:
         return before
 
     def twin(self, watch: Watch) -> Group:
-        """A copy of the group at the same step, to be taken further beside it."""
+        """A copy of the group at the same step, to be continued separately."""
         return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past), watch=watch)
 
     def beside(self) -> Group:
-        """A copy of the group at the same step that goes on by itself, with the same watch."""
+        """A copy of the group at the same step that continues independently, with the same watch."""
         return replace(self, state=self.state.copy(), past=copy.deepcopy(self.past))
 
     def held_rows(self, simulation: Simulation, step: int, steps: int, values: Array) -> Array:
-        """Rows of signals as of ``grid.signal_table``, which stay at ``values``; NaN stands for the time, which goes on."""
+        """Rows of signals as from ``grid.signal_table``, held at ``values``; NaN stands for the time, which continues."""
         nodes = simulation.solver.nodes
         held = np.tile(values, (steps, len(nodes), 1))
         if np.isnan(values).any():
@@ -266,7 +272,7 @@ class Group:
         return out[:, :, : self.columns.stop - self.columns.start]
 
     def _noise(self, start: int, steps: int) -> Array | None:
-        """The rows of every member's noise that these steps need, (rows, channels, W)."""
+        """The rows of every member's noise for these steps, (rows, channels, W)."""
         if self.streams is None:
             return None
         hold, channels = self.batch.rhythm.noise_hold, self.batch.program.shape.noise
@@ -335,8 +341,8 @@ def advance(
 
 
 TASK_STEPS = 2**14
-"""Kernel steps that one task of a pool takes at least where there are groups enough, a millisecond or so: handing it out costs
-some 50 us, which members of a tenth of a second would else pay for each group."""
+"""Least number of kernel steps of a task of a pool, about a millisecond, if there are enough groups: starting a task costs
+some 50 us, which would otherwise be added for each group of short members."""
 
 
 def _advance(groups: Sequence[Group], segment: Segment, table: Array) -> None:
@@ -345,7 +351,7 @@ def _advance(groups: Sequence[Group], segment: Segment, table: Array) -> None:
 
 
 def _finish(pending: list[Future[None]]) -> None:
-    """Wait for all of them; what interrupts that, an error or Ctrl-C, does not wait for those that have not begun."""
+    """Wait for all of them; an error or Ctrl-C does not wait for those that have not started."""
     try:
         for one in pending:
             one.result()

@@ -1,4 +1,4 @@
-"""Many runs at once: members that differ in any number of the plant, the settings or what follows from them."""
+"""Many runs at once: members that differ in any number of the plant, the settings or the quantities that follow from them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from barbalat.judge.settings import Judge
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
+from barbalat.run.engine.by_tolerance import run_members
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import Terms, judged, watched_in_sweeps
 from barbalat.run.kernel import costs, delay
@@ -26,9 +27,9 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 MEMBERS_AT_ONCE = 2**16
-"""Members that run side by side: enough for every core, and few enough that what each needs during its run fits into memory."""
+"""Members that run in parallel: enough for all cores, and few enough for their working data to fit into memory."""
 READING_STEPS = 1000
-"""Steps of a member's run that take about as long as reading it does."""
+"""Steps of a member's run that take about as long as reading the member."""
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,10 +39,9 @@ if TYPE_CHECKING:
 class EnsembleResult(Plotted):
     """Figures of M members, in the order given; ``varied`` counts the numbers in which they differ.
 
-    quarters  (M, 4, n) the largest |e| in each quarter of the run, t_end left out, where they were asked for; NaN for a member
-              that diverged
-    lost      what jumps and corners inside of steps cost all members, as of a single run's ``Result``
-    judged    the verdicts, where a judge was asked
+    quarters  (M, 4, n) the largest |e| in each quarter of the run, without t_end, if requested; NaN for a member that diverged
+    lost      the effect of jumps and corners inside steps on all members, as in a single run's ``Result``
+    judged    the verdicts, if a judge was given
     """
 
     simulation: Simulation
@@ -59,9 +59,9 @@ class EnsembleResult(Plotted):
         return f"<EnsembleResult: {size}, {diverged} diverged; worst |e| in the tail {worst}>"
 
     def plot(self, *, shown: bool = True) -> Figure:
-        """Which share of the members has at most an error, in all and in the tail, as a Matplotlib figure.
+        """The share of the members with at most a given error, in the whole run and in the tail, as a Matplotlib figure.
 
-        shown  to a person at once, by pyplot where that is in use
+        shown  whether it is displayed at once, if pyplot is in use
         """
         from barbalat.pictures.shares import Shares, draw
 
@@ -72,7 +72,7 @@ class EnsembleResult(Plotted):
         ]
         diverged = int(np.isfinite(found.diverged_at).sum())
         note = validate.counted(M, "run") + (
-            f"; {diverged} diverged and have no error, so that the share stays below 1" if diverged else ""
+            f"; {diverged} diverged and have no error, so the share stays below 1" if diverged else ""
         )
         return draw(panels, note, shown=shown)
 
@@ -94,19 +94,20 @@ def simulate_ensemble(
 ) -> EnsembleResult:
     """Run every (problem, controller) and return the figures over all steps; no trajectory is kept.
 
-    All members have one structure (scheme, dimensions, projection or not, signals) and may differ in every number:
-    theta, x0, gamma, kappa, the box, A_m and with it P, ... Numbers that are the same for all are compiled in.
+    All members have one structure (scheme, dimensions, projection or not, signals) and may differ in every number: theta, x0,
+    gamma, kappa, the box, A_m and with it P, ... Numbers that are equal for all members are compiled in.
 
-    members         read once, in their order, and not kept: a generator does, and a million members take little memory then
-    numbers         with the seed they fix each member's measurement noise; by default 0, 1, ... in the order given. Members
-                    with one number and one seed have the same noise
-    quarters        keep the largest |e| of each quarter of the run too; at least eight steps
-    judge           gives a verdict on every member; by default none is given. Model, signals and labels are the first member's
-    frequencies     of limit cycles are measured, which takes as long again as the run where members cycle
-    threads, lanes  only speed depends on them, not a single bit of the results
-    progress        reading members counts as a part of the work where their number is known beforehand
+    members         read once, in order, and not kept: a generator is accepted, and a million members then take little memory
+    numbers         determine each member's measurement noise, together with the seed; by default 0, 1, ... in the given order.
+                    Members with the same number and seed have the same noise
+    quarters        also keep the largest |e| of each quarter of the run; needs at least eight steps
+    judge           gives a verdict on every member; none by default. Model, signals and labels are the first member's
+    frequencies     of limit cycles are measured, which takes as long again as the run if members cycle
+    With a tolerance each member has its own steps, and its own error is not measured, since there is no second run.
+
+    threads, lanes  they affect only speed, not a single bit of the results
+    progress        reading members counts as part of the work if their number is known beforehand
     """
-    simulation.require_steps("an ensemble")
     count = _require(members, simulation, quarters, lanes)
     reading = 0.0 if count is None else READING_STEPS / (READING_STEPS + simulation.steps)
 
@@ -126,48 +127,61 @@ def simulate_ensemble(
         return costs.of_members([read.loop], simulation.steps, count) + kept
 
     budget.require("members", len(read), cost, what="an ensemble")
-    delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), MEMBERS_AT_ONCE), simulation.dt)
+    by_tolerance, grid = simulation.tolerance is not None, simulation if simulation.tolerance is None else simulation.grid
+    if not by_tolerance:
+        delay.require_memory(read.longest_delay, read.loop.inputs, min(len(read), MEMBERS_AT_ONCE), simulation.dt)
     points = 4 * int(
         np.ceil(simulation.steps / (4 * CHUNK_STEPS))
-    )  # each quarter has a whole number of blocks, if steps allow it
+    )  # each quarter has a whole number of blocks if there are enough steps
     blocks = replace(simulation, record_points=points) if quarters else simulation
     found, verdicts = [], []
     for first in range(0, len(read), MEMBERS_AT_ONCE):
         which = slice(first, min(first + MEMBERS_AT_ONCE, len(read)))
-        batch = Batch.part(read, which, record=quarters, lanes=lanes)
         done, width = (reading + (1 - reading) * first / len(read), (1 - reading) * (which.stop - first) / len(read))
-        run([batch], read.signals, blocks, threads=threads, progress=part_of(progress, done, width))
-        found.append((batch.metrics(simulation), _quarters(batch, blocks) if quarters else None))
+        told = part_of(progress, done, width)
+        if by_tolerance:
+            batch: Batch = run_members(read, which, threads=threads, progress=told)
+        else:
+            batch = Batch.part(read, which, record=quarters, lanes=lanes)
+            run([batch], read.signals, blocks, threads=threads, progress=told)
+        found.append((batch.metrics(grid), _quarters(batch, blocks) if quarters else None))
         if judge is not None and read.problem is not None:
-            terms = Terms.of(read.problem, simulation, judge)
-            verdicts.append(judged(batch, simulation, terms, frequencies=frequencies, excused=True, threads=threads))
+            terms = Terms.of(read.problem, grid, judge)
+            verdicts.append(judged(batch, grid, terms, frequencies=frequencies, excused=True, threads=threads))
     metrics, by_quarters = zip(*found, strict=True)
     largest = np.concatenate([part.max_abs_u.reshape(len(part.max_abs_u), -1) for part in metrics])
-    lost = lost_order(read.signals, simulation, delayed=read.loop.delayed, bends=delay.brings_bends(read.loop))
     return EnsembleResult(
         simulation=simulation,
         metrics=Metrics.together(metrics),
         varied=len(read.parameters),
         quarters=np.concatenate(by_quarters) if quarters else None,
-        lost=lost_along(lost, read.loop, simulation, None if len(read.parameters) else largest),
+        lost=None if by_tolerance else _lost(read, simulation, None if len(read.parameters) else largest),
         judged=Judged.together(verdicts) if verdicts else None,
     )
 
 
+def _lost(read: Members, simulation: Simulation, largest: Array | None) -> LostOrder | None:
+    """The effect of jumps and corners inside steps; ``largest`` as in ``lost_along``."""
+    lost = lost_order(read.signals, simulation, delayed=read.loop.delayed, bends=delay.brings_bends(read.loop))
+    return lost_along(lost, read.loop, simulation, largest)
+
+
 def _require(members: Any, simulation: Simulation, quarters: bool, lanes: int | None) -> int | None:
-    """InputError for what no ensemble can be made of; how many members there are, where that is known beforehand."""
+    """InputError for input that can't form an ensemble; returns the number of members if it is known beforehand."""
     if lanes is not None and (validate.whole("lanes", lanes, least=1) & (lanes - 1)):
         raise InputError(f"lanes must be a power of two, got {lanes}")
     if not isinstance(members, Iterable) or isinstance(members, (str, bytes, Mapping)):
         raise InputError(f"members must be a list of pairs (problem, controller), got {validate.show(members)}")
     validate.instance("simulation", simulation, Simulation)
+    if quarters:
+        simulation.require_steps("the error in each quarter")
     if quarters and simulation.steps < 8:
         raise InputError(f"quarters need at least eight solver steps, got {simulation.steps}")
     return len(members) if isinstance(members, Sized) else None
 
 
 def _checked(members: Iterable[Any]) -> Iterator[tuple[TrackingProblem, Controller]]:
-    """The members one by one; InputError for what is none, and where there is none."""
+    """The members in order; InputError for an invalid one, and if there is none."""
     i = 0
     for i, member in enumerate(members, start=1):
         if not (isinstance(member, tuple) and len(member) == 2 and isinstance(member[0], TrackingProblem)):
@@ -178,7 +192,7 @@ def _checked(members: Iterable[Any]) -> Iterator[tuple[TrackingProblem, Controll
 
 
 def _quarters(batch: Batch, simulation: Simulation) -> Array:
-    """(M, 4, n) from the recorded blocks: each belongs to the quarter in which its middle lies."""
+    """(M, 4, n) from the recorded blocks: each belongs to the quarter that contains its middle."""
     blocks = batch.blocks(simulation)
     quarter = (4 * (blocks.starts + 0.5 * blocks.lengths) / simulation.steps).astype(int)
     e = np.maximum(-blocks.figure("e", "min"), blocks.figure("e", "max"))

@@ -1,4 +1,4 @@
-"""Verdicts on batches after their runs; suspects of limit cycles are taken further with everything held, in their own kernels."""
+"""Verdicts on batches after their runs; suspected limit cycles are continued with all signals held, in their own kernels."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ from barbalat.validate import Array
 
 
 def watched_in_sweeps(judge: Judge) -> Watched:
-    """What is kept of members of which nothing but the verdict is asked."""
+    """The judge's memory for members of which only the verdict is needed."""
     return Watched(judge.cycle, weighed=True)
 
 
 def watched_in_runs(judge: Judge, problem: TrackingProblem) -> Watched:
-    """What is kept of a run by itself: the figures too, and where the command moves in steps the responses."""
+    """The judge's memory for a single run: also the figures and, if the command moves in steps, the responses."""
     names, (A, B, C) = component_names(problem), problem.model.matrices
     stepping = all(isinstance(one, SlopedSignal) and one.slope == 0 for one in problem.commands)
     found = Watched(judge.cycle, detailed=True, settles=FOLLOWS_SHARE)
@@ -62,12 +62,12 @@ def watched_in_runs(judge: Judge, problem: TrackingProblem) -> Watched:
 
 
 GAIN_ROUNDING = 1e-9
-"""A component whose gain at rest is below this part of the largest one has none: it comes back after a step."""
+"""A component whose steady-state gain is below this share of the largest counts as without gain: it returns after a step."""
 
 
 @dataclass(frozen=True, eq=False)
 class Terms:
-    """What runs of one problem are judged by: settings, the components' names and units, the signals of the tail.
+    """The terms by which runs of one problem are judged: settings, the components' names and units, the signals of the tail.
 
     slowest  the longest period of the model's modes [s]
     """
@@ -96,14 +96,17 @@ class Terms:
 
 
 LASTING = (Bias, Latency)
-"""Faults that a continuation keeps at their largest, as it does disturbances; the others come and go, and end with the noise."""
+"""Faults that a continuation holds at their largest, like disturbances; the others are temporary and end with the noise."""
+
+
+def passes(signal: Signal) -> bool:
+    """Whether the signal is a temporary fault."""
+    return isinstance(signal, FaultSignal) and not isinstance(signal.fault, LASTING)
 
 
 def _without_passing(signals: Sequence[Signal]) -> list[Signal]:
-    """The signals with 0 for faults that come and go: a lost measurement that is held would open the loop for ever."""
-    return [
-        Constant(amplitude=0.0) if isinstance(one, FaultSignal) and not isinstance(one.fault, LASTING) else one for one in signals
-    ]
+    """The signals with temporary faults set to 0: holding a lost measurement would open the loop for good."""
+    return [Constant(amplitude=0.0) if passes(one) else one for one in signals]
 
 
 def judged(
@@ -116,11 +119,11 @@ def judged(
     excused: bool = False,
     threads: int | None = None,
 ) -> Judged:
-    """The verdicts on a batch whose run is over.
+    """The verdicts on a batch after its run.
 
-    among        (M,) members whose limit cycles are looked for; by default all are
-    excused      spares members that follow what is looked at for long, where their commands explain that they reverse
-    frequencies  of limit cycles, each of which takes another window or more of the run
+    among        (M,) members that are searched for limit cycles; all by default
+    excused      skip the long examination for members that follow and whose reversals are explained by their commands
+    frequencies  measure those of limit cycles, each of which takes another window or more of the run
     """
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
@@ -159,7 +162,7 @@ def tail_is_short(problem: TrackingProblem, simulation: Simulation) -> bool:
 
 
 def kept_of(batch: Batch) -> Kept:
-    """What the judge kept of all members."""
+    """The judge's memory of all members."""
     memory = batch.program.memory
     assert memory is not None, "this batch ran without a judge"
     whole, before = [], []
@@ -172,14 +175,14 @@ def kept_of(batch: Batch) -> Kept:
 
 
 def _limited(kept: Kept, simulation: Simulation) -> Array:
-    """(M, m) for which share of the tail each control is at a limit, or at its rate limit."""
+    """(M, m) the share of the tail for which each control is at a limit, or at its rate limit."""
     memory, tail = kept.memory, simulation.steps - simulation.tail_start
     at_limit = kept.of_inputs("at limit", memory.limited, in_tail=True)
     return (at_limit + kept.of_inputs("at rate limit", memory.rate_limited, in_tail=True)) / tail
 
 
 def _initial(batch: Batch) -> Array:
-    """(M, n) the components at t = 0; zeros where an output is fed back, since such a plant starts at rest."""
+    """(M, n) the components at t = 0; zeros with output feedback, since such a plant starts at rest."""
     loop = batch.loop
     if loop.measured_outputs:
         return np.zeros((batch.states.shape[1], loop.errors))
@@ -192,8 +195,8 @@ def _noise(loop: ClosedLoop) -> Array | None:
 
 
 def _lost_at(batch: Batch, simulation: Simulation, lost: Array) -> tuple[Array, Array]:
-    """(M,) when a run diverged, to the step, or by when a component had passed its band, as far as was recorded [s]; NaN where
-    neither is known. And (M,) how much earlier that may have been [s]: the record's piece, 0 where it diverged."""
+    """(M,) the time at which a run diverged, to the step, or by which a component had passed its band, as far as was recorded
+    [s]; NaN if neither is known. Also (M,) how much earlier that may have been [s]: the record's piece, or 0 for a divergence."""
     found, within = np.asarray(simulation.time(batch.diverged_step)), np.zeros(len(batch.diverged_step))
     if not batch.record:
         return found, within
@@ -212,11 +215,12 @@ def _lost_at(batch: Batch, simulation: Simulation, lost: Array) -> tuple[Array, 
 
 
 SAMPLES_EACH_REVERSAL = 20
-"""Of a cycle whose frequency is measured: its switches are then known to a twentieth of the time between two."""
+"""Samples per cycle of a measured frequency: its switching times are then known to a twentieth of the time between two."""
 
 
 class _Seen(NamedTuple):
-    """What a window showed of some members: (M, m) each, (M,) whether they diverged, and (M, n) the largest of what follows."""
+    """The observations in a window of some members: (M, m) each, (M,) whether they diverged, and (M, n) the largest magnitudes
+    of the components."""
 
     low: Array
     high: Array
@@ -226,7 +230,7 @@ class _Seen(NamedTuple):
 
     @classmethod
     def together(cls, pieces: Sequence[_Seen]) -> _Seen:
-        """What one window of them all would have shown, but for the reversals where two of them meet."""
+        """The observations in one window that joins these pieces, except for reversals between two pieces."""
         low, high, reversals, lost, largest = zip(*pieces, strict=True)
         ends = np.min(low, axis=0), np.max(high, axis=0)
         return cls(*ends, np.sum(reversals, axis=0), np.any(lost, axis=0), np.max(largest, axis=0))
@@ -245,7 +249,7 @@ def _cycles(
     limits: Array,
     frequencies: bool,
 ) -> Cycles:
-    """``limits`` (M, n) are those beyond which a run is lost."""
+    """``limits`` (M, n) are the magnitudes beyond which a run is lost."""
     members, inputs = len(suspect), kept.memory.inputs
     if not suspect.any():
         return Cycles.none(members, inputs, suspect)
@@ -276,9 +280,11 @@ def _cycles(
 
 
 def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Iterator[tuple[Windows, Array, Array]]:
-    """What decides about these ``members`` of a group, (M, n) the largest of what follows, and about which of them.
+    """The windows that decide about these ``members`` of a group, (M, n) the largest magnitudes of the components, and which
+    members they decide about.
 
-    Each is judged by the first windows that decide about it, whatever its neighbours need: no verdict depends on who runs beside.
+    Each member is judged by the first windows that decide about it, whatever its neighbours need: no verdict depends on the other
+    members of a group.
     """
     seen: list[_Seen] = []
     if steps >= FIRST_PIECES:
@@ -301,7 +307,8 @@ def _decisions(going: Continued, steps: int, band: Array, members: Array) -> Ite
 
 
 def _frequencies(going: Continued, steps: int, reversals: Array, cycling: Array, members: Array) -> Array:
-    """(K, m) [rad/s] of the controls of K ``members`` that cycle, from what follows; 0 of the others. ``reversals`` (K, m)."""
+    """(K, m) [rad/s] frequencies of the controls of K ``members`` that cycle, from the continuation; 0 for the others.
+    ``reversals`` (K, m)."""
     turned, found = reversals.max(axis=1), np.zeros(cycling.shape)
     for count in np.unique(turned[cycling.any(axis=1)]):
         windows = enough_windows(count)
@@ -313,7 +320,7 @@ def _frequencies(going: Continued, steps: int, reversals: Array, cycling: Array,
 
 @dataclass(eq=False)
 class Continued:
-    """A group beyond its run's end: commands and disturbances are held, and the measurement has no noise."""
+    """A group after the end of its run, with commands and disturbances held and without measurement noise."""
 
     group: Group
     simulation: Simulation
@@ -322,15 +329,15 @@ class Continued:
 
     @classmethod
     def of(cls, group: Group, simulation: Simulation, held: Array) -> Continued:
-        """From where the group's run ended; the group itself stays as it is."""
+        """The continuation from the end of the group's run; the group itself is unchanged."""
         return cls(replace(group, recorded=[], quiet=True), simulation, held, simulation.steps).copied()
 
     def copied(self) -> Continued:
-        """The same from here on, by itself."""
+        """A copy that continues independently."""
         return replace(self, group=self.group.beside())
 
     def window(self, steps: int) -> _Seen:
-        """So many steps more."""
+        """Continue for this number of steps."""
         group, memory = self.group, self.group.batch.program.memory
         assert memory is not None
         own, shape = group.batch.loop.size, group.batch.program.shape
@@ -351,7 +358,7 @@ class Continued:
         return _Seen(*ends, turned.T, np.asarray(good < steps), after[rows["largest y"]].T)
 
     def traced(self, steps: int, samples: int) -> tuple[Array, Array]:
-        """Instants (K,) [s] of so many steps more, about ``samples``, and there each control's farthest point, (K, M, m)."""
+        """Instants (K,) [s] over this number of steps, about ``samples``, with each control's farthest point, (K, M, m)."""
         group, memory = self.group, self.group.batch.program.memory
         assert memory is not None
         own, (farthest, direction) = group.batch.loop.size, (memory.places[name] for name in ("farthest", "direction"))

@@ -1,9 +1,11 @@
-"""A run whose steps follow from a tolerance: its steps, call after call of the kernel, and the nodes that are observed of it."""
+"""A run whose steps follow from a tolerance: its steps, by successive calls of the kernel, and the nodes at which it is
+observed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from math import inf
 
 import numpy as np
 
@@ -15,7 +17,7 @@ from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.problem.measurement import Noise
 from barbalat.protocols import Signal
-from barbalat.run.kernel.attempt import ALL, CHOICE, DIVERGED, SMOOTH, STALLED, Attempts, dense_output
+from barbalat.run.kernel.attempt import ALL, CHOICE, DIVERGED, PIECE, SMOOTH, STALLED, Attempts, HeldPast, dense_output
 from barbalat.run.kernel.breaks import ON_GRID_ROUNDINGS
 from barbalat.run.kernel.pieces import Pieces
 from barbalat.run.kernel.portable import run_times
@@ -25,18 +27,23 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 FIRST_STEP = 1e-6
-"""Part of the horizon: the first attempt, which a few successes multiply by 6 each."""
+"""The first attempt as a share of the horizon; successes multiply it by 6 each."""
 MOST_ATTEMPTS, FEWEST_ATTEMPTS = 512, 8
-"""Of a call of the kernel: what it writes stays in the cache."""
+"""Attempts per call of the kernel: its output stays in the cache."""
+LOOKED_AT_EVERY, LEAST_PROGRESS = 20_000, 1e-7
+"""Number of attempts in which a motion must advance by this share of its horizon; a slower one would take 2e11 of them, a day."""
+RESOLVED = 1e-9
+"""A tolerance above the rounding of Section V at a gain of 1e4, which is as large as 1e-10 of the estimates."""
 NODES_EACH_STEP = 8
-"""At least, an even number: a step of the integration turns the fastest oscillation by some 1.5 rad."""
+"""Least number of nodes per step, an even number: a step covers some 1.5 rad of the fastest oscillation."""
 WITHIN = 0.9
-"""Of the distance of two recorded instants, the largest between nodes."""
+"""Largest distance between nodes, as a share of that between recorded instants."""
 
 
 @lru_cache(maxsize=64)
-def _compiled(program: Program, begin: Program, shape: LoopShape) -> CompiledLoop:
-    """Its code, optimised once enough attempts were made: how many a run takes is not known before, and no bit depends on it."""
+def compiled_attempts(program: Program, begin: Program, shape: LoopShape) -> CompiledLoop:
+    """Its code, optimised after enough attempts: the number that a run takes is not known beforehand, and no bit depends on
+    it."""
 
     def make(quickly: bool) -> Kernel:
         return Kernel(program, shape, (0.0,) * shape.accumulators, 1, begin, quickly=quickly)
@@ -48,20 +55,24 @@ def _compiled(program: Program, begin: Program, shape: LoopShape) -> CompiledLoo
 class Motion:
     """The integration of one member.
 
-    rows  of its pieces, the last of which is its end: see ``Pieces.rows``
-    steps, rejected, choices  how many so far; choices are steps that ended where the equations jump or bend
+    start       (S,) the loop's state at t = 0, and parameters (p,), the values of the symbols of ``attempts``
+    rows        rows of its pieces, of which the last is its end: see ``Pieces.rows``
+    steps, rejected, choices  numbers so far; choices are steps that ended where the equations jump or bend
     """
 
     attempts: Attempts
     code: CompiledLoop
+    start: Array
+    parameters: Array
     state: Array
     tolerance: float
     pieces: Pieces
     rows: Array
-    at_once: int = 16  # attempts of the last call; those of one that has arrived are in vain
+    at_once: int = 16  # attempts of the last call; those after the arrival are unused
     steps: int = 0
     rejected: int = 0
     choices: int = 0
+    looked: tuple[int, float] = (0, 0.0)  # attempts and time [s] at the last check of its progress
 
     @classmethod
     def of(
@@ -71,39 +82,53 @@ class Motion:
         simulation: Simulation,
         tolerance: float,
         noise: Noise | None = None,
+        past: HeldPast | None = None,
+        number: int = 0,
     ) -> Motion:
-        """InputError for signals or equations that no tolerance goes with."""
-        driven = TimeSignals.of(signals)
-        attempts = Attempts(loop, driven, fused=simulation.fused)
-        tail = float(simulation.time(simulation.tail_start))
-        kept = np.unique(np.concatenate([[0.0, tail, simulation.t_end], driven.breaks(simulation.t_end)]))
-        code = _compiled(attempts.program(), attempts.begin(), attempts.shape)
-        state = attempts.carried.initial(loop.initial(), FIRST_STEP * simulation.t_end)
-        pieces = Pieces(attempts, noise)
-        return cls(attempts, code, state, tolerance, pieces, pieces.rows(kept))
+        """InputError for signals or equations that can't be used with a tolerance."""
+        attempts = Attempts(loop, TimeSignals.of(signals), fused=simulation.fused, past=past)
+        code = compiled_attempts(*attempts.lists, attempts.shape)
+        return cls.begun(Pieces(attempts, noise, number), code, loop.initial(), np.zeros(0), simulation, tolerance)
+
+    @classmethod
+    def begun(
+        cls, pieces: Pieces, code: CompiledLoop, start: Array, parameters: Array, simulation: Simulation, tolerance: float
+    ) -> Motion:
+        """The motion at t = 0, from compiled programs."""
+        attempts, tail = pieces.attempts, float(simulation.time(simulation.tail_start))
+        kept = np.unique(np.concatenate([[0.0, tail, simulation.t_end], attempts.signals.breaks(simulation.t_end)]))
+        state = attempts.initial(start, FIRST_STEP * simulation.t_end)
+        return cls(attempts, code, start, parameters, state, tolerance, pieces, pieces.rows(kept))
 
     def again(self, tolerance: float, t_end: float) -> Motion:
-        """The same from t = 0 at another tolerance."""
-        state = self.attempts.carried.initial(self.attempts.loop.initial(), FIRST_STEP * t_end)
-        return replace(self, state=state, tolerance=tolerance, at_once=16, steps=0, rejected=0, choices=0)
+        """The same motion from t = 0 with another tolerance."""
+        state = self.attempts.initial(self.start, FIRST_STEP * t_end)
+        return replace(self, state=state, tolerance=tolerance, at_once=16, steps=0, rejected=0, choices=0, looked=(0, 0.0))
 
     def sparse(self) -> Motion:
-        """The same without dense output, of which the end of each piece alone is known: three evaluations less an attempt."""
+        """The same motion without dense output, of which only the end of each piece is known: an attempt has three evaluations
+        less."""
         attempts = self.attempts
-        return replace(self, code=_compiled(attempts.program(dense=False), attempts.begin(), attempts.shape))
+        return replace(self, code=compiled_attempts(attempts.program(dense=False), attempts.begin(), attempts.shape))
 
     def copied(self) -> Motion:
-        """It, to be taken further by itself."""
+        """A copy that continues independently."""
         return replace(self, state=self.state.copy())
 
+    def ended(self) -> Motion:
+        """The motion at its end, without the earlier pieces."""
+        state = self.state.copy()
+        state[self._at("piece")] = 0.0
+        return replace(self, state=state, rows=self.rows[-1:].copy())
+
     def held(self, values: Array, stop: float) -> Motion:
-        """From where it is, with the signals held at these values and without noise, as far as ``stop`` [s]."""
+        """The motion from the present time, with the signals held at these values and without noise, up to ``stop`` [s]."""
         pieces = replace(self.pieces, noise=None)
         rows = pieces.rows(np.array([self.t, stop]), values, sampled_already=True)
         return replace(self.along(rows), pieces=pieces)
 
     def along(self, rows: Array) -> Motion:
-        """From where it is along further pieces."""
+        """The motion from the present time along further pieces."""
         state = self.state.copy()
         state[self._at("piece")], state[self._at("renew")] = 0.0, ALL
         return replace(self, state=state, rows=rows)
@@ -113,12 +138,12 @@ class Motion:
 
     @property
     def t(self) -> float:
-        """How far it has come [s]."""
+        """The present time [s]."""
         return float(self.state[self._at("t")])
 
     @property
     def x(self) -> Array:
-        """The loop's state there."""
+        """The loop's present state."""
         return self.state[: self.attempts.loop.size]
 
     @property
@@ -131,14 +156,14 @@ class Motion:
         return self.diverged or (self.state[self._at("piece")] == len(self.rows) - 1 and self.state[self._at("renew")] == 0)
 
     def further(self) -> Array:
-        """A number of steps more, as rows of what ``Written`` describes."""
+        """Advance by a number of steps, as rows described by ``Written``."""
         carried, t_stop = self.attempts.carried, float(self.rows[-1, 0])
         needed = 1.1 * (t_stop - self.t) / self.state[self._at("h")] + len(self.rows) - self.state[self._at("piece")]
         blocks = self.at_once = int(min(max(needed, FEWEST_ATTEMPTS), 2 * self.at_once, MOST_ATTEMPTS))
         kernel = self.code.for_steps(blocks)
         out = np.empty((blocks, carried.size + kernel.shape.accumulators))
         before = out[:, self._at("t")]
-        kernel(blocks, 1, self.state, np.array([self.tolerance]), self.rows, out, sample_every=1)
+        kernel(blocks, 1, self.state, np.append(self.parameters, self.tolerance), self.rows, out, sample_every=1)
         written = out[:, carried.size :]
         good, tried = written[:, 0] > 0, before < t_stop
         self.steps += int(good.sum())
@@ -146,29 +171,46 @@ class Motion:
         self.rejected += int((tried & ~good).sum())
         if self.state[self._at("status")] == STALLED:
             self._stalled()
+        self._require_progress()
         return written[good]
 
+    def _require_progress(self) -> None:
+        """InputError for a motion that rounding takes back and forth across a jump of its equations."""
+        (before, t), attempts = self.looked, self.steps + self.rejected
+        if attempts - before < LOOKED_AT_EVERY:
+            return
+        if not self.over and self.t - t < LEAST_PROGRESS * float(self.rows[-1, 0]):
+            larger = max(10 * self.tolerance, RESOLVED)
+            instead = f"ask for a larger one, such as {larger:g}, or " if self.tolerance < RESOLVED else ""
+            raise InputError.of(
+                "simulation.tolerance",
+                f"= {self.tolerance:g} is finer than 64-bit numbers resolve the motion at t = {self.t:.6g} s: "
+                f"{attempts - before} attempts at a step advanced it by {self.t - t:.2g} s, since roundings decide on which side "
+                f"of a jump of its equations it is; {instead}give simulation.dt",
+            )
+        self.looked = attempts, self.t
+
     def _stalled(self) -> None:
-        """A finite escape is a divergence; anything else is a motion that no tolerance follows."""
-        if np.abs(self.x).max() > ESCAPING * max(np.abs(self.attempts.loop.initial()).max(), 1.0):
+        """A finite escape is a divergence; anything else is a motion that no tolerance can follow."""
+        if np.abs(self.x).max() > ESCAPING * max(np.abs(self.start).max(), 1.0):
             self.state[self._at("status")] = DIVERGED
             return
         raise InputError.of(
             "simulation.tolerance",
-            f"= {self.tolerance:g} leaves no step at t = {self.t:.6g} s: the motion slides along a jump of its equations, or "
-            "no number resolves it; give simulation.dt",
+            f"= {self.tolerance:g} leaves no step at t = {self.t:.6g} s"
+            ": the motion slides along a jump of its equations, or exceeds the resolution of numbers; give simulation.dt",
         )
 
 
 SAME_INSTANT = ON_GRID_ROUNDINGS * float(np.finfo(float).eps)
-"""Of a time: two that are no farther apart are the same instant."""
+"""Relative distance of two times below which they are the same instant."""
 ESCAPING = 1e4
-"""A state so many times larger than at the start is on its way to infinity when no step is small enough for it."""
+"""A state this many times larger than at the start escapes to infinity if no step is small enough for it."""
 
 
 @lru_cache(maxsize=64)
 def _node_kernel(states: int) -> Kernel:
-    """Of a row that a motion wrote, the states at the first NODES_EACH_STEP nodes but the one at its start, as accumulators."""
+    """The states at the first NODES_EACH_STEP nodes, except that at the start, of a row written by a motion, as accumulators."""
     import casadi as ca
 
     row, found = ca.SX.sym("row", 3 + 8 * states), []
@@ -186,7 +228,7 @@ def _node_kernel(states: int) -> Kernel:
 
 
 def _first_nodes(written: Array, states: int) -> Array:
-    """The states at NODES_EACH_STEP nodes of each of these steps, but for those at their starts."""
+    """The states at NODES_EACH_STEP nodes of each of these steps, except those at their starts."""
     found = np.empty((len(written), NODES_EACH_STEP, states))
     kernel, out = _node_kernel(states), np.empty((len(written), (NODES_EACH_STEP - 1) * states))
     kernel(len(written), 1, np.empty(0), np.empty(0), np.ascontiguousarray(written), out)
@@ -196,12 +238,13 @@ def _first_nodes(written: Array, states: int) -> Array:
 
 @dataclass(eq=False)
 class Nodes:
-    """What is observed of a motion: its nodes as rows for the observer's kernel, and its states at the instants of a grid.
+    """The observation of a motion: its nodes as rows for the observer's kernel, and its states at the instants of a grid.
 
-    grid      the run as if it had a step from each recorded instant to the next
+    grid      the run as if it had one step between successive recorded instants
     first     the step of the grid at which the motion begins, and last the one at which it ends
-    held      the values (k,) at which the signals are held; None where they go on
-    recorded  (last - first + 1, S) the states at the grid's instants, NaN beyond where the motion has come
+    held      the values (k,) at which the signals are held; None if they continue
+    instants  (last - first + 1,) [s] that are recorded, from the motion's beginning to its end, in place of the grid's
+    recorded  (last - first + 1, S) the states at the grid's instants, NaN for times that the motion has not reached
     """
 
     motion: Motion
@@ -210,31 +253,35 @@ class Nodes:
     first: int
     last: int
     held: Array | None = None
+    instants: Array | None = None
     recorded: Array = field(init=False)
-    _kept: list[Array] = field(init=False)  # of the nodes that were not handed out: times, states, weights, smooth
+    _kept: list[Array] = field(init=False)  # of nodes not yet returned: times, states, weights, smooth, whether it ends a piece
     _end_weight: float = field(init=False, default=0.0)
     _joins: bool = field(init=False, default=False)
+    _before_end: Array = field(init=False)  # the state before the events at the end
     _closed: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         states = self.motion.attempts.loop.size
         self.recorded = np.full((self.last - self.first + 1, states), np.nan)
         self.recorded[0] = self.motion.x
-        self._kept = [np.zeros(0), np.zeros((0, states)), np.zeros(0), np.zeros(0)]
+        self._kept = [np.zeros(0), np.zeros((0, states)), np.zeros(0), np.zeros(0), np.zeros(0, dtype=bool)]
+        self._before_end = self.motion.x.copy()
 
     @cached_property
     def _instants(self) -> Array:
-        return np.asarray(self.grid.time(np.arange(self.first, self.last + 1)))
+        return np.asarray(self.grid.time(np.arange(self.first, self.last + 1))) if self.instants is None else self.instants
 
     def rows(self, start: int, stop: int, most: int) -> tuple[Array, int]:
-        """The table of whole steps of the grid from ``start`` on, up to ``stop`` or about ``most`` rows, and how many steps."""
+        """The table of whole steps of the grid from ``start`` on, up to ``stop`` or about ``most`` rows, and the number of
+        steps."""
         while not self._closed:
             times = self._kept[0]
             reached = self._steps(times[-1:]).max(initial=start)
             if reached >= stop or (len(times) >= most and reached > start):
                 break
             self._more()
-        times, states, weights, smooth = self._kept
+        times, states, weights, smooth, ends = self._kept
         step = self._steps(times)
         lost = self.motion.diverged and self._closed
         end = stop if lost else min(stop, int(step[-1]))
@@ -243,7 +290,7 @@ class Nodes:
         after, next_times = np.append(step, end)[1 : count + 1], np.append(times, times[-1:])[1 : count + 1]
         table = np.column_stack(
             [
-                self._driving(times[:count]), following, weights[:count], smooth[:count],
+                self._driving(times[:count], ends[:count]), following, weights[:count], smooth[:count],
                 times[:count] == self.grid.time(self.grid.tail_start), (next_times - times[:count]) / self.grid.dt,
                 np.ones(count), after > step[:count],
             ]
@@ -255,48 +302,61 @@ class Nodes:
             table = np.vstack([table, missing])
         return np.ascontiguousarray(table, dtype=float), end - start
 
-    def through(self) -> None:
-        """Take the motion to its end for its states at the grid's instants alone."""
+    def through(self, most: float = inf) -> None:
+        """Advance the motion to its end only for its recorded states; InputError after ``most`` attempts."""
         while not self.motion.over:
+            if self.motion.steps + self.motion.rejected > most:
+                raise InputError(f"a run with a tolerance of {self.motion.tolerance:g} takes more than {most:g} steps")
             written = self.motion.further()
             if len(written):
                 self._record(written, self.motion.attempts.loop.size)
         self._close()
 
     def final(self) -> Array:
-        """The row at the motion's end, of no length."""
+        """The row at the motion's end, with zero length."""
         t, x = np.array([self.motion.t]), self.motion.x
-        return np.concatenate([self._driving(t)[0], x, [self._end_weight, 0.0, 0.0, 0.0, 1.0, 1.0]])[None]
+        return np.concatenate([self._driving(t, np.zeros(1, dtype=bool))[0], x, [self._end_weight, 0.0, 0.0, 0.0, 1.0, 1.0]])[
+            None
+        ]
 
     def _steps(self, times: Array) -> Array:
-        """The steps of the grid in which these instants [s] lie."""
-        return self.first + np.searchsorted(self._instants, times, side="right") - 1
+        """The steps of the grid that contain these instants [s]; up to rounding, an instant at the beginning of a step belongs
+        to it."""
+        return self.first + np.searchsorted(self._instants * (1 - SAME_INSTANT), times, side="right") - 1
 
-    def _driving(self, times: Array) -> Array:
-        """What drives the loop there, (K, signal_count)."""
-        noise = self.motion.pieces.noise_at(times)
+    def _driving(self, times: Array, ends: Array) -> Array:
+        """The signals of the loop there, (K, signal_count); before their jumps if a piece ``ends`` (K,).
+
+        The output of a delay is left at zero, since no output depends on it.
+        """
+        delayed = np.zeros((len(times), self.motion.attempts.loop.signals.delayed))
+        noise = np.column_stack([self.motion.pieces.noise_at(times, ends), delayed])
         if self.held is not None:
             values = np.tile(self.held, (len(times), 1))
             return np.column_stack([np.where(np.isnan(values), times[:, None], values), noise])
         t = run_times(self.grid, times)
-        return np.column_stack([*(np.asarray(validate.signal_values(signal, t)) for signal in self.signals), noise])
+        timed = [
+            np.where(ends, np.asarray(signal.before(t), float), np.asarray(validate.signal_values(signal, t)))
+            for signal in self.signals
+        ]
+        return np.column_stack([*timed, noise])
 
     def _more(self) -> None:
-        """Take up further steps of the motion."""
+        """Add further steps of the motion."""
         written, states = self.motion.further(), self.motion.attempts.loop.size
         if len(written):
             self._record(written, states)
             self._append(*self._observed(written, states))
         if self.motion.over and not self._closed:
             self._close()
-            x = self.motion.x[None]
-            self._append(np.array([self.motion.t]), x, np.array([self._end_weight]), np.zeros(1))
+            known = np.array([self.motion.t]), self._before_end[None], np.array([self._end_weight])
+            self._append(*known, np.zeros(1), np.zeros(1, dtype=bool))
 
     def _append(self, *parts: Array) -> None:
         self._kept = [np.concatenate([old, new]) for old, new in zip(self._kept, parts, strict=True)]
 
     def _record(self, written: Array, states: int) -> None:
-        """Where a step begins at an instant, its beginning counts, which a sample has changed."""
+        """If a step begins at an instant, its beginning is recorded, which a sample may have changed."""
         t, h = written[:, 1], written[:, 2]
         begins = t * (1 - SAME_INSTANT)
         wanted = np.arange(*np.searchsorted(self._instants, [begins[0], self.motion.t * (1 - SAME_INSTANT)]))
@@ -309,24 +369,34 @@ class Nodes:
         if not self.motion.diverged:
             self.recorded[-1] = self.motion.x
 
-    def _observed(self, written: Array, states: int) -> tuple[Array, Array, Array, Array]:
-        """Times, states, weights and smoothness of the nodes of these steps, each with its start and without its end."""
+    def _observed(self, written: Array, states: int) -> tuple[Array, ...]:
+        """The nodes of these steps as they are stored, each with the step's start, and with its end if that ends a piece.
+
+        There a signal or the state may jump: the end is then a node just before the beginning of the next piece.
+        """
         code, t, h, x = written[:, 0], written[:, 1], written[:, 2], written[:, 3 : 3 + states]
+        ended = code == PIECE
         joins = np.append(self._joins, code[:-1] == SMOOTH)
         self._joins = bool(code[-1] == SMOOTH)
-        unit = self.grid.steps + 1
         few = bool((h <= WITHIN * NODES_EACH_STEP * self.grid.dt).all())
         each = np.full(len(h), NODES_EACH_STEP)
         if not few:
             each = np.maximum(each, 2 * np.ceil(h / (2 * WITHIN * self.grid.dt)).astype(int))
-        which = np.repeat(np.arange(len(h)), each)
-        place = np.arange(len(which)) - np.repeat(np.cumsum(each) - each, each)
-        starts = place == 0
-        found = _first_nodes(written, states) if few else dense_output(written[which], states, place / each[which])
-        found[starts] = x
-        own = h / each / 3 * unit / self.grid.t_end
+        counts = each + ended
+        which = np.repeat(np.arange(len(h)), counts)
+        place = np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)
+        starts, ends = place == 0, place == each[which]
+        found = np.empty((len(which), states))
+        inside = _first_nodes(written, states) if few else dense_output(written[which], states, place / each[which])[~ends]
+        found[~ends], found[starts] = inside, x
+        found[ends] = (x + written[:, 3 + states : 3 + 2 * states])[ended]
+        own = h / each / 3 * (self.grid.steps + 1) / self.grid.t_end
         weights = own[which] * np.where(place % 2 == 1, 4.0, 2.0)
-        weights[starts] = own + np.append(self._end_weight, own[:-1])
-        self._end_weight = float(own[-1])
+        weights[starts] = own + np.append(self._end_weight, np.where(ended, 0.0, own)[:-1])
+        weights[ends] = own[ended]
+        self._end_weight = 0.0 if ended[-1] else float(own[-1])
+        self._before_end = found[-1] if ended[-1] else self.motion.x.copy()
         times = t[which] + h[which] * (place / each[which])
-        return times, found, weights, np.where(starts, np.repeat(joins, each), True).astype(float)
+        times[ends] = np.append(t[1:], self.motion.t)[ended] * (1 - 2 * SAME_INSTANT)
+        smooth = np.where(ends, -1.0, np.where(starts, np.repeat(joins, counts), 1.0))
+        return times, found, weights, smooth, ends

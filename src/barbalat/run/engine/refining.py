@@ -1,4 +1,4 @@
-"""How fine a step must be so that the method neither damps nor excites what it does not resolve."""
+"""How fine a step must be so that the method neither damps nor excites oscillations that it does not resolve."""
 
 from __future__ import annotations
 
@@ -17,26 +17,27 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 NEGLIGIBLE = 0.3
-"""What a method may take from, or add to, the logarithm of an oscillation's amplitude in a run that is always as stiff as at its
-stiffest instant. Of 696 runs of Section V that passed, at steps from 1 to 1/64 ms, none rang otherwise than at 10 us or was of
-another class; of 955 that pass 10 instead, ten rang otherwise (docs/judge.md)."""
+"""Largest admissible change by a method of the logarithm of an oscillation's amplitude, for a run that is as stiff throughout
+as at its stiffest instant. Of 696 runs of Section V that passed, at steps from 1 to 1/64 ms, none oscillated differently than
+at 10 us or had another class; of 955 that pass 10 instead, ten oscillated differently (docs/judge.md)."""
 FACTORS = (2, 4, 8, 16, 32, 64, 128)
-"""By which a step is made smaller where the method's own damping or growth is not negligible."""
+"""Divisors that are tried if the method's own damping or growth is not negligible."""
 ORDER_EIGHT_FACTORS = (1, 2, 4, 8, 16, 32, 64)
-"""The same of a method of order eight, whose own step may do."""
+"""The divisors for a method of order eight, whose own step may be sufficient."""
 ROOM = 0.9
-"""Of the tr J^2 that a finer step would bear, what the run at the coarser one may show: at the finer one it may be larger."""
+"""Share of the tr J^2 admissible at a finer step that the run at the coarser step may reach: at the finer step it may be
+larger."""
 
 
 class Refining(NamedTuple):
-    """A method that resolves more than a run's own, and by how much smaller its steps may be."""
+    """A method that resolves more than a run's own, and the ratio by which its steps may be smaller."""
 
     solver: Tableau
     factors: tuple[int, ...]
 
     @classmethod
     def of(cls, solver: Tableau, *, delayed: bool) -> Refining:
-        """Of order eight, which damps far less for each evaluation; the run's own where a delay is interpolated."""
+        """The method of order eight, which damps far less per evaluation; the run's own if a delay is interpolated."""
         return cls(solver, FACTORS) if delayed or solver.order >= 8 else cls(order_eight(), ORDER_EIGHT_FACTORS)
 
     def work(self, factor: Array, solver: Tableau) -> Array:
@@ -45,14 +46,15 @@ class Refining(NamedTuple):
 
 
 def finer_by(batch: Batch, simulation: Simulation) -> Array:
-    """(M,) what each member of a sweep needs, so that the method neither damps nor excites what it does not resolve.
+    """(M,) the refinement that each member of a sweep needs, so that the method neither damps nor excites what it does not
+    resolve.
 
-    0 where its own step does, else by how much smaller steps of ``Refining`` must be, infinite where none of its factors is
-    enough; NaN where nothing was watched.
+    0 if its own step is sufficient, else the factor by which steps of ``Refining`` must be smaller, infinite if no factor is
+    sufficient; NaN if nothing was monitored.
 
-    The kernel kept the largest tr J^2 of every eighth step, which is 2 omega^2 of an oscillation that the equations may leave
-    undamped: no spectrum is taken, and the whole run counts as if it had been as stiff as at its stiffest instant. A sampled law
-    is no solver's matter.
+    The kernel kept the largest tr J^2 of every eighth step, which is 2 omega^2 for an oscillation that the equations may leave
+    undamped: no spectrum is computed, and the whole run is treated as if it were as stiff as at its stiffest instant. A sampled
+    law does not depend on the solver.
     """
     coupling = np.full((1, batch.states.shape[1]), np.nan)
     if batch.loop.sampled:
@@ -68,7 +70,9 @@ def finer_by(batch: Batch, simulation: Simulation) -> Array:
 
 
 def needed_by_modes(loop: ClosedLoop, simulation: Simulation) -> float:
-    """What ``finer_by`` says of a member, by its loop's modes at the start, since what is constant is not watched."""
+    """The result of ``finer_by`` for a member, from its loop's modes at the start, since constant modes are not monitored."""
+    if simulation.tolerance is not None:  # which resolves them
+        return 0.0
     modes = _modes(loop, simulation, flatten(loop.initial())[None], np.zeros((1, loop.signal_count)))
     if np.isnan(modes).any() or _smallest(modes, simulation, simulation.solver, (1,)) == 1:
         return 0.0
@@ -76,10 +80,10 @@ def needed_by_modes(loop: ClosedLoop, simulation: Simulation) -> float:
 
 
 def finer_by_along(batch: Batch, simulation: Simulation, states: Array, signals: Array) -> float:
-    """By how much smaller steps of its own method one recorded member needs; NaN where nothing was watched.
+    """The refinement that one recorded member needs with its own method; NaN if nothing was monitored.
 
-    Each window of a continuous loop counts for as long as it lasts. Between the samples of a sampled one the plant's modes count,
-    at recorded instants with these ``states`` (K, size) and ``signals`` (K, signal_count).
+    Each window of a continuous loop counts with its duration. For a sampled loop the plant's modes between samples count, at
+    recorded instants with these ``states`` (K, size) and ``signals`` (K, signal_count).
     """
     factors = (1, *FACTORS)
     if batch.loop.sampled:
@@ -92,11 +96,11 @@ def finer_by_along(batch: Batch, simulation: Simulation, states: Array, signals:
 
 
 MOST_INSTANTS = 32
-"""Of a record, at which the modes between samples are looked at; those of a linear plant are the same at each."""
+"""Instants of a record at which the modes between samples are computed; those of a linear plant are constant."""
 
 
 def _modes(loop: ClosedLoop, simulation: Simulation, states: Array, signals: Array) -> Array:
-    """All eigenvalues of the right-hand side's Jacobian at K instants, (K size,); NaN where one is no number."""
+    """All eigenvalues of the right-hand side's Jacobian at K instants, (K size,); NaN if an entry is not finite."""
     jacobian = jacobian_function(loop.following_within(simulation.dt))
     found = [np.array(jacobian(*at).full()) for at in zip(states, signals, strict=True)]
     if not np.isfinite(found).all():
@@ -105,9 +109,9 @@ def _modes(loop: ClosedLoop, simulation: Simulation, states: Array, signals: Arr
 
 
 def _smallest(modes: Array, simulation: Simulation, solver: Tableau, factors: Sequence[int]) -> float:
-    """The smallest of the factors with which the method resolves these modes [1/s]; infinite where none does.
+    """The smallest of the factors with which the method resolves these modes [1/s]; infinite if there is none.
 
-    A mode that decays must do so by the method too, and one that oscillates keep its damping for as long as it lasts.
+    A decaying mode must decay with the method too, and an oscillating one must keep its damping for its duration.
     """
     for factor in factors:
         z = modes * simulation.dt / factor
@@ -121,9 +125,9 @@ def _smallest(modes: Array, simulation: Simulation, solver: Tableau, factors: Se
 
 
 def _needed(coupling: Array, steps: int, simulation: Simulation, solver: Tableau, factors: Sequence[int]) -> Array:
-    """(M,) the smallest of the factors that does, of so many steps in each of K windows with these tr J^2, (K, M).
+    """(M,) the smallest sufficient factor, for this number of steps in each of K windows with these tr J^2, (K, M).
 
-    Minus infinity where nothing varies, NaN where nothing was watched.
+    Minus infinity if nothing varies, NaN if nothing was monitored.
     """
     omega = np.sqrt(np.maximum(coupling, 0.0) / 2)
     found = np.full(coupling.shape[1], np.inf)

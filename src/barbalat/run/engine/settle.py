@@ -1,4 +1,5 @@
-"""Runs with a finer step: is what the step may damp or excite of the same class, and how much of the error is its own?"""
+"""Repeats runs with a finer step: is an oscillation that the step may damp or excite of the same class, and how large is the
+step's own error?"""
 
 from __future__ import annotations
 
@@ -20,10 +21,11 @@ from barbalat.solvers.simulation import Simulation
 
 
 def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
-    """The same results; each one that is not examined, ``verdict.settled`` being None, has the class of a finer step.
+    """The same results, with the class at a finer step for each one whose verdict is not examined, ``verdict.settled`` being
+    None.
 
-    What left its region of stability is the matter of ``check_numerics``. A run stays as it is where no factor that is tried
-    resolves it, or where the finer one would take more steps than ``afforded_steps``, or than the budget allows.
+    Runs that left their region of stability are left to ``check_numerics``. A run is unchanged if no factor that is tried
+    resolves it, or if the finer run would take more steps than ``afforded_steps`` or than the budget allows.
     """
     settled, pending = dict(results), [name for name, one in results.items() if _open(one, afforded_steps)]
     for i, name in enumerate(pending):
@@ -32,10 +34,10 @@ def settle(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEP
 
 
 def halved(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEPS, progress: Progress | None = None) -> Results:
-    """The same results; each one that was judged and did not diverge has what half the step says of its error, ``half_step``.
+    """The same results, with ``half_step``, the error at half the step, for each one that was judged and did not diverge.
 
-    A sampled controller keeps its sample time. What left its region of stability is the matter of ``check_numerics``; a run also
-    stays as it is where half its step takes more steps than ``afforded_steps``, or than the budget allows.
+    A sampled controller keeps its sample time. Runs that left their region of stability are left to ``check_numerics``; a run is
+    also unchanged if half its step takes more steps than ``afforded_steps`` or than the budget allows.
     """
     found = dict(results)
     pending = [name for name, one in results.items() if _halvable(one) and _affordable(one, 2.0, afforded_steps)]
@@ -59,7 +61,7 @@ def _halvable(result: Result) -> bool:
 
 def _affordable(result: Result, factor: float, afforded: int) -> bool:
     steps = result.simulation.steps * factor
-    if not np.isfinite(steps) or steps > afforded or result.simulation.dt / factor == 0.0:  # below the least float
+    if not np.isfinite(steps) or steps > afforded or result.simulation.dt / factor == 0.0:  # below the smallest float
         return False
     return steps_within(result.problem, [result.loop], result.simulation, int(steps)) >= steps
 
@@ -85,7 +87,7 @@ def _halved(result: Result, progress: Progress | None) -> Result:
 
 
 def _finer(result: Result, factor: float, progress: Progress | None) -> tuple[Batch, Simulation]:
-    """The run once more with a step smaller by ``factor``, without a record; and how it was simulated."""
+    """The run with a step smaller by ``factor``, without a record; and its simulation."""
     assert result.judge is not None
     finer = replace(result.simulation, dt=result.simulation.dt / factor)
     batch = Batch.of([(result.problem, result.controller)], finer, watched=watched_in_sweeps(result.judge))

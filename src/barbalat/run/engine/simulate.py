@@ -1,4 +1,4 @@
-"""Simulate controllers on a problem, each alone on its own kernel, all side by side, with a record of their motion."""
+"""Simulates controllers on a problem, each with its own kernel, all in parallel, and records their motion."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ def simulate(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Results:
-    """Run every controller on the problem; results by the controllers' names, of which equal ones are numbered.
+    """Run every controller on the problem; returns the results by the controllers' names, with equal names numbered.
 
-    judge     what counts as following, as lost and as a limit cycle; by default derived from the model's motion
+    judge     the criteria for following, for being lost and for a limit cycle; by default derived from the model's motion
     threads   all cores by default; results do not depend on it
     progress  called with the fraction done
 
-    Raises InputError for a controller that doesn't fit the problem, with its name, and for runs beyond the budget. A run that
-    diverges is a result.
+    Raises InputError for a controller that doesn't fit the problem, with its name, and for runs that exceed the budget. A run
+    that diverges is a result and no error.
     """
     validate.instance("problem", problem, TrackingProblem)
     validate.instance("simulation", simulation, Simulation)
@@ -76,7 +76,7 @@ def simulate(
 def result_of(
     problem: TrackingProblem, controller: Controller, simulation: Simulation, batch: Batch, judge: Judge | None = None
 ) -> Result:
-    """The result of a recorded batch of one member, after its run; without a ``judge`` there is no verdict."""
+    """The result of a recorded batch of one member after its run; without a ``judge`` there is no verdict."""
     loop, blocks, stop = batch.loop, batch.blocks(simulation), np.inf
     steps = np.append(blocks.starts, simulation.steps)
     states = np.vstack([blocks.states[:, :, 0], batch.final_states.T])
@@ -113,9 +113,9 @@ def result_of(
 class Recording:
     """K samples from t = 0 on.
 
-    measured   (K, n) or (K, 1), as the controller got it, with its noise and lag
+    measured   (K, n) or (K, 1), as the controller received it, including noise and lag
     commands   (K, q)
-    states     (K, S) the controller's flat state after each sample, as of ``loop.sampling.Acting``
+    states     (K, S) the controller's flat state after each sample, in the form of ``loop.sampling.Acting``
     """
 
     loop: ClosedLoop
@@ -125,7 +125,7 @@ class Recording:
 
 
 def recorded(problem: TrackingProblem, controller: Controller, simulation: Simulation, samples: int) -> Recording:
-    """The first samples of the run that ``simulate`` makes, at most ``samples``; InputError where the controller does not fit."""
+    """The first samples of the run that ``simulate`` makes, at most ``samples``; InputError if the controller does not fit."""
     simulation.require_steps("an export")
     batch = Batch.of([(problem, controller)], simulation, lanes=1)
     (group,), every = batch.groups, batch.rhythm.sample_every
@@ -138,7 +138,7 @@ def recorded(problem: TrackingProblem, controller: Controller, simulation: Simul
         start, length = first * every, every
         table = signal_table(problem.signals, simulation, start, blocks * length, in_pieces=in_pieces)
         kept.append(group.call(start, blocks, length, group.state, table)[:, : batch.program.shape.states, 0])
-    # a block begins before its sample: what a sample made of the state stands at the next one's beginning
+    # a block begins before its sample: the state after a sample is at the beginning of the next block
     flat = np.vstack([*kept, group.state.T])[1:]
     own = len(flatten(initial_acting(batch.loop)))
     held = batch.loop.unpack(np.arange(batch.loop.size)).held

@@ -1,8 +1,8 @@
 """Whether a run stayed inside its solver's region of stability, and from which step on it did not.
 
-While a run is simulated, its kernel keeps in each of some two thousand windows the state at which ``coupling_function`` was the
-largest; the exact spectrum is taken there. A window that shows an exit is simulated again in ever shorter ones, down to the
-step. The windows are cut from the run's steps alone, so that nothing here depends on what is recorded.
+During a run, its kernel keeps for each of some two thousand windows the state at which ``coupling_function`` was largest; the
+exact spectrum is computed there. A window that shows an exit is simulated again in ever shorter ones, down to the step. The
+windows depend only on the run's steps, so that nothing here depends on the record.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 MOST_WINDOWS = 2000
-"""Of a run, at most; they are whole multiples of WATCH_EVERY."""
+"""Largest number of windows of a run; their lengths are multiples of WATCH_EVERY."""
 MOST_LOOKS = 200
-"""Windows at which the spectrum is taken: half the stiffest ones, half spread over the others; before an exit all."""
+"""Windows for which the spectrum is computed: half of them the stiffest, half spread over the others; before an exit all."""
 QUICK_SPECTRUM = 100
-"""States of a loop whose spectrum takes some 10 ms, of which a run can have MOST_LOOKS."""
+"""States of a loop whose spectrum takes some 10 ms; a run computes at most MOST_LOOKS."""
 FEWEST_LOOKS = 2
-"""At the spectrum of a loop with very many states."""
+"""Number of spectra for a loop with very many states."""
 WINDOW_PIECES = 64
-"""Into which a window with an exit is cut, again and again."""
+"""Number of parts into which a window with an exit is repeatedly divided."""
 
 
 class Instants(NamedTuple):
@@ -73,7 +73,7 @@ def stiffness_along(run: Run) -> Stiffness:
 
 
 def _of_a_large_loop(run: Run, spectrum: Spectrum, look: Look) -> Stiffness:
-    """No window is watched or simulated again: of a few recorded instants those with the largest tr J^2 are looked at."""
+    """No window is monitored or simulated again: among a few recorded instants, those with the largest tr J^2 are examined."""
     size = run.batch.loop.size
     looks = max(FEWEST_LOOKS, int(MOST_LOOKS * (QUICK_SPECTRUM / size) ** 3))  # each takes size^3 operations
     recorded = np.unique(np.linspace(0, len(run.starts) - 1, 4 * looks).astype(int))
@@ -86,16 +86,16 @@ def _of_a_large_loop(run: Run, spectrum: Spectrum, look: Look) -> Stiffness:
 
 
 def _kept(watch: Watch, stop: float, size: int) -> tuple[Instants, Array]:
-    """Where the watched quantity was the largest in each window before the step ``stop``, and how large.
+    """The instant of the largest monitored quantity in each window before the step ``stop``, and its value.
 
-    ``size``: the loop's states, behind which a judge may have kept more.
+    ``size``: the number of the loop's states, after which the judge's memory may follow.
     """
     rows = watch.rows[(watch.rows[:, 0] > -np.inf) & (watch.rows[:, -1] < stop)]
     return Instants(rows[:, -1].astype(int), rows[:, 1 : 1 + size]), rows[:, 0]
 
 
 def _first(at: Instants, look: Look) -> int:
-    """The first step that is outside; the last of them is known to be."""
+    """The first step outside the region; the last step is known to be outside."""
     for begin in range(0, len(at.steps), MOST_LOOKS):
         piece = at.chosen(np.arange(begin, min(begin + MOST_LOOKS, len(at.steps))))
         outside = look(piece).outside
@@ -106,12 +106,13 @@ def _first(at: Instants, look: Look) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A recorded run of one member, parts of which can be simulated again, bit by bit the same.
+    """A recorded run of one member, parts of which can be simulated again, bit for bit the same.
 
-    A loop with a delay is taken up at t = 0, since the record does not hold what is on its way; any other at a recorded step.
+    A loop with a delay is restarted at t = 0, since the record does not contain the values in the delay; any other at a recorded
+    step.
 
-    starts  (B,) recorded steps, states (B, size) what the kernel went on from there
-    stop    the step of the divergence, beyond the last one where there is none
+    starts  (B,) recorded steps, states (B, size) from which the kernel continued
+    stop    the step of the divergence; beyond the last step if there is none
     """
 
     problem: TrackingProblem
@@ -122,7 +123,7 @@ class Run:
     stop: float
 
     def first_outside(self, step: int, window: int, look: Look) -> int:
-        """The first step outside of the window whose stiffest is given: exact where 8 steps in a row are outside."""
+        """The first step outside the region in the window whose stiffest is given: exact if 8 steps in a row are outside."""
         begin = step // window * window
         known = self._known(max(begin - WATCH_EVERY + 1, 0))
         while window > WATCH_EVERY:
@@ -149,7 +150,7 @@ class Run:
         return Instants(steps, self.acted(steps, np.array(states)))
 
     def _advance(self, place: Place, stop: int, watch: Watch | None = None) -> Place:
-        """The run at a later step."""
+        """The run continued to a later step."""
         begin, in_pieces = place.step, self.batch.program.shape.in_pieces
         group = place.group.twin(watch or Watch(self.batch.program.shape.states, begin, max(stop, begin + 1), CHUNK_STEPS))
         while begin < stop:
@@ -160,7 +161,7 @@ class Run:
         return Place(begin, group)
 
     def acted(self, steps: Array, states: Array) -> Array:
-        """The states at steps (K,) after a sampled controller has acted where it is due; of a continuous one as they are."""
+        """The states at steps (K,) after the action of a sampled controller that is due; unchanged for a continuous one."""
         loop = self.batch.loop
         if not loop.sampled:
             return states
@@ -185,7 +186,7 @@ class Run:
 
 
 class Place(NamedTuple):
-    """A run at a step, ready to go on."""
+    """A run at a step, ready to continue."""
 
     step: int
     group: Group

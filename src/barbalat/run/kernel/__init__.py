@@ -1,1 +1,1 @@
-"""Making the kernel of a loop: its step as operations, its numbers, its time grid, and what it adds up."""
+"""Makes the kernel of a loop: its step as operations, its numbers, its time grid, and its accumulators."""

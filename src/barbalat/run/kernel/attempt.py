@@ -1,8 +1,8 @@
 """One attempt at a step whose length follows from a tolerance, by DOP853, as operations: a member's time is part of its state.
 
-Every attempt is one step of the kernel's loop, whether it succeeds or not, so that members side by side have steps of their own
-and one that has arrived waits. Where the equations jump or bend, a step keeps the choices with which it began
-(``lowering.switching``); one at whose end another choice would be due is tried again with the length at which that happens.
+Every attempt is one step of the kernel's loop, whether it succeeds or not, so that parallel members have their own steps, and one
+that has arrived waits. Where the equations jump or bend, a step keeps the choices with which it began (``lowering.switching``);
+if another choice is due at its end, it is repeated with the length at which that happens.
 """
 
 from __future__ import annotations
@@ -19,58 +19,67 @@ from barbalat.lowering.operations import Program, following, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.switching import switched
+from barbalat.run.kernel.delay import whole_steps
 from barbalat.run.kernel.metrics import DIVERGENCE_LIMIT, divergence_measure
-from barbalat.run.kernel.sampled_controller import acting_on, initial_acting
+from barbalat.run.kernel.sampled_controller import acting_on, initial_acting, parameters_column
 from barbalat.run.kernel.time_signals import TimeSignals
 from barbalat.solvers.order_eight import embedded, order_eight
+from barbalat.validate import InputError
 
 if TYPE_CHECKING:
     import casadi as ca
 
 RUNNING, DIVERGED, STALLED = 0.0, 1.0, 2.0
-"""A member's status; one that has stalled needs a step too short for its time to change."""
+"""A member's status; a stalled member needs a step that is too short to change its time."""
 ALL, SLOPE = 1.0, 2.0
-"""What is renewed before an attempt: the choices and the slope, or the slope alone because choices were changed."""
+"""The data renewed before an attempt: the choices and the slope, or only the slope because choices changed."""
 SAFETY, SHRINKS, GROWS = 0.9, 1 / 3, 6.0
-"""After a step that failed the next is 0.9 err^(-1/8) times as long, within these limits. After one that did not, its length is
+"""After a failed step the next is 0.9 err^(-1/8) times as long, within these limits. After a successful step, its length is
 filtered, H211b with b = 4, since the estimate follows an oscillation's phase: without it every third attempt fails.
 
 Source: Soderlind, Digital filters in adaptive time-stepping, ACM Transactions on Mathematical Software 29 (2003), table 1."""
 FILTERED = 0.85
-"""The factor of filtered lengths: where the error is steady each is then as long as the one before at an error of 0.07. Of 0.82,
-0.88 and 0.94 the last takes a fifth more attempts at equal error on Section V, since an eighth of them fails."""
+"""The factor of filtered lengths: with a steady error of 0.07 each step is as long as the previous one. Among 0.82, 0.88 and
+0.94 the last needs a fifth more attempts at equal error on Section V, since an eighth of them fail."""
 SMALL = 1e-6
-"""Part of the largest magnitude of any state: below it a state's error counts as if its magnitude were that."""
+"""Share of the largest magnitude of any state that is the least magnitude for a state's relative error."""
 TINY = 1e-9
-"""Likewise, in its own unit: what stays at rest but for roundings is not resolved more finely."""
+"""Likewise, in the state's own unit: rounding errors of a state at rest are not resolved."""
 MEETS = 0.1
-"""Part of the tolerance by which the state may move between the place of a choice and where the step ends."""
+"""Share of the tolerance by which the state may move between a choice and the end of the step."""
 LEAST_ROUNDINGS = 4 * float(np.finfo(float).eps)
-"""Of the time: a shorter step does not advance it."""
+"""Relative to the time: a shorter step does not advance it."""
 SAME = 32 * float(np.finfo(float).eps)
-"""Part of what is compared: nearer to a choice's place it stands either way."""
+"""Share of the compared values: closer to equality the choice is undetermined."""
+BEYOND = 2.0
+"""Multiple of it beyond which a choice is determined. A change within the one that persists must be clear of the other."""
 SECANTS = 4
-"""Guesses by secants at where a choice is due, after which the step is halved in turn."""
+"""Number of secant steps for the time of a choice, after which the step is halved instead."""
 LOOKS = (5, 9, 10)
-"""Stages at 0.33, 0.6 and 0.86 of a step, where it is looked whether a choice stands otherwise and comes back before the end."""
+"""Stages at 0.33, 0.6 and 0.86 of a step that detect a choice which changes and returns before the end."""
 NEAREST = 0.05
-"""Part of an attempt, before which no choice is guessed: a secant from a place where one was just due says nothing."""
+"""Share of an attempt before which no choice is located: a secant from a choice that has just occurred is useless."""
 LARGEST = 1e300
-"""That a number is while it is one; margins of what is infinite are not compared."""
+"""Largest finite number; margins of infinite values are not compared."""
 SMOOTH, CHOICE, PIECE = 1.0, 2.0, 3.0
-"""How a step ends: where nothing is, at a choice, with its piece of the run."""
+"""The end of a step: regular, at a choice, or at the end of its piece of the run."""
+FIRST = 3
+"""The position of the signals' numbers in a piece's row."""
+MOST_SAMPLES = 200
+"""Controls of a controller inside a delay: every attempt advances each of them."""
 ACTED = 6
-"""Argument of ``Attempts.begin``: what a sampled controller has made of its state."""
+"""Argument of ``Attempts.begin``: the new state of a sampled controller."""
 MOST_TRIES = 200
-"""At one place; more is no motion between choices, but one that slides along them."""
+"""Largest number of choices at one instant; more mean that the motion slides along them."""
 
 
 @dataclass(frozen=True)
 class Carried:
-    """The kernel's state: the loop's own (S,) first, and what the next attempt needs; J choices."""
+    """The kernel's state: the loop's own (S,) first, then what the next attempt needs; J choices, ``past`` values of a delay."""
 
     states: int
     choices: int
+    past: int = 0
 
     @cached_property
     def places(self) -> dict[str, slice]:
@@ -79,6 +88,7 @@ class Carried:
             "x": self.states, "t": 1, "h": 1, "error": 1, "ratio": 1, "rejected": 1,
             "meets": 1, "until": 1, "tries": 1, "renew": 1, "status": 1, "piece": 1,
             "largest": self.states, "slope": self.states, "choices": self.choices, "margins": self.choices,
+            "past": self.past,
         }  # fmt: skip
         found, start = {}, 0
         for name, size in sizes.items():
@@ -88,21 +98,62 @@ class Carried:
 
     @property
     def size(self) -> int:
-        return int(self.places["margins"].stop)
+        return int(self.places["past"].stop)
 
-    def initial(self, x: np.ndarray, h: float) -> np.ndarray:
-        """(size,) at t = 0, with the length of the first attempt [s]."""
+    def initial(self, x: np.ndarray, h: float, past: np.ndarray) -> np.ndarray:
+        """(size,) at t = 0, with the length of the first attempt [s] and the content of the delay."""
         found, at = np.zeros(self.size), self.places
         found[at["x"]], found[at["largest"]] = x, np.abs(x)
         found[at["h"]], found[at["renew"]] = h, ALL
         found[at["meets"]] = found[at["until"]] = np.inf
         found[at["error"]] = found[at["ratio"]] = 1.0
+        found[at["past"]] = past
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPast:
+    """The content of a delay after a sampled controller: one value per sample for each input, the newest first.
+
+    delay    [s]
+    samples  whole samples of the controller in the delay; the remainder is ``rest`` [s]
+    history  (m,) output of the delay before the run's own control arrives
+    """
+
+    delay: float
+    samples: int
+    rest: float
+    history: np.ndarray
+
+    @classmethod
+    def of(cls, delay: float, sample_time: float, history: np.ndarray) -> HeldPast:
+        """InputError for a delay of more samples than are stored."""
+        samples = whole_steps(delay, sample_time)
+        if samples > MOST_SAMPLES:
+            raise InputError.of(
+                "plant.input.delay",
+                f"must be at most {MOST_SAMPLES} samples of {sample_time:g} s with simulation.tolerance, got {delay:g} s: give "
+                "simulation.dt",
+            )
+        rest = delay - samples * sample_time
+        return cls(delay, samples, rest if rest > 1e-9 * delay else 0.0, history)
+
+    @property
+    def initial(self) -> np.ndarray:
+        """At t = 0, before the first sample."""
+        return np.tile(self.history, self.samples + 1 + (self.rest > 0))
+
+    def leaving(self, past: ca.SX, arrived: ca.SX) -> ca.SX:
+        """The output of the delay, (m,); ``arrived``: whether the sample that comes out in this period has come out."""
+        import casadi as ca
+
+        m, last = len(self.history), past[-len(self.history) :]
+        return ca.if_else(arrived, past[-2 * m : -m], last) if self.rest else last
 
 
 @dataclass(frozen=True)
 class Written:
-    """What an attempt writes: 0 where it was no step, else how that ended, t [s], h [s], x there and seven more (S,).
+    """The output of an attempt: 0 if it was no step, else how it ended, t [s], h [s], x there and seven more (S,).
 
     These are the coefficients of ``dense_output``.
     """
@@ -116,38 +167,51 @@ class Written:
 
 @dataclass(frozen=True)
 class Attempts:
-    """The programs of a loop's attempts: ``begin`` where something is renewed, then ``program``."""
+    """The programs of a loop's attempts: ``begin`` if something is renewed, then ``program``.
+
+    past        of a delayed input; None if there is no delay
+    parameters  the column of the loop's symbols, which are arguments of the kernel before the tolerance; None if there are none
+    """
 
     loop: ClosedLoop
     signals: TimeSignals
     fused: bool = True
+    past: HeldPast | None = None
+    parameters: Any = None
 
     @property
     def count(self) -> int:
-        """Entries of a piece's row: where it ends, whether a controller samples at its beginning, the signals', the noise."""
-        return 2 + self.signals.numbers + self.loop.signals.noise
+        """Entries of a piece's row: its end, whether a controller samples at its beginning, whether the sample of this period
+        has left the delay, the signals' numbers, the noise."""
+        return FIRST + self.signals.numbers + self.loop.signals.noise
 
     @staticmethod
-    def rows(ends: np.ndarray, sampled: np.ndarray, signals: np.ndarray, noise: np.ndarray) -> np.ndarray:
-        """Of K pieces, (K, count); the last of them is over when it begins: there the run ends."""
-        return np.ascontiguousarray(np.column_stack([ends, sampled, signals, noise]), dtype=float)
+    def rows(ends: np.ndarray, sampled: np.ndarray, arrived: np.ndarray, signals: np.ndarray, noise: np.ndarray) -> np.ndarray:
+        """Rows of K pieces, (K, count); the last of them has zero length: there the run ends."""
+        return np.ascontiguousarray(np.column_stack([ends, sampled, arrived, signals, noise]), dtype=float)
+
+    def initial(self, x: np.ndarray, h: float) -> np.ndarray:
+        """The kernel's state at t = 0, for a loop that begins with x."""
+        return self.carried.initial(x, h, np.zeros(0) if self.past is None else self.past.initial)
 
     @cached_property
     def _rates(self) -> ca.Function:
-        """The slope as a function of (state, signals)."""
+        """The slope as a function of (state, parameters, signals)."""
         import casadi as ca
 
         state_column, state = symbols("state", self.loop.size)
         signal_column, signals = symbols("signals", self.loop.signal_count)
-        return ca.Function("rates", [state_column, signal_column], [column(self.loop.derivative(state, signals))], {"cse": True})
+        inputs = [state_column, parameters_column(self.parameters), signal_column]
+        return ca.Function("rates", inputs, [column(self.loop.derivative(state, signals))], {"cse": True})
 
     @cached_property
     def _limits(self) -> ca.Function:
-        """The state that the known sets leave of one."""
+        """The state after projection onto the known sets, as a function of (state, parameters)."""
         import casadi as ca
 
         state_column, state = symbols("state", self.loop.size)
-        return ca.Function("limits", [state_column], [column(self.loop.limit(state))], {"cse": True})
+        inputs = [state_column, parameters_column(self.parameters)]
+        return ca.Function("limits", inputs, [column(self.loop.limit(state))], {"cse": True})
 
     @cached_property
     def carried(self) -> Carried:
@@ -155,12 +219,14 @@ class Attempts:
         import casadi as ca
 
         x, s = ca.SX.sym("x", self.loop.size), ca.SX.sym("s", self.loop.signal_count)
-        return Carried(self.loop.size, len(self._switched(x, s, None)[1]))
+        past = 0 if self.past is None else len(self.past.initial)
+        return Carried(self.loop.size, len(self._switched(x, s, None)[1]), past)
 
     def _switched(self, x: ca.SX, s: ca.SX, choices: ca.SX | None) -> tuple[ca.SX, list[Any]]:
-        """The slope and all conditions; those of the limits are watched, and never chosen otherwise than they stand."""
-        rates = switched(self._rates, [x, s], choices)
-        limits = switched(self._limits, [x])
+        """The slope and all conditions; those of the limits are monitored, and keep their actual values."""
+        given = parameters_column(self.parameters)
+        rates = switched(self._rates, [x, given, s], choices)
+        limits = switched(self._limits, [x, given])
         return rates.values[0], [*rates.conditions, *limits.conditions]
 
     @property
@@ -169,23 +235,35 @@ class Attempts:
         carried = self.carried
         written = Written(self.loop.size).size
         renew, piece = (carried.places[name].start for name in ("renew", "piece"))
-        return LoopShape(carried.size, written, 1, self.count, sample_every=1, sample_row=renew, signal_row=piece)
+        given = 1 + parameters_column(self.parameters).numel()
+        return LoopShape(carried.size, written, given, self.count, sample_every=1, sample_row=renew, signal_row=piece)
+
+    @cached_property
+    def lists(self) -> tuple[Program, Program]:
+        """An attempt with its dense output, and what is renewed before it."""
+        return self.program(), self.begin()
 
     def begin(self) -> Program:
-        """What is renewed: choices and slope where a piece of the run begins, or where a step ended at a choice."""
+        """What is renewed: choices and slope, if a piece of the run begins or a step ended at a choice."""
         import casadi as ca
 
         parts, numbers, _, inputs = self._inputs()
         t, renew = parts["t"], parts["renew"]
         everything = renew == ALL
         acted = ca.SX.sym("acted", self._own)
-        due = ca.logic_and(everything, ca.logic_and(numbers[1], t <= numbers[2]))
+        due = ca.logic_and(everything, ca.logic_and(numbers[1], t <= numbers[FIRST]))
         x = parts["x"]
         if self._own:
             x = ca.if_else(due, ca.vertcat(x[: -self._own], acted), x)
+        past = parts["past"]
+        if self.past is not None:
+            entering = self.loop.undelayed_input(ca.array(x).reshape(-1), ca.array(self._driven(t, numbers)).reshape(-1))
+            newest: ca.SX = column(entering.reshape(-1))
+            past = ca.if_else(due, ca.vertcat(newest, past[: -newest.numel()]), past)
+            numbers = ca.vertcat(numbers[: self.count], self.past.leaving(past, numbers[2]))
         s = self._driven(t, numbers)
         _, conditions = self._switched(x, s, None)
-        given = self._switched(x, s, parts["choices"])[1]  # what was changed may leave another nothing to choose between
+        given = self._switched(x, s, parts["choices"])[1]  # after the change, another condition may have no choice left
         old = ca.vertsplit(parts["choices"])
         chosen = [
             ca.if_else(
@@ -203,16 +281,17 @@ class Attempts:
             "choices": choices,
             "margins": ca.if_else(renew != 0, margins, parts["margins"]),
             "renew": ca.SX(0.0),
+            "past": past,
         }
         return self._behind_a_sample(self._lowered("begin", [*inputs, acted], [self._packed(parts | new)]))
 
     @property
     def _own(self) -> int:
-        """Entries of a sampled controller's own state, which stand last in the loop's."""
+        """Number of entries of a sampled controller's own state, which are last in the loop's."""
         return len(flatten(initial_acting(self.loop))) if self.loop.sampled else 0
 
     def _behind_a_sample(self, begin: Program) -> Program:
-        """``begin`` behind the controller's list, which is the same with fixed steps."""
+        """``begin`` after the controller's list, which is the same as with fixed steps."""
         import casadi as ca
 
         if not self.loop.sampled:
@@ -222,7 +301,7 @@ class Attempts:
         y, r = self.loop.sampled_at(state, signals)
         faults = [] if self.loop.around is None else [column(self.loop.signals.named(signals).faults)]
         handed = optimize(read(ca.Function("handed", inputs, [parts["x"], column(y), column(r), *faults])), fused=False)
-        operations, acted = acting_on(handed, self.loop)
+        operations, acted = acting_on(handed, self.loop, self.parameters)
         return following(operations, begin, {(ACTED, i): place for i, place in enumerate(acted)})
 
     def _packed(self, parts: dict[str, ca.SX]) -> ca.SX:
@@ -231,7 +310,7 @@ class Attempts:
         return ca.vertcat(*(parts[name] for name in self.carried.places))
 
     def _inputs(self) -> tuple[dict[str, ca.SX], ca.SX, ca.SX, list[ca.SX]]:
-        """The carried state by its parts, the row of its piece, the tolerance, and all inputs."""
+        """The carried state by its parts, the row of its piece including the delay's output, the tolerance, and all inputs."""
         import casadi as ca
 
         carried = self.carried
@@ -239,7 +318,9 @@ class Attempts:
         parts = {name: given[rows] for name, rows in carried.places.items()}
         nothing = ca.SX(0, 1)
         written = ca.SX.sym("written", Written(self.loop.size).size)
-        return parts, numbers, tolerance, [given, written, tolerance, numbers, nothing, nothing]
+        driven = numbers if self.past is None else ca.vertcat(numbers, self.past.leaving(parts["past"], numbers[2]))
+        arguments = ca.vertcat(parameters_column(self.parameters), tolerance)
+        return parts, driven, tolerance, [given, written, arguments, numbers, nothing, nothing]
 
     def _lowered(self, name: str, inputs: list[ca.SX], outputs: list[ca.SX]) -> Program:
         import casadi as ca
@@ -247,7 +328,7 @@ class Attempts:
         return optimize(read(ca.Function(name, inputs, outputs, {"cse": True})), fused=self.fused)
 
     def program(self, *, dense: bool = True) -> Program:
-        """One attempt; without ``dense`` it writes no coefficients, and takes three evaluations less."""
+        """One attempt; without ``dense`` it writes no coefficients and takes three evaluations less."""
         import casadi as ca
 
         parts, numbers, tolerance, inputs = self._inputs()
@@ -261,7 +342,7 @@ class Attempts:
         error = _error(stages, scale, h)
         good = error <= 1
         found = self._meeting(parts, numbers, x_new, t_new, stages[0], scale, h, inside)
-        kept = self._limits(x_new)
+        kept = self._limits(x_new, parameters_column(self.parameters))
         measure = divergence_measure(self.loop, self._outputs(kept, numbers, t_new), ca.array(kept).reshape(-1))
         sound = ca.SX(column(np.reshape(np.where(measure <= DIVERGENCE_LIMIT, 1.0, 0.0), 1)))
         fits = ca.logic_and(running, ca.logic_and(good, ca.logic_and(found.ready, sound)))
@@ -293,11 +374,11 @@ class Attempts:
         return self.loop.outputs(ca.array(x).reshape(-1), ca.array(self._driven(t, numbers)).reshape(-1))
 
     def _driven(self, t: ca.SX, numbers: ca.SX) -> ca.SX:
-        """What drives the loop at t, by the row of its piece."""
+        """The signals of the loop at t, from the row of its piece."""
         import casadi as ca
 
-        first = 2 + self.signals.numbers
-        return ca.vertcat(self.signals.at(t, numbers[2:first]), numbers[first:])
+        first = FIRST + self.signals.numbers
+        return ca.vertcat(self.signals.at(t, numbers[FIRST:first]), numbers[first:])
 
     def _slope(self, x: ca.SX, numbers: ca.SX, t: ca.SX, choices: ca.SX) -> ca.SX:
         return self._switched(x, self._driven(t, numbers), choices)[0]
@@ -305,7 +386,7 @@ class Attempts:
     def _stages(
         self, parts: dict[str, ca.SX], numbers: ca.SX, h: ca.SX, t_new: ca.SX
     ) -> tuple[list[ca.SX], ca.SX, list[tuple[float, list[Any]]]]:
-        """The thirteen slopes, the state at the end, and the conditions inside of the step, each with the place."""
+        """The thirteen slopes, the state at the end, and the conditions inside the step, each with its position."""
         formula, x, t, choices = order_eight(), parts["x"], parts["t"], parts["choices"]
         slopes, inside = [parts["slope"]], []
         for i, (row, node) in enumerate(zip(formula.a[1:], formula.c[1:], strict=True), start=1):
@@ -319,7 +400,7 @@ class Attempts:
         return slopes, x_new, inside
 
     def _more(self, slopes: list[ca.SX], parts: dict[str, ca.SX], numbers: ca.SX, h: ca.SX) -> list[ca.SX]:
-        """Those and the three of the dense output."""
+        """These and the three slopes of the dense output."""
         found, x, t = list(slopes), parts["x"], parts["t"]
         for row, node in zip(embedded().more_a, embedded().more_c, strict=True):
             at = x + h * _weighted(row[: len(found)], found)
@@ -330,7 +411,7 @@ class Attempts:
         self, parts: dict[str, ca.SX], numbers: ca.SX, x: ca.SX, t: ca.SX, slope: ca.SX, scale: ca.SX, h: ca.SX,
         inside: list[tuple[float, list[Any]]],
     ) -> _Meeting:  # fmt: skip
-        """Whether a step comes to the other side of a choice, at its end or at one of its stages, and where that is due."""
+        """Whether a step crosses a choice, at its end or at one of its stages, and where."""
         import casadi as ca
 
         s = self._driven(t, numbers)
@@ -343,11 +424,11 @@ class Attempts:
         place, moved, first_try = [], [], parts["tries"] == 0
         seen = [ca.SX(0.0)] * len(inside)
         for i, (one, chosen, was) in enumerate(zip(conditions, old, before, strict=True)):
-            least = ca.fmin(SAME * one.size, LARGEST)  # of what tells the sides apart; an infinite margin is beyond it
-            way = 1 - 2 * chosen  # a margin times this is above 0 where it stands otherwise
+            least = ca.fmin(SAME * one.size, LARGEST)  # of the quantity that separates the sides; an infinite margin is beyond it
+            way = 1 - 2 * chosen  # a margin times this is positive if its side has changed
             at_start = ca.logic_and(first_try, ca.fabs(was) <= least)
-            there = [way * conditions_there[i].margin > least for _, conditions_there in inside]
-            other = way * one.margin > least
+            there = [way * conditions_there[i].margin > BEYOND * least for _, conditions_there in inside]
+            other = way * one.margin > BEYOND * least
             seen = [
                 ca.logic_or(old_seen, ca.logic_and(now, ca.logic_not(at_start)))
                 for old_seen, now in zip(seen, there, strict=True)
@@ -359,7 +440,7 @@ class Attempts:
         earlier = ca.SX(np.inf)
         for (node, _), found_there in zip(reversed(inside), reversed(seen), strict=True):
             earlier = ca.if_else(found_there, node, earlier)
-        at_once = ca.mmax(ca.vertcat(*moved)) > 0  # it stood there already when the step began
+        at_once = ca.mmax(ca.vertcat(*moved)) > 0  # it was already there when the step began
         first = ca.fmin(ca.mmin(ca.vertcat(*place)), earlier)
         due = ca.if_else(ca.logic_or(at_once, first < np.inf), 1.0, 0.0)
         near = MEETS / ca.fmax(ca.mmax(ca.fabs(slope) / scale), 1e-300)
@@ -373,14 +454,14 @@ class Attempts:
 
 @dataclass(frozen=True)
 class _Meeting:
-    """At the end of an attempt.
+    """The crossing at the end of an attempt.
 
-    due      whether some choice would be another one
-    ready    whether that is no reason to try again
-    aim      the length [s] at which it seems to be due
-    at_once  whether it was so when the step began: then the choices ``flipped`` (J,) are changed and nothing moves
+    due      whether some choice has changed
+    ready    whether the attempt need not be repeated
+    aim      the length [s] at which it seems to change
+    at_once  whether it had changed when the step began: then the choices ``flipped`` (J,) are changed and nothing moves
     margins  (J,) at the end
-    inside   whether ``aim`` is the place of a stage, where some choice stood otherwise already
+    inside   whether ``aim`` is the position of a stage at which some choice had already changed
     """
 
     due: Any
@@ -393,7 +474,7 @@ class _Meeting:
 
 
 def _length(parts: dict[str, ca.SX], t_stop: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """The attempt's length, the time at its end, and whether something else than the error has made it shorter."""
+    """The attempt's length, the time at its end, and whether something other than the error has made it shorter."""
     import casadi as ca
 
     t, own = parts["t"], parts["h"]
@@ -405,7 +486,7 @@ def _length(parts: dict[str, ca.SX], t_stop: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX
 
 
 def _error(slopes: list[ca.SX], scale: ca.SX, h: ca.SX) -> ca.SX:
-    """The estimate as a multiple of what is allowed: DOP853's."""
+    """The error estimate of DOP853 as a multiple of the admissible error."""
     import casadi as ca
 
     def squares(weights: tuple[float, ...]) -> ca.SX:
@@ -420,7 +501,7 @@ def _next(
     parts: dict[str, ca.SX], h: ca.SX, error: ca.SX, running: ca.SX, fits: ca.SX, choosing: ca.SX, ends: ca.SX, cut: ca.SX,
     found: _Meeting, t: ca.SX,
 ) -> dict[str, ca.SX]:  # fmt: skip
-    """Lengths, tries and what is renewed, for the next attempt."""
+    """Lengths, tries and renewed data for the next attempt."""
     import casadi as ca
 
     bounded = ca.fmax(error, 1e-12)
@@ -455,7 +536,7 @@ def _next(
 
 
 def _root(value: ca.SX, times: int) -> ca.SX:
-    """The square root, so many times: exactly rounded, so that its bits are the same everywhere."""
+    """The repeated square root: exactly rounded, so that its bits are the same on every machine."""
     import casadi as ca
 
     for _ in range(times):
@@ -479,7 +560,7 @@ def _dense(slopes: list[ca.SX], x: ca.SX, x_new: ca.SX, h: ca.SX) -> ca.SX:
 
 
 def dense_output(written: np.ndarray, states: int, share: np.ndarray) -> np.ndarray:
-    """The states (K, S) at these shares (K,) of the steps that K rows of what was ``written`` hold.
+    """The states (K, S) at these shares (K,) of the steps in K rows of ``written``.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.6.
     """

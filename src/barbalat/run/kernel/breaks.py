@@ -1,9 +1,10 @@
-"""Where signals and the motion jump or bend inside solver steps: such a step is cut in two, or what is lost there is said.
+"""Signals and motions that jump or bend inside solver steps: such a step is split, or its error is reported.
 
-A method of order p keeps it as long as a step sees a smooth right-hand side. A jump inside a step costs an error of order h, a
-corner one of order h^2, whatever p is. What lies on the grid costs nothing: a step's last stage takes limits from the left.
-Signals say beforehand where they break (``breaks``), and there a step is cut. When a control reaches its saturation, or an
-estimate the boundary of its known set, nobody knows before the run: no step is cut there, and what that costs is said.
+A method of order p keeps this order as long as the right-hand side is smooth within each step. A jump inside a step causes an
+error of order h, a corner one of order h^2, whatever p is. A jump on the grid costs nothing, because a step's last stage uses
+limits from the left. Signals declare their breaks beforehand (``breaks``), and steps are split there. The time at which a control
+saturates, or an estimate reaches the boundary of its known set, is unknown before the run: no step is split there, and the effect
+is reported.
 """
 
 from __future__ import annotations
@@ -25,27 +26,29 @@ from barbalat.validate import Array
 from barbalat.vocabulary import BENDING, JUMPING, used
 
 ON_GRID_SHARE = 1e-12
-"""Of a step: a break so near to the grid is meant to lie on it. No method resolves less."""
+"""Share of a step: a break this close to the grid is treated as on the grid. No method resolves a smaller distance."""
 ON_GRID_ROUNDINGS = 64
-"""Likewise of the time itself: instants are products of frequencies, phases and pi, with a few roundings each."""
+"""Likewise as a share of the time: instants are products of frequencies, phases and pi, with a few rounding errors each."""
 MOST_PIECES = 100
-"""Of one step. What breaks more often in the first one is not cut: the tables of a call of the kernel would take gigabytes."""
+"""Largest number of pieces of a step. A signal with more breaks in the first step is not split: the tables of a kernel call
+would take gigabytes."""
 LONGEST_WINDOW = 1 << 16
-"""Steps whose breaks are looked at together: up to 50 MB with so many pieces of each."""
+"""Steps whose breaks are processed together: up to 50 MB with the largest number of pieces."""
 BEND_ORDER = 2
-"""Of the error that a corner leaves."""
+"""Order of the error caused by a corner."""
 _ORDERS = {1: "first", 2: "second", 3: "third", 4: "fourth"}
 
 
 @dataclass(frozen=True)
 class LostOrder:
-    """What breaks inside of steps cost a run whose steps are not cut there.
+    """The effect of breaks inside steps on a run whose steps are not split there.
 
-    jumps     steps with a jump inside, of the command or of a disturbance; None where they are too many to count
-    corners   steps with no jump, but a corner, of the same; what the motion itself brings is not counted, see ``lost_along``
-    order     in the step, that is left to the method at worst
-    sentence  the same for people
-    bends     whether the plant sees bends of the control through a delay, which are interpolated wherever they come
+    jumps     number of steps with a jump of the command or of a disturbance inside; None if they are too many to count
+    corners   number of steps without a jump but with a corner of these signals; corners of the motion itself are not counted, see
+              ``lost_along``
+    order     the order in the step that remains in the worst case
+    sentence  the same as a sentence
+    bends     whether the plant receives bends of the control through a delay, which are interpolated wherever they occur
     """
 
     jumps: int | None
@@ -59,22 +62,27 @@ class LostOrder:
 
 
 def breaks_inside(signals: tuple[Signal, ...], simulation: Simulation, start: int, stop: int) -> Array:
-    """The instants (K,) [s], increasing, at which any signal breaks inside of the steps from ``start`` to ``stop`` - 1."""
+    """The instants (K,) [s], increasing, of breaks of any signal inside the steps from ``start`` to ``stop`` - 1."""
     found = [_inside(signal, simulation, start, stop)[0] for signal in signals if isinstance(signal, BreakingSignal)]
     return np.unique(np.concatenate([np.zeros(0), *found]))
 
 
 def can_be_split(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
-    """Whether any signal breaks inside of a step, and none so often that cutting is out of the question."""
+    """Whether any signal breaks inside a step, and none too often for splitting.
+
+    With a tolerance steps end at breaks anyway.
+    """
+    if simulation.tolerance is not None:
+        return False
     if not any(isinstance(signal, BreakingSignal) for signal in signals) or _too_dense(signals, simulation):
         return False
     return any(len(breaks_inside(signals, simulation, *window)) for window in _windows(simulation))
 
 
 def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: bool, bends: bool = False) -> LostOrder | None:
-    """What a run loses, if anything: only a ``delayed`` loop's steps are not cut, and those that would be cut too often.
+    """The loss of order of a run, if any: only a ``delayed`` loop's steps are not split, and those with too many breaks.
 
-    bends  whether the control that the plant sees through a delay has bends, see ``delay.brings_bends``
+    bends  whether the control that the plant receives through a delay has bends, see ``delay.brings_bends``
     """
     order = simulation.solver.order
     if _too_dense(signals, simulation):
@@ -89,7 +97,7 @@ def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: 
     sentences = []
     if jumps or corners:
         what = "jumps" if jumps else "bends"
-        where = f"inside {jumps or corners} of the {simulation.steps} steps of a delayed loop, which can't be split"
+        where = f"inside {jumps or corners} of the {simulation.steps} steps of a delayed loop, which cannot be split"
         sentences.append(f"the command or a disturbance {what} {where}: {_ORDERS[left]} order there")
     if bends and order > BEND_ORDER:
         sentences.append(
@@ -100,9 +108,9 @@ def lost_order(signals: tuple[Signal, ...], simulation: Simulation, *, delayed: 
 
 
 def _inside(signal: BreakingSignal, simulation: Simulation, start: int, stop: int) -> tuple[Array, Array]:
-    """The signal's breaks (K,) inside of these steps, and which of them are jumps.
+    """The signal's breaks (K,) inside these steps, and which of them are jumps.
 
-    Which lie on the grid is asked of the signal: its jump is on the grid if it is seen at the grid's nearest time.
+    The signal itself shows which are on the grid: a jump is on the grid if it occurs at the nearest time of the grid.
     """
     first, last = float(simulation.time(start)), float(simulation.time(stop))
     instants = np.asarray(signal.breaks(first, last), dtype=float)
@@ -117,13 +125,13 @@ def _inside(signal: BreakingSignal, simulation: Simulation, start: int, stop: in
 def _too_dense(signals: tuple[Signal, ...], simulation: Simulation) -> bool:
     first, second = (float(simulation.time(k)) for k in (0, 1))
     counts = [len(signal.breaks(first, second)) for signal in signals if isinstance(signal, BreakingSignal)]
-    if max(counts, default=0) > 10 * MOST_PIECES:  # wherever they lie; to see which are on the grid takes seconds for millions
+    if max(counts, default=0) > 10 * MOST_PIECES:  # wherever they are; finding those on the grid takes seconds for millions
         return True
     return len(breaks_inside(signals, simulation, 0, 1)) >= MOST_PIECES
 
 
 def _windows(simulation: Simulation) -> Iterator[tuple[int, int]]:
-    """The run in pieces that grow: most signals that break inside of steps do so early."""
+    """The run in windows of growing length: most signals that break inside steps do so early."""
     start, length = 0, 1
     while start < simulation.steps:
         stop = min(start + length, simulation.steps)
@@ -132,7 +140,7 @@ def _windows(simulation: Simulation) -> Iterator[tuple[int, int]]:
 
 
 def _counted(signals: tuple[Signal, ...], simulation: Simulation) -> tuple[int, int]:
-    """Steps with a jump inside, and those with a corner only."""
+    """The number of steps with a jump inside, and of those with only a corner."""
     breaking = [signal for signal in signals if isinstance(signal, BreakingSignal)]
     jumps = corners = 0
     for start, stop in _windows(simulation) if breaking else ():
@@ -146,23 +154,23 @@ def _counted(signals: tuple[Signal, ...], simulation: Simulation) -> tuple[int, 
     return jumps, corners
 
 
-RATE_LIMITED = "the rate limiter follows its demand within one step, so that the step is its lag: first order"
-QUANTISED = "the converter's levels are passed inside of steps, where the control jumps: first order at best"
-SATURATED = "the control enters or leaves its saturation inside of steps: second order there"
+RATE_LIMITED = "the rate limiter follows its demand within one step, so its lag is the step: first order"
+QUANTISED = "the control passes the converter's levels, and jumps, inside steps: first order at best"
+SATURATED = "the control enters or leaves its saturation inside steps: second order there"
 JUMP_ORDER = 1
-"""What a rate that jumps inside of a step leaves of any method's order."""
-PROJECTED = "where the estimates reach the known set's boundary inside of a step: first order there"
-JUMPED = "where the motion passes {} inside of a step: first order there"
-PASSED = "where the motion passes {} inside of a step: second order there"
+"""The order of any method if a rate jumps inside a step."""
+PROJECTED = "the estimates reach the known set's boundary inside steps: first order there"
+JUMPED = "the motion passes {} inside steps: first order there"
+PASSED = "the motion passes {} inside steps: second order there"
 
 
 def lost_along(
     found: LostOrder | None, loop: ClosedLoop, simulation: Simulation, largest: Array | None, estimates: Array | None = None
 ) -> LostOrder | None:
-    """What a run loses to its own motion, beside what it lost already.
+    """The loss of order that a run's own motion causes, added to the loss so far.
 
-    largest    (M, m) the largest |u_i| of members that share the loop's limits; None where they differ in them
-    estimates  (K, n) along the run, where they were recorded: a projection bends where they reach the known set's boundary
+    largest    (M, m) the largest |u_i| of members that share the loop's limits; None if their limits differ
+    estimates  (K, n) along the run, if they were recorded: a projection has a corner where they reach the known set's boundary
     """
     reached = [largest is None or not (largest[:, i] < _within(path)).all() for i, path in enumerate(loop.paths)]
     inputs = zip(loop.paths, reached, strict=True)
@@ -178,7 +186,7 @@ def lost_along(
 
 
 def _at_input(path: InputPath, loop: ClosedLoop, saturated: bool) -> Iterator[tuple[int, str]]:
-    """Orders that are left, and sentences. What a sampled controller holds jumps at samples alone."""
+    """The remaining orders, with sentences. The output of a sampled controller jumps only at samples."""
     if path.quantum is not None and not loop.sampled:
         yield 1, QUANTISED
     if path.saturation is not None and saturated and not loop.sampled:
@@ -188,14 +196,14 @@ def _at_input(path: InputPath, loop: ClosedLoop, saturated: bool) -> Iterator[tu
 
 
 def _within(path: InputPath | None) -> float:
-    """What |u| stays below where no saturation is reached."""
+    """The bound of |u| below which no saturation is reached."""
     if path is None or path.saturation is None:
         return np.inf
     return float(np.min(np.abs(path.saturation))) - (path.quantum or 0.0) / 2
 
 
 def _passed(loop: ClosedLoop, estimates: Array | None) -> Iterator[tuple[int, str]]:
-    """Where rates have a corner or jump. What a sampled controller holds has neither between its samples."""
+    """Where rates have a corner or jump. The output of a sampled controller has neither between its samples."""
     for thing in (loop.plant,) if loop.sampled else (loop.plant, loop.equations):
         for part in _parts(thing):
             if isinstance(part, Bending) and part.bend is not None:
@@ -212,7 +220,7 @@ def _passed(loop: ClosedLoop, estimates: Array | None) -> Iterator[tuple[int, st
 
 
 def _of_a_stranger(loop: ClosedLoop) -> Iterator[tuple[int, str]]:
-    """Equations from outside declare nothing: what they are written with tells."""
+    """Equations from outside declare nothing, so the operations in them decide."""
     operations = used(right_hand_side(replace(loop, paths=(None,) * loop.inputs, delayed=False)))
     if operations & JUMPING:
         yield JUMP_ORDER, JUMPED.format("a comparison, np.where or np.sign in an equation")
@@ -221,7 +229,7 @@ def _of_a_stranger(loop: ClosedLoop) -> Iterator[tuple[int, str]]:
 
 
 def _parts(thing: object) -> Iterator[object]:
-    """An object's parts and theirs, as far as they are dataclasses."""
+    """An object's parts and their parts, as far as they are dataclasses."""
     if is_dataclass(thing) and not isinstance(thing, type):
         yield thing
         for part in vars(thing).values():

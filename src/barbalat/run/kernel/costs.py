@@ -1,4 +1,4 @@
-"""What runs take by estimate, from the sizes of their loops, and their refusal where that is beyond the budget."""
+"""Estimated costs of runs, from the sizes of their loops, and their refusal if they exceed the budget."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from barbalat.signals import Sines
 from barbalat.solvers.simulation import Simulation
 
 RECORD_COPIES = 5
-"""Of what is recorded: as the kernel left it, as columns, joined, and as the result has it."""
+"""Copies of the record: from the kernel, as columns, joined, and in the result."""
 TERM_SECONDS = 3e-8
-"""Of a sine at a step."""
+"""Cost of a sine per step."""
 MEMBER = Estimate(memory=200.0, seconds=1.2e-5)
-"""Of a member of an ensemble beside its states and its steps: read, put into columns, looked at."""
+"""Cost of a member of an ensemble in addition to its states and steps: reading, columns, evaluation."""
 
 
 JUDGED_COMPONENT, JUDGED_INPUT, JUDGED_COPIES = 3, 10, 4
-"""Rows of the judge's memory at most, for each component of the error and each input, and how often each row is kept."""
+"""Largest number of rows of the judge's memory for each component of the error and each input, and the number of copies of
+each row."""
 
 
 def require_states(loop: ClosedLoop) -> None:
@@ -33,7 +34,7 @@ def require_states(loop: ClosedLoop) -> None:
 
 
 def require_runs(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulation: Simulation) -> None:
-    """InputError, before anything is traced, for recorded runs side by side with too many points, or too many steps."""
+    """InputError, before anything is traced, for parallel recorded runs with too many points or too many steps."""
     made, steps = _made(loops), simulation.steps
 
     def room(points: float) -> Estimate:
@@ -55,7 +56,7 @@ def require_runs(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulati
 
 
 def _require_fewer(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulation: Simulation) -> None:
-    """InputError that names how many of the controllers would do: their kernels alone are beyond the budget."""
+    """InputError with the number of controllers that fit, if their kernels alone exceed the budget."""
     points = min(simulation.steps, simulation.record_points)
 
     def cost(count: float) -> Estimate:
@@ -63,13 +64,13 @@ def _require_fewer(problem: TrackingProblem, loops: Sequence[ClosedLoop], simula
         return sum((_of_record(loop, points) for loop in some), _made(some) + of_steps(problem, some, simulation.steps))
 
     budget.require(
-        "the case", len(loops), cost, given=f"has {len(loops)} controllers, each with a kernel of its own: to simulate them",
+        "the case", len(loops), cost, given=f"has {len(loops)} controllers, each with its own kernel: to simulate them",
         fits=lambda most: f"at most {most} controllers",
     )  # fmt: skip
 
 
 def steps_within(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulation: Simulation, most: int) -> int:
-    """Steps of a further run, ``most`` at most, that the budget allows; 0 where it allows none."""
+    """Steps of a further run, at most ``most``, that the budget allows; 0 if it allows none."""
 
     def fits(steps: int) -> bool:
         points = min(steps, simulation.record_points)
@@ -80,21 +81,21 @@ def steps_within(problem: TrackingProblem, loops: Sequence[ClosedLoop], simulati
 
 
 def of_steps(problem: TrackingProblem, loops: Sequence[ClosedLoop], steps: float) -> Estimate:
-    """What the steps of single runs cost, with the signals that all of them share."""
+    """The cost of the steps of single runs, including the signals that they share."""
     counted = sum(budget.operations(loop.size, _plant_states(loop)) for loop in loops)
     terms = sum(len(signal.amplitudes) if isinstance(signal, Sines) else 1 for signal in problem.signals)
     return Estimate(seconds=steps * (counted * budget.STEP_OPERATION_SECONDS + terms * TERM_SECONDS))
 
 
 def of_members(loops: Sequence[ClosedLoop], steps: float, members: float) -> Estimate:
-    """What an ensemble of each loop costs, without records."""
+    """The cost of an ensemble of each loop, without records."""
     counted = sum(budget.operations(loop.size, _plant_states(loop)) for loop in loops)
     each = Estimate(8.0 * sum(loop.size for loop in loops), steps * counted * budget.MEMBER_OPERATION_SECONDS)
     return (MEMBER + each).times(members)
 
 
 def of_judging(loops: Sequence[ClosedLoop], members: float) -> Estimate:
-    """What the judge keeps of members that run side by side: beside their states, before the tail and at the end."""
+    """The memory of the judge for parallel members: before the tail and at the end, in addition to their states."""
     rows = sum(JUDGED_COMPONENT * loop.errors + JUDGED_INPUT * loop.inputs for loop in loops)
     return Estimate(memory=8.0 * JUDGED_COPIES * rows).times(members)
 
@@ -104,7 +105,7 @@ def _made(loops: Sequence[ClosedLoop]) -> Estimate:
 
 
 def _of_record(loop: ClosedLoop, points: float) -> Estimate:
-    """What the record of so many instants takes: states, extrema of e, u and the estimates, sums."""
+    """The memory of a record with this number of instants: states, extrema of e, u and the estimates, sums."""
     numbers = loop.size + 4 * loop.errors + 3 * loop.parameters + 2 * loop.inputs
     return Estimate(memory=8.0 * RECORD_COPIES * numbers * points)
 

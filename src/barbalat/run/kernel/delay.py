@@ -1,10 +1,10 @@
-"""The exact input delay on a fixed grid: what a step remembers, which remembered values a step needs, and how it combines them.
+"""The exact input delay on a fixed grid: the values that a step stores, those that a step needs, and how it combines them.
 
-For each input a step remembers two values: at its start, and at its end with the signals' limits from the left. What the end of
-one step and the start of the next differ by is a jump of the input: a command's, a sampled controller's, a noisy measurement's,
-the one from the history before t = 0. A jump is not interpolated across. The delayed input of a step is the cubic through four
-neighbours with the jumps taken out, whose error is of fourth order in the step, as RK4's is, and the jump inside the step by
-stage values that have its moments, see ``jump_weights``.
+For each input a step stores two values: at its start, and at its end with the signals' limits from the left. The difference
+between the end of one step and the start of the next is a jump of the input: from a command, a sampled controller, a noisy
+measurement, or the history before t = 0. Jumps are not interpolated across. The delayed input of a step is the cubic through four
+neighbouring values with the jumps removed, whose error is of fourth order in the step, like that of RK4; the jump inside the step
+is represented by stage values with its moments, see ``jump_weights``.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ if TYPE_CHECKING:
     import casadi as ca
 
 MOST_DELAY_STEPS = 10_000_000
-"""Steps that a member may remember: 160 MB each."""
+"""Largest number of steps that a member may store: 160 MB each."""
 
 CHANNELS_PER_INPUT = 2
-"""What is remembered of each input: the value at a step's start, and at its end."""
+"""The stored values of each input: at a step's start and at its end."""
 
 
 class DelayTooShortError(InputError):
-    """A delay between 0 and one solver step: ``delay`` and ``dt`` [s]; every dt up to ``delay`` carries it."""
+    """A delay between 0 and one solver step: ``delay`` and ``dt`` [s]; every dt up to ``delay`` is possible."""
 
     def __init__(self, delay: float, dt: float) -> None:
         super().__init__(
@@ -50,7 +50,7 @@ class DelayTooShortError(InputError):
 
 
 def lag(delay: float, dt: float) -> int:
-    """Steps back to the newest remembered step that a step needs; InputError for a delay below one step."""
+    """Steps back to the newest stored step that a step needs; InputError for a delay below one step."""
     if delay / dt > MOST_DELAY_STEPS:
         raise InputError.of(
             "plant.input.delay", f"must be at most {MOST_DELAY_STEPS:g} solver steps, got {delay:g} s at dt = {dt:g} s"
@@ -62,13 +62,13 @@ def lag(delay: float, dt: float) -> int:
 
 
 def require_memory(longest: float, inputs: int, runs: int, dt: float) -> None:
-    """InputError where what runs with delays of at most ``longest`` [s], side by side, remember does not fit into the memory."""
+    """InputError if the stored values of parallel runs with delays of at most ``longest`` [s] do not fit into memory."""
     if not longest:
         return
     steps, each = lag(longest, dt), runs * CHANNELS_PER_INPUT * inputs * 8  # bytes
     budget.require(
         "plant.input.delay", steps, lambda lagged: Estimate(memory=remembered(int(lagged)) * each),
-        given=f"= {longest:g} s, {steps} steps of {dt:g} s that each of {runs} runs remembers,",
+        given=f"= {longest:g} s, {steps} steps of {dt:g} s that each of {runs} runs stores,",
         fits=lambda most: f"at most {most} steps", what="what a delay remembers",
     )  # fmt: skip
     needed, free = remembered(steps) * each, free_memory()
@@ -80,7 +80,7 @@ def require_memory(longest: float, inputs: int, runs: int, dt: float) -> None:
 
 
 def free_memory() -> int | None:
-    """Bytes that programs can still get; None where the system does not say."""
+    """Bytes still available to programs; None if the system does not report it."""
     try:
         stated = Path("/proc/meminfo").read_text("ascii")
     except OSError:
@@ -97,20 +97,20 @@ def whole_steps(delay: float, dt: float) -> int:
 
 
 def brings_bends(loop: ClosedLoop) -> bool:
-    """Whether a delayed loop's past has bends, across which ``weights`` interpolate: u bends where it begins, at t = 0.
+    """Whether a delayed loop's past has bends, across which ``weights`` interpolate: u bends at its beginning, at t = 0.
 
-    What a sampled controller holds has jumps alone, which the weights carry, as long as nothing behind it has a memory.
+    The output of a sampled controller has only jumps, which the weights reproduce, if nothing after it has memory.
     """
     held = loop.sampled and all(not flatten(path.initial()).size for path in loop.paths if path is not None)
     return loop.delayed and not held
 
 
 def weights(delay: float, dt: float, solver: Tableau, *, fused: bool = True) -> Array:
-    """(nodes, channels times taps of an input): what multiplies the starts, then the ends, of remembered steps, the newest first.
+    """(nodes, channels times taps of an input): the factors of the starts, then of the ends, of stored steps, the newest first.
 
-    With d = floor(delay/dt) and f the fraction left, step k sees of step k - d - 1 the last part f and then the first part 1 - f
-    of step k - d. The cubic stands on the end of k - d, the end and the start of k - d - 1, and the start of k - d - 2. Without
-    fused multiply-adds it is a list that combines them, as in a page, as far as a step has two parts.
+    With d = floor(delay/dt) and the remaining fraction f, step k receives the last part f of step k - d - 1 and then the first
+    part 1 - f of step k - d. The cubic uses the end of k - d, the end and the start of k - d - 1, and the start of k - d - 2.
+    Without fused multiply-adds they are computed by an operation list, as in a page, if a step has two parts.
     """
     fraction = max(delay / dt - whole_steps(delay, dt), 0.0)
     if fraction * dt <= 1e-9 * delay:
@@ -122,7 +122,7 @@ def weights(delay: float, dt: float, solver: Tableau, *, fused: bool = True) -> 
 
 
 def traced_weights(solver: Tableau) -> ca.Function:
-    """The weights, node by node, of a fraction above 0."""
+    """The weights, node by node, for a fraction above 0."""
     import casadi as ca
 
     fraction_column, (fraction,) = symbols("fraction", 1)
@@ -146,23 +146,23 @@ def _combined(fraction: Value, solver: Tableau, jumps: Value) -> Value:
 
 _START, _END = np.eye(CHANNELS_PER_INPUT * TAPS_PER_CHANNEL).reshape(CHANNELS_PER_INPUT, TAPS_PER_CHANNEL, -1)
 JUMP = _START[0] - _END[1]
-"""Between steps k - d - 1 and k - d, of what is remembered."""
+"""The jump between steps k - d - 1 and k - d in the stored values."""
 CUBIC_VALUES = np.array([_END[0] - JUMP, _END[1], _START[1], _START[2] + _START[1] - _END[2]])
-"""What the cubic goes through: what is remembered as if there were no jump."""
+"""The points of the cubic: the stored values without the jump."""
 CUBIC_PLACES = np.array([1.0, 0.0, -1.0, -2.0])
-"""Where, in steps from the beginning of step k - d."""
+"""The instant, in steps from the beginning of step k - d."""
 OTHER_PLACES = [np.delete(CUBIC_PLACES, j) for j in range(len(CUBIC_PLACES))]
 
 
 def jump_weights(solver: Tableau, fraction: float) -> Array:
     """(nodes,): stage values for an input that jumps from 0 to 1 at ``fraction`` of a step, 0 <= fraction < 1.
 
-    To the state of x' = A x + B v the method adds h^(j+1) A^j B times sum_i (b'a^j)_i v_i, exact integration h^(j+1) A^j B times
-    the moment (1 - fraction)^(j+1)/(j+1)! of such a jump, j = 0, 1, ... With one value for each of q nodes the first q of these
-    are made equal: on a linear plant a jump costs an error of order h^(q+1), once. RK4 has three nodes and keeps its order.
+    The method adds h^(j+1) A^j B times sum_i (b'a^j)_i v_i to the state of x' = A x + B v, exact integration h^(j+1) A^j B times
+    the moment (1 - fraction)^(j+1)/(j+1)! of such a jump, j = 0, 1, ... With one value for each of q nodes, the first q moments
+    are matched: on a linear plant a jump causes an error of order h^(q+1), once. RK4 has three nodes and keeps its order.
     """
     if fraction == 0:
-        return np.ones(len(solver.nodes))  # none inside the step
+        return np.ones(len(solver.nodes))  # no jump inside the step
     rows, moments = _jump_equations(solver, fraction)
     return np.linalg.solve(rows, moments)
 

@@ -20,7 +20,7 @@ from barbalat.validate import Array
 CHUNK_STEPS = 32_768
 """Steps between two calls of the kernel: long enough to hide the call, a table short enough for the cache."""
 TABLE_STEPS = 8192
-"""Of which rows are made at once: arrays of 64 kB get memory that was used before; getting new took half of a table's time."""
+"""Rows made at once: arrays of 64 kB reuse memory; allocating new memory took half of a table's time."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,10 @@ class Segment:
 
 
 def segments_of(simulation: Simulation, *, recorded: bool) -> Iterator[Segment]:
-    """The run cut into kernel calls; blocks never straddle the tail's start, so that figures of the tail are exact.
+    """The run divided into kernel calls; no block contains the tail's start in its interior, so that figures of the tail are
+    exact.
 
-    A recorded run has one block between two instants that are kept; any other has one for each call.
+    A recorded run has one block between two recorded instants; any other has one for each call.
     """
     length = min(max(1, round(simulation.steps / simulation.record_points)), CHUNK_STEPS) if recorded else CHUNK_STEPS
     per_chunk = max(1, CHUNK_STEPS // length)
@@ -53,15 +54,15 @@ def segments_of(simulation: Simulation, *, recorded: bool) -> Iterator[Segment]:
 
 
 def window_of(steps: int, count: int) -> int:
-    """The least multiple of WATCH_EVERY of which ``count`` hold the steps."""
+    """The smallest multiple of WATCH_EVERY for which ``count`` windows cover the steps."""
     return WATCH_EVERY * -(-steps // (count * WATCH_EVERY))
 
 
 class StepPiece(NamedTuple):
-    """What a row of the table says of a piece of a step, as numbers of the kernel: the last entries of a row.
+    """The last entries of a row of the table, which describe a piece of a step.
 
     length        in steps
-    begins, ends  1 where the piece begins a step, where it ends one; else 0. The kernel reads them at a row's end
+    begins, ends  1 if the piece begins a step, or ends one; else 0. The kernel reads them at a row's end
     """
 
     length: Value
@@ -77,10 +78,10 @@ def signal_table(
 ) -> Array:
     """Values for each step and stage: (steps, nodes * signals), the signals of the first node first.
 
-    A step's last node takes the limit from the left, so that a jump on the grid belongs wholly to the next step. With
-    ``in_pieces`` each step is cut where a signal breaks: a row for each piece, and its ``StepPiece`` behind its signals.
+    A step's last node uses the limit from the left, so that a jump on the grid belongs wholly to the next step. With
+    ``in_pieces`` each step is split where a signal breaks: a row for each piece, with its ``StepPiece`` after the signals.
     """
-    if in_pieces:  # the breaks say how many rows there are
+    if in_pieces:  # the number of rows follows from the breaks
         return _rows(signals, simulation, start, steps, in_pieces=True)
     table = np.empty((steps, len(simulation.solver.nodes) * len(signals)))
     for first in range(0, steps, TABLE_STEPS):
@@ -112,7 +113,7 @@ def _rows(signals: tuple[Signal, ...], simulation: Simulation, start: int, steps
 
 
 def _cut(breaks: Array, t: Array, k: Array) -> tuple[Array, Array, StepPiece]:
-    """The grid t [s], k, in steps, with the breaks inserted into both; and what the pieces between are."""
+    """The grid t [s] and k, in steps, with the breaks inserted into both; and the pieces in between."""
     step = np.searchsorted(t, breaks, side="right") - 1
     places = k[step] + (breaks - t[step]) / (t[step + 1] - t[step])
     on_grid = np.insert(np.ones(len(t)), step + 1, 0.0)
@@ -121,7 +122,7 @@ def _cut(breaks: Array, t: Array, k: Array) -> tuple[Array, Array, StepPiece]:
 
 
 def final_row(signals: tuple[Signal, ...], simulation: Simulation, *, in_pieces: bool = False) -> Array:
-    """A table row that holds the signals at t_end for every node, to evaluate the outputs there."""
+    """A table row with the signals at t_end at every node, to evaluate the outputs there."""
     t_end = run_times(simulation, np.array([simulation.t_end]))
     values = [float(validate.signal_values(signal, t_end)[0]) for signal in signals]
     return np.array([values * len(simulation.solver.nodes) + (list(WHOLE_STEP) if in_pieces else [])])

@@ -1,4 +1,4 @@
-"""Members of one structure, read one after another: what their one kernel is made of, and the numbers that each brings."""
+"""Members of one structure, read one after another: the data of their shared kernel, and the numbers of each."""
 
 from __future__ import annotations
 
@@ -17,21 +17,27 @@ from barbalat.lowering.llvm.machine import Watch
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller, Signal
 from barbalat.run.kernel import breaks, costs, delay
+from barbalat.run.kernel.attempt import Attempts
 from barbalat.run.kernel.grid import window_of
-from barbalat.run.kernel.step import LARGEST_WATCHED_STATE, Rhythm, StepProgram, step_program, traced_once
+from barbalat.run.kernel.observer import observer_program
+from barbalat.run.kernel.pieces import past_of, require_known_instants
+from barbalat.run.kernel.step import LARGEST_WATCHED_STATE, PLAIN_RHYTHM, Rhythm, StepProgram, step_program, traced_once
 from barbalat.run.kernel.template import Columns, Member, StructureError, Template, argument_numbers, with_grid
+from barbalat.run.kernel.time_signals import TimeSignals
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 
 @dataclass(frozen=True, eq=False)
 class Members:
-    """What the kernel of M members is and what it needs: weights and lags of the delay, history, streams of noise, rhythm.
+    """The kernel of M members and its data: weights and lags of the delay, history, streams of noise, rhythm.
 
     loop     the first member's; states (size, M), parameters (p, M)
-    lags     (M,) for a step with a delay, see ``delay.lag``, and history (m, M), what each of its m inputs was before t = 0
-    seeds    (M,) and numbers (M,) for one with noise: which stream each member has
-    windows  of the run, at most, in which the kernel of a single member keeps what is watched; 0: none, as of a large loop
+    lags     (M,) for a step with a delay, see ``delay.lag``, and history (m, M), the value of each of its m inputs before t = 0
+    seeds    (M,) and numbers (M,) for a step with noise: the stream of each member
+    attempts    for steps by a tolerance, if there is one; the program is then the observer's, with ``remembered`` stored entries
+    windows  largest number of windows of the run in which the kernel of a single member keeps the monitored quantity; 0: none, as
+             for a large loop
     """
 
     loop: ClosedLoop
@@ -48,6 +54,8 @@ class Members:
     longest_delay: float = 0.0  # [s]
     windows: int = 0
     problem: TrackingProblem | None = None  # the first member's
+    attempts: Attempts | None = None
+    remembered: int = 0
 
     @classmethod
     def read(
@@ -61,16 +69,16 @@ class Members:
         first: str = "",
         taken: Callable[[int], None] | None = None,
     ) -> Members:
-        """Take up the members once, in their order; none of them is kept.
+        """Read the members once, in order; none of them is kept.
 
-        adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one serves them all. A step
-                    takes 6 to 9 % longer and differs in the last bits; for sweeps over them. Always so without fused
-                    multiply-adds, where the members' numbers are arguments too: no bit depends on which of them vary
-        watched     what the judge keeps; None for runs that nobody judges
-        first       begins what is said of the first member; each of the others is named by its number
-        taken       called with how many have been read, now and then
+        adjustable  dt, the delay's weights and the rhythm become arguments of the kernel, so that one kernel serves them all. A
+                    step takes 6 to 9 % longer and differs in the last bits; for sweeps over these quantities. Always used without
+                    fused multiply-adds, where the members' numbers are arguments too: no bit depends on which of them vary
+        watched     the judge's quantities to be kept; None for runs without a judge
+        first       the beginning of messages about the first member; the others are named by their numbers
+        taken       called now and then with the number of members read
 
-        Raises InputError, with the member's number, where one can't be used or has another structure than the first.
+        Raises InputError, with the member's number, if one can't be used or has another structure than the first.
         """
         given = iter(members)
         one = next(given)
@@ -98,22 +106,22 @@ class Members:
         return int(self.states.shape[1])
 
     def watch(self) -> Watch | None:
-        """The windows in which the kernel of one member keeps what is watched; None where nothing is."""
+        """The windows in which the kernel of one member keeps the monitored quantity; None if there is none."""
         steps = self.simulation.steps
         return Watch(self.program.shape.states, 0, steps + 1, window_of(steps, self.windows)) if self.windows else None
 
 
 class OtherRhythmError(InputError):
-    """A member that acts at other instants."""
+    """A member that acts at other instants than the first."""
 
 
 TOLD_EVERY = 1000
-"""Members read between two words on the progress: some hundredths of a second."""
+"""Members read between two reports of progress: some hundredths of a second."""
 
 
 @dataclass(eq=False)
 class Reader:
-    """Takes up members that are like the first in all but numbers."""
+    """Reads members that differ from the first only in numbers."""
 
     simulation: Simulation
     adjustable: bool
@@ -142,12 +150,14 @@ class Reader:
         watched: Watched | None = None,
     ) -> Reader:
         problem, controller = first
-        simulation.require_steps("what is asked for here")
-        adjustable = adjustable or not simulation.fused
+        by_tolerance = simulation.tolerance is not None
+        adjustable = (adjustable or not simulation.fused) and not by_tolerance
         bind = Bindings()
         loop = ClosedLoop.of(problem, controller, bind=bind)
         costs.require_states(loop)
-        rhythm = Rhythm.of(loop, problem.noise, simulation)
+        if by_tolerance:
+            require_known_instants(loop, problem, simulation)
+        rhythm = PLAIN_RHYTHM if by_tolerance else Rhythm.of(loop, problem.noise, simulation)
         initial = Columns(loop.initial())
         reader = cls(simulation, adjustable, problem, controller, loop, rhythm, bind, Columns(()), initial, watched=watched)
         weights = reader._apart(problem)
@@ -156,20 +166,20 @@ class Reader:
         return reader
 
     def again(self) -> Reader:
-        """A reader that has taken up the first member alone."""
+        """A reader that has read only the first member."""
         firsts = {name: getattr(self, name)[:1] for name in ("delays", "lags", "history", "seeds")}
         weights = None if self.weights is None else self.weights.again()
         columns, initial = self.columns.again(), self.initial.again()
         return replace(self, bind=Bindings(), columns=columns, initial=initial, weights=weights, known_delays={}, **firsts)
 
     def add(self, problem: TrackingProblem, controller: Controller) -> None:
-        """InputError or StructureError for a member that can't be read beside the first."""
+        """InputError or StructureError for a member that can't be combined with the first."""
         if problem.signals != self.problem.signals:
             raise InputError(f"all members must share their signals, this one has {validate.show(problem.signals)}")
         self.take(problem, controller)
 
     def take(self, problem: TrackingProblem, controller: Controller, equations: Any = None) -> None:
-        """Take up a member, whatever its signals, with its equations where they are known; errors as of ``add``."""
+        """Read a member, whatever its signals, with its equations if they are known; errors as in ``add``."""
         loop = ClosedLoop.of(problem, controller, bind=self.bind if equations is None else lambda _, __: equations)
         noise, first_noise = problem.noise, self.problem.noise
         if noise is not None and first_noise is not None and noise.sample_time != first_noise.sample_time:
@@ -185,11 +195,15 @@ class Reader:
             self.weights.add(weights)
 
     def _apart(self, problem: TrackingProblem) -> Array | None:
-        """Keep what is no part of the loop; the weights of the delay."""
+        """Store what is not part of the loop; returns the weights of the delay."""
         self.delays.append(problem.delay)
         if problem.noise is not None:
             self.seeds.append(problem.noise.seed)
         if not self.loop.delayed:
+            return None
+        if self.simulation.tolerance is not None:
+            if (problem.delay, *problem.history) != (self.problem.delay, *self.problem.history):
+                raise InputError("all members must share the delay and its history beside simulation.tolerance")
             return None
         lag, weights = self._delayed(problem.delay)
         self.lags.append(lag)
@@ -204,18 +218,20 @@ class Reader:
         return self.known_delays[time]
 
     def arguments(self) -> Array:
-        """(N,) which of all numbers of a member the kernel is handed."""
+        """(N,) which of all numbers of a member are passed to the kernel."""
         return argument_numbers(self.columns, opened=not self.simulation.fused)
 
     def chosen(self, which: Array, rounding: float = 0.0) -> Array:
-        """(p, M) what it is handed where those are ``which``; StructureError where members differ in others beyond rounding."""
+        """(p, M) the numbers selected by ``which``; StructureError if members differ in others beyond rounding."""
         found = self.columns.chosen(which, rounding)
         return with_grid(found, self.simulation.dt, self.weights) if self.adjustable else found
 
     def members(self, windows: int, *, many_delays: bool = False) -> Members:
-        """What was read; with ``many_delays`` the kernel takes each member's own, whatever those were that were read."""
+        """The members that were read; with ``many_delays`` the kernel takes each member's own delay, whatever the delays are."""
         windows = windows if self.loop.size <= LARGEST_WATCHED_STATE else 0
         simulation, signals, which = self.simulation, self.problem.signals, self.arguments()
+        if simulation.tolerance is not None:
+            return self._by_tolerance(which)
         lags = np.array(self.lags) if self.loop.delayed else None
         how = {
             "lag_per_member": lags is not None and (many_delays or bool((lags != lags[0]).any())),
@@ -225,22 +241,37 @@ class Reader:
             "fused": simulation.fused,
         }
         program = traced_once(self._traced_by(which, how), self.columns.first, lambda: self._trace(how))
+        return self._with(
+            program,
+            which,
+            lags=lags,
+            history=np.column_stack(self.history) if self.loop.delayed else None,
+            longest_delay=max(self.known_delays, default=0.0),
+            windows=windows,
+        )
+
+    def _with(self, program: StepProgram, which: Array, **more: Any) -> Members:
         return Members(
             self.loop,
             program,
             self.initial.everything(),
             self.chosen(which),
             self.rhythm,
-            signals,
-            simulation,
+            self.problem.signals,
+            self.simulation,
             np.arange(self.columns.count),
-            lags,
-            np.column_stack(self.history) if self.loop.delayed else None,
-            np.array(self.seeds) if self.loop.signals.noise else None,
-            max(self.known_delays, default=0.0),
-            windows,
-            self.problem,
+            seeds=np.array(self.seeds) if self.loop.signals.noise else None,
+            problem=self.problem,
+            **more,
         )
+
+    def _by_tolerance(self, which: Array) -> Members:
+        """The members that were read, with the programs of attempts with a tolerance and of their observer."""
+        simulation, problem, template = self.simulation, self.problem, Template.of(self.columns, opened=not self.simulation.fused)
+        loop, column, fused = template.loop, template.column, simulation.fused
+        program, remembered = observer_program(loop, simulation.grid.dt, self.watched, fused=fused, parameters=column)
+        attempts = Attempts(loop, TimeSignals.of(problem.signals), fused, past_of(self.loop, problem), column)
+        return self._with(program, which, attempts=attempts, remembered=remembered)
 
     def _trace(self, how: dict[str, bool]) -> StepProgram:
         simulation = self.simulation
@@ -253,9 +284,9 @@ class Reader:
         return program if self.watched is None else program.judged(loop, self.watched, dt, column)
 
     def _traced_by(self, which: Array, how: dict[str, bool]) -> Hashable | None:
-        """All that the step's program depends on: what is no number, and the numbers that are no arguments."""
+        """Everything on which the step's program depends: everything but the numbers, and the numbers that are not arguments."""
         member: Member = self.columns.first
-        if comes_from_outside(member.loop):  # what a function of somebody else's does may depend on anything
+        if comes_from_outside(member.loop):  # a function from outside may depend on anything
             return None
         constants = self.columns.first_numbers()[~which].tobytes()
         times = self.simulation.dt, self.rhythm.sample_every, self.rhythm.noise_hold

@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from barbalat.solvers.simulation import Simulation
 
 DIVERGENCE_LIMIT = 1e12
-"""A run has diverged when the magnitudes of x, x_m and theta_hat add up to more than this, or any state is no finite number.
-
-Where the output is fed back, those of y and y - y_m count instead: x depends on the realisation there, and the parameters grow
-with powers of the bandwidth."""
+"""A run has diverged if the magnitudes of x, x_m and theta_hat add up to more than this, or if a state is not finite. With
+output feedback, those of y and y - y_m count instead: x then depends on the realisation, and the parameters grow with powers
+of the bandwidth."""
 
 _RESETS = {"min": np.inf, "max": -np.inf, "sum": 0.0, "steps": 0.0, "alive": 1.0}
 
 
 def divergence_measure(loop: ClosedLoop, outputs: Outputs, flat: Value) -> Value:
-    """What diverges, of a flat state. What else is integrated may be large by its unit or by choice (u^2, a covariance)."""
+    """The quantity of a flat state that decides about divergence. Other integrated quantities may be large by their unit or by
+    design (u^2, a covariance)."""
     state = loop.unpack(flat)
     fed_back = (outputs.y, outputs.e) if outputs.y.shape[0] else (state.x, state.x_m, loop.theta_hat(state.controller))
     first, *others = (np.sum(np.abs(part)) for part in fed_back)
@@ -38,9 +38,9 @@ def divergence_measure(loop: ClosedLoop, outputs: Outputs, flat: Value) -> Value
 class Accumulators:
     """The accumulators of a loop with n components of e and of theta_hat, in kernel order: (quantity, operation, entries).
 
-    e, u, theta_hat: extrema over the instants 0...N; e^2: sum over them; |change of theta_hat|: sum over the steps.
-    "alive" is 1 until the first bad step of a block, "steps" counts the good ones before it. Where a step is made in pieces the
-    instants inside it count for the extrema and for the change, and not for the sum of squares, which weights all steps alike.
+    e, u, theta_hat: extrema over the instants 0...N; e^2: sum over them; |change of theta_hat|: sum over the steps. "alive" is 1
+    until the first bad step of a block, "steps" counts the good ones before it. If a step is made in pieces, the instants inside
+    it count for the extrema and for the change, but not for the sum of squares, which weights all steps equally.
     """
 
     errors: int
@@ -112,10 +112,10 @@ class Accumulators:
 class Metrics:
     """Figures of a run or of an ensemble: every array has the members' axis first, (M, ...).
 
-    max_abs_e, rms_e, tail_max_abs_e (M, n); max_abs_u (M,), or (M, m) with m inputs;
-    theta_hat_final, theta_hat_tail_min, theta_hat_tail_max,
-    theta_hat_variation_rate [1/s] (M, n); diverged_at (M,) [s], NaN where the run stayed bounded. All other figures of a
-    run that diverged are NaN. max_abs_y (M,) where the output is measured, else None. The tail is the last quarter of [0, t_end].
+    max_abs_e, rms_e, tail_max_abs_e (M, n); max_abs_u (M,), or (M, m) with m inputs; theta_hat_final, theta_hat_tail_min,
+    theta_hat_tail_max, theta_hat_variation_rate [1/s] (M, n); diverged_at (M,) [s], NaN where the run stayed bounded. All other
+    figures of a run that diverged are NaN. max_abs_y (M,) where the output is measured, else None. The tail is the last quarter
+    of [0, t_end].
     """
 
     diverged_at: Array
@@ -131,7 +131,7 @@ class Metrics:
 
     @classmethod
     def together(cls, parts: Sequence[Metrics]) -> Metrics:
-        """The figures of all members of these."""
+        """The figures of all members of these parts."""
         named = {name: [getattr(part, name) for part in parts] for name in cls.__dataclass_fields__}
         return cls(**{name: None if values[0] is None else np.concatenate(values) for name, values in named.items()})
 
@@ -140,7 +140,7 @@ class Metrics:
         return Metrics(**{name: None if values is None else values[which] for name, values in vars(self).items()})
 
     def end_of(self, i: int) -> float | None:
-        """When a member diverged [s]; None where it did not."""
+        """The time at which a member diverged [s]; None if it did not."""
         instant = float(self.diverged_at[i])
         return None if np.isnan(instant) else instant
 
@@ -167,8 +167,8 @@ class Totals:
         self.diverged_step = np.full(members, np.nan)
 
     def merge(self, segment: Segment, out: Array, members: slice) -> None:
-        """Take up a segment's blocks; ``out`` is (blocks, accumulators, members of the slice)."""
-        with np.errstate(invalid="ignore", over="ignore"):  # of a member that has just diverged; its figures become NaN
+        """Add a segment's blocks; ``out`` is (blocks, accumulators, members of the slice)."""
+        with np.errstate(invalid="ignore", over="ignore"):  # from a member that has just diverged; its figures become NaN
             self._merge(segment, out, members)
 
     def _merge(self, segment: Segment, out: Array, members: slice) -> None:
@@ -189,7 +189,7 @@ class Totals:
         self.diverged_step[members] = np.where(np.isnan(known) & bad.any(axis=0), step, known)
 
     def merge_final(self, out: Array, members: slice) -> None:
-        """Take up the outputs at t_end; ``out`` is (accumulators, members) of one step that starts there."""
+        """Add the outputs at t_end; ``out`` is (accumulators, members) from one step that starts there."""
         total = self.tail[:, members]
         for quantity, operation, _ in self.operations:
             rows = self.at[quantity, operation]

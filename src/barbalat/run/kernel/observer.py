@@ -1,13 +1,13 @@
-"""What is kept of a motion that is known at any instant: figures and the judge's memory, from nodes of the dense output.
+"""Observes a motion that is known at any instant: figures and the judge's memory, from nodes of the dense output.
 
-The kernel is an ordinary one whose steps come in pieces: a piece lies between two nodes, and a step between two instants of
-the record. Where a quantity turns between nodes, its extremum is that of the parabola through three of them; squares are
-integrated by Simpson's rule over the nodes of each step of the integration.
+The kernel is an ordinary one with steps in pieces: a piece is between two nodes, and a step between two recorded instants. If a
+quantity turns between nodes, its extremum is that of the parabola through three of them, none of which is beyond a corner or a
+jump; squares are integrated by Simpson's rule over the nodes of each integration step.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -20,20 +20,22 @@ from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.protocols import Value
 from barbalat.run.kernel.metrics import divergence_measure
+from barbalat.run.kernel.sampled_controller import parameters_column
 from barbalat.run.kernel.step import StepProgram, accumulators_of
 
 PIECE = 3
-"""Entries at a row's end that say which piece of a step it is: its length, whether it begins and ends one."""
+"""Entries at the end of a row that describe the piece of a step: its length, and whether it begins or ends a step."""
 OBSERVED = ("e", "u", "theta_hat", "y")
-"""Whose extrema are kept."""
+"""The signals whose extrema are kept."""
 
 
 class NodeRow(NamedTuple):
-    """A row of the table: the signals at a node, the state at the next one, and what the node counts for.
+    """A row of the table: the signals at a node, the state at the next one, and the node's weights.
 
-    weight  of the squares at it, in steps
-    smooth  1 where the motion has no corner at it
-    apart   1 where what lies before it belongs to other figures
+    weight  of the squares at the node, in steps
+    smooth  1 if the motion has no corner at the node, -1 if it is the end of a piece: the motion from there to the next node,
+            which begins at the same instant, belongs to the next node's figures
+    apart   1 if everything before it belongs to other figures
     """
 
     signals: Value
@@ -57,40 +59,63 @@ def row_length(loop: ClosedLoop) -> int:
 
 
 class Turn(NamedTuple):
-    """What is remembered of the two nodes before: the quantities (Q,) at each, how long after each the next one came, and whether
-    the later one is smooth. All zeros at the start."""
+    """The stored data of the previous two nodes: the quantities (Q,) at each, the time from each to the next, and whether each
+    is smooth. All zeros at the start."""
 
     last: Value
     before: Value
     since_last: Value
     since_before: Value
     smooth: Value
+    smooth_before: Value
 
     @classmethod
     def of(cls, flat: Value) -> Turn:
-        """The parts of what is remembered, (2 Q + 3,)."""
-        count = (flat.shape[0] - 3) // 2
+        """The parts of the stored data, (2 Q + 4,)."""
+        count = (flat.shape[0] - 4) // 2
         return cls(flat[:count], flat[count : 2 * count], *flat[2 * count :])
 
-    def vertex(self, now: Value) -> tuple[Value, Value]:
-        """The quantities' extrema near the last node, or their values there; and by how much farther they are."""
+    def vertex(self, now: Value, smooth_now: Value) -> tuple[Value, Value]:
+        """The quantities' extrema near the last node, or their present values if there is none; and by how much they are
+        exceeded.
+
+        An extremum between the last node and a node that is not smooth, at which a piece begins or ends, is not taken from a
+        parabola around the latter.
+        """
         first = (self.last - self.before) / np.where(self.since_before > 0, self.since_before, 1.0)
         second = (now - self.last) / np.where(self.since_last > 0, self.since_last, 1.0)
         span = self.since_last + self.since_before
         bend = (second - first) / np.where(span > 0, span, 1.0)
         slope = first + bend * self.since_before
-        turns = np.where(first * second < 0, 1.0, 0.0) * np.where(self.smooth > 0, 1.0, 0.0) > 0
+        begins = _where(slope * (first - bend * self.since_before) < 0, self.smooth_before <= 0)
+        ends = _where(slope * (second + bend * self.since_last) < 0, smooth_now <= 0)
+        turns = np.where(first * second < 0, 1.0, np.maximum(begins, ends)) * np.where(self.smooth > 0, 1.0, 0.0) > 0
         farther = np.where(turns, -slope * slope / (4 * np.where(turns, bend, 1.0)), 0.0 * bend)
-        return self.last + farther, np.abs(farther)
+        vertex = np.where(turns, self.last + farther, now)
+        nearer = np.minimum(np.abs(farther), np.minimum(_beyond(vertex, self.before, begins), _beyond(vertex, now, ends)))
+        return vertex, np.where(turns, nearer, 0.0 * bend)
 
 
-def observer_program(loop: ClosedLoop, dt: float, watched: Watched | None, *, fused: bool) -> tuple[StepProgram, int]:
-    """The kernel's program, and how many entries it remembers behind the judge's memory."""
+def _where(condition: Value, other: Value) -> Value:
+    """1 if both hold, else 0."""
+    return np.where(condition, 1.0, 0.0) * np.where(other, 1.0, 0.0)
+
+
+def _beyond(vertex: Value, node: Value, counts: Value) -> Value:
+    """The distance of the extremum from a node's value, if it counts."""
+    return np.where(counts > 0, np.abs(vertex - node), np.inf)
+
+
+def observer_program(
+    loop: ClosedLoop, dt: float, watched: Watched | None, *, fused: bool, parameters: Any = None
+) -> tuple[StepProgram, int]:
+    """The kernel's program, and the number of entries that it stores after the judge's memory; ``parameters`` as in
+    ``Attempts``."""
     import casadi as ca
 
     memory = None if watched is None else watched.memory(loop)
     rows, size = 0 if memory is None else len(memory.begins), loop.size
-    remembered = 2 * (loop.errors + loop.inputs + loop.parameters + loop.measured_outputs) + 3
+    remembered = 2 * (loop.errors + loop.inputs + loop.parameters + loop.measured_outputs) + 4
     state_column, carried = symbols("state", size + rows + remembered)
     row_column, flat = symbols("signals", row_length(loop))
     row, turn = NodeRow.of(loop, flat), Turn.of(carried[size + rows :])
@@ -99,33 +124,36 @@ def observer_program(loop: ClosedLoop, dt: float, watched: Watched | None, *, fu
     old_column, old = symbols("accumulators", len(accumulators.resets))
     outputs = loop.outputs(state, row.signals)
     now = _observed(outputs)
-    vertex, farther = turn.vertex(now)
+    vertex, farther = turn.vertex(now, row.smooth)
     kept = 1.0 - row.apart
     turning = _parts(loop, np.where(kept > 0, vertex, now))
     known = estimate_set(loop)
     if known is not None:
         turning["theta_hat"] = known.limit(turning["theta_hat"])
     now_hat, next_hat = (loop.theta_hat(loop.unpack(flat).controller) for flat in (state, following))
-    moved = np.abs(next_hat - now_hat) + 2 * kept * _parts(loop, farther)["theta_hat"]
+    last_hat = _parts(loop, turn.last)["theta_hat"]
+    moved = np.where(row.smooth < 0, 0.0, np.abs(next_hat - now_hat)) + np.where(turn.smooth < 0, np.abs(now_hat - last_hat), 0.0)
+    moved = moved + 2 * kept * _parts(loop, farther)["theta_hat"]
     length, _, ends = row.piece
     new = accumulators.update(
         old, outputs, divergence_measure(loop, outputs, following), following, moved,
         begins=row.weight, ends=ends, turning=turning,
     )  # fmt: skip
-    three = np.concatenate([np.reshape(value, 1) for value in (length, turn.since_last, row.smooth)])
-    remembers = np.concatenate([now, turn.last, three])
+    others = (length, turn.since_last, row.smooth, turn.smooth)
+    remembers = np.concatenate([now, turn.last, *(np.reshape(value, 1) for value in others)])
     nothing = ca.SX(0, 1)
-    inputs = [state_column, old_column, nothing, row_column, nothing, nothing]
+    arguments = parameters_column(parameters)
+    inputs = [state_column, old_column, arguments, row_column, nothing, nothing]
     results = [following, new, None, outputs.e, outputs.u, remembers]
     traced = ca.Function("observe", inputs, [ca.SX(0, 1) if value is None else column(value) for value in results], {"cse": True})
     program = optimize(read(traced), fused=fused)
     errors, demands, turns = program.outputs[3:]
     program = Program(program.operations, program.outputs[:3])
     if watched is not None and memory is not None:
-        given = Given(errors, demands, row_length(loop), PIECE, dt, None)
+        given = Given(errors, demands, row_length(loop), PIECE, dt, parameters)
         program = joined(program, loop, memory, given)
     program = Program(program.operations, ((*program.outputs[0], *turns), *program.outputs[1:]))
-    shape = LoopShape(size + rows + remembered, len(accumulators.resets), 0, row_length(loop), in_pieces=True)
+    shape = LoopShape(size + rows + remembered, len(accumulators.resets), arguments.numel(), row_length(loop), in_pieces=True)
     return StepProgram(program, shape, accumulators, memory=memory), remembered
 
 

@@ -1,4 +1,4 @@
-"""The pieces of a run between instants at which something happens: a signal breaks, a controller samples, noise is renewed."""
+"""The pieces of a run between events: a break of a signal, a sample of a controller, new noise."""
 
 from __future__ import annotations
 
@@ -6,53 +6,103 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.problem.measurement import Noise
-from barbalat.run.kernel.attempt import Attempts
+from barbalat.problem.tracking import TrackingProblem
+from barbalat.run.kernel.attempt import Attempts, HeldPast
 from barbalat.run.kernel.breaks import ON_GRID_ROUNDINGS
+from barbalat.run.kernel.delay import brings_bends
 from barbalat.run.kernel.portable import standard_normal_at
+from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 AT_AN_END = 1e-9
-"""Of a period: a sample so near to where pieces begin or end is meant to lie there."""
+"""Share of a period: a sample this close to the beginning or end of a piece is treated as there."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pieces:
-    """What happens to a loop at instants of its own.
+    """The events of a loop over time.
 
-    noise  of its measurement; None where there is none, or where it is left out
+    noise   of its measurement; None if there is none, or if it is left out
+    number  the stream of that noise
     """
 
     attempts: Attempts
     noise: Noise | None = None
+    number: int = 0
 
     def rows(self, kept: Array, values: Array | None = None, *, sampled_already: bool = False) -> Array:
-        """(K, count) rows of the pieces of [kept[0], kept[-1]], with the end behind the last; ``kept`` (k,) [s] are kept exactly.
+        """(K, count) rows of the pieces of [kept[0], kept[-1]], followed by the end; the times ``kept`` (k,) [s] are kept
+        exactly.
 
-        values           at which the signals are held; None where they go on
-        sampled_already  whether a sample at the beginning is over
+        values           values at which the signals are held; None if they continue
+        sampled_already  whether a sample at the beginning has already been taken
         """
         loop, signals = self.attempts.loop, self.attempts.signals
         samples = np.zeros(0) if loop.sample_time is None else _moved(_multiples(loop.sample_time, kept), kept)
         renewed = np.zeros(0) if self.noise is None else _moved(_multiples(self.noise.sample_time, kept), kept)
-        begins = np.unique(np.concatenate([kept, samples, _moved(renewed, np.union1d(kept, samples))]))
+        arrivals = self._arrivals(kept)
+        fixed = np.union1d(kept, samples)
+        begins = np.unique(np.concatenate([fixed, _moved(renewed, fixed), _moved(arrivals, fixed)]))
         ends, sampled = np.append(begins[1:], begins[-1]), np.isin(begins, samples)
         if sampled_already:
             sampled[0] = False
         driven = signals.rows(begins, ends) if values is None else signals.held(begins, values)
-        return self.attempts.rows(ends, sampled, driven, self.noise_at(begins))
+        return self.attempts.rows(ends, sampled, self._arrived(begins), driven, self.noise_at(begins))
 
-    def noise_at(self, times: Array) -> Array:
-        """(K, channels) the measurement's noise from these times (K,) [s] on."""
+    def _arrivals(self, kept: Array) -> Array:
+        """The instants from the first to the last of these times at which a sample's control leaves the delay."""
+        loop, past = self.attempts.loop, self.attempts.past
+        if past is None or loop.sample_time is None or not past.rest:
+            return np.zeros(0)
+        return past.rest + _multiples(loop.sample_time, kept - past.rest)
+
+    def _arrived(self, begins: Array) -> Array:
+        """Whether the sample that leaves the delay in the period of each piece has left it when the piece begins."""
+        loop, past = self.attempts.loop, self.attempts.past
+        if past is None or loop.sample_time is None or not past.rest:
+            return np.zeros(len(begins))
+        periods, later = (np.floor(t / loop.sample_time + AT_AN_END) for t in (begins, begins - past.rest))
+        return later == periods
+
+    def noise_at(self, times: Array, before: Array | bool = False) -> Array:
+        """(K, channels) the measurement's noise from these times (K,) [s] on, or up to them if ``before`` (K,) is true."""
         channels = self.attempts.loop.signals.noise
         if self.noise is None or not channels:
             return np.zeros((len(times), channels))
-        rows = np.floor(times / self.noise.sample_time + AT_AN_END).astype(int)
-        return standard_normal_at(self.noise.seed, 0, rows, channels)
+        periods = times / self.noise.sample_time
+        rows = np.where(before, np.ceil(periods - AT_AN_END) - 1, np.floor(periods + AT_AN_END)).astype(int)
+        return standard_normal_at(self.noise.seed, self.number, rows, channels)
+
+
+def require_known_instants(loop: ClosedLoop, problem: TrackingProblem, simulation: Simulation) -> None:
+    """InputError for features that can't yet be used with a tolerance, and for a sample time beyond the horizon."""
+    if loop.sample_time is not None:
+        require_within("sample_time", loop.sample_time, simulation.t_end)
+    if problem.noise is not None:
+        require_within("sensor.noise.sample_time", problem.noise.sample_time, simulation.t_end)
+    if loop.around is not None and loop.around.jitters:
+        raise InputError.of("simulation.tolerance", "needs samples without jitter: give simulation.dt")
+    if loop.delayed and brings_bends(loop):
+        raise InputError.of(
+            "simulation.tolerance",
+            "allows a delay at the plant's input only after a sampled controller without dynamics in between: give simulation.dt",
+        )
+    if any(path is not None and path.rate_limit is not None for path in loop.paths):
+        raise InputError.of("simulation.tolerance", "needs an input without a rate limit: give simulation.dt")
+
+
+def past_of(loop: ClosedLoop, problem: TrackingProblem) -> HeldPast | None:
+    """The content of the delay at the plant's input; None if there is none."""
+    if not loop.delayed:
+        return None
+    assert loop.sample_time is not None
+    return HeldPast.of(problem.delay, loop.sample_time, problem.history)
 
 
 def require_within(field: str, period: float, t_end: float) -> None:
-    """InputError for one so long that nothing would ever happen."""
+    """InputError for a period so long that the event would never happen."""
     if period > t_end:
         raise InputError.of(field, f"must not exceed simulation.t_end = {t_end:g} s, got {period:g} s")
 
@@ -64,7 +114,7 @@ def _multiples(period: float, kept: Array) -> Array:
 
 
 def _moved(times: Array, kept: Array) -> Array:
-    """The times [s], of which those that are one of ``kept`` but for roundings are that one."""
+    """The times [s], with those that equal one of ``kept`` up to rounding replaced by it."""
     after = np.searchsorted(kept, times).clip(1, len(kept) - 1)
     near = np.where(times - kept[after - 1] < kept[after] - times, kept[after - 1], kept[after])
     return np.where(np.abs(times - near) <= ON_GRID_ROUNDINGS * np.finfo(float).eps * np.abs(times), near, times)

@@ -1,6 +1,6 @@
-"""Signals, outputs and noise of a run, computed outside its kernel, with the same bits on every computer.
+"""Signals, outputs and noise of a run, computed outside its kernel, bit for bit the same on every computer.
 
-They use the operation lists that kernels use: NumPy's own sine, like the C library's, depends in its last bits on the library and
+They use the operation lists of the kernels: NumPy's own sine, like the C library's, depends in its last bits on the library and
 on the processor's instructions.
 """
 
@@ -22,16 +22,16 @@ LIST_NAMES: dict[np.ufunc, str] = {
     np.sin: "sin", np.cos: "cos", np.tan: "tan", np.exp: "exp", np.log: "log", np.tanh: "tanh", np.arctan: "atan",
     np.power: "pow", np.float_power: "pow",
 }  # fmt: skip
-"""NumPy's other functions stay its own: signals that use them may differ in the last bits from one computer to another."""
+"""NumPy's other functions are used directly: signals that use them may differ in the last bits between computers."""
 
 
 def instants(simulation: Simulation, step: Array | float) -> Array:
-    """The times [s] of steps, or of fractions between two, as signals are given them."""
+    """The times [s] of steps, or of fractions between two, in the form that signals receive."""
     return run_times(simulation, simulation.time(step))
 
 
 def run_times(simulation: Simulation, t: Array) -> Array:
-    """Times [s] as a run's signals are given them."""
+    """Times [s] in the form that a run's signals receive."""
     return t if simulation.fused else t.view(Portable)
 
 
@@ -43,7 +43,7 @@ def at_instants(function: casadi.Function, simulation: Simulation, *columns: Arr
 
 
 class Portable(np.ndarray):
-    """An array that hands NumPy's elementary functions to ``LIST_NAMES``; arrays that follow from it are such arrays too."""
+    """An array that passes NumPy's elementary functions to ``LIST_NAMES``; arrays computed from it are of the same class."""
 
     def __array_ufunc__(
         self,
@@ -76,27 +76,27 @@ def _portable(found: Any) -> Any:
 
 
 NUMBERS_PER_BLOCK = 4
-"""Numbers that one count of a Philox counter makes."""
+"""Numbers per count of a Philox counter."""
 
 
 def standard_normal(seed: int, member: int, first: int, rows: int, channels: int) -> Array:
     """Rows first ... first + rows - 1 of a member's standard Gaussian numbers, (rows, channels).
 
-    They are those of the operation list that pages have too: no library's logarithm is in them, and their bits are the same on
-    every computer.
+    They come from the operation list that pages use too: it calls no library's logarithm, and its bits are the same on every
+    computer.
     """
     return _drawn(seed, member, [(first, rows)], channels)
 
 
 def standard_normal_at(seed: int, member: int, rows: Array, channels: int) -> Array:
-    """A member's standard Gaussian numbers of these rows, in any order, (K, channels)."""
+    """A member's standard Gaussian numbers for these rows, in any order, (K, channels)."""
     needed, place = np.unique(rows, return_inverse=True)
     return _drawn(seed, member, [(int(row), 1) for row in needed], channels)[place]
 
 
 def _drawn(seed: int, member: int, parts: Sequence[tuple[int, int]], channels: int) -> Array:
     """The parts (first row, rows), in rising order, one after another."""
-    counts = -(-channels // NUMBERS_PER_BLOCK)  # every row starts on a count of its own
+    counts = -(-channels // NUMBERS_PER_BLOCK)  # every row starts on its own count
     generator = np.random.Philox(key=np.array([seed, member], dtype=np.uint64))
     raw, passed = [], 0
     for first, rows in parts:

@@ -1,8 +1,8 @@
-"""A sampled controller's own operations: before a step of a simulation, or by themselves, one sample a call, to fly.
+"""A sampled controller's own operations: before a step of a simulation, or separately, one sample per call, in flight.
 
-The controller's list is the same wherever it runs, in a simulation and on a flight computer: it has no fused multiply-adds, which
-targets have or lack, and it is optimised by itself, so that nothing of the plant is mixed into it. A step that flies has no plant
-and no clock in it, so that any simulator can be the plant; its bits are those of the exported C, which is the same list.
+The controller's list is the same in a simulation and on a flight computer: it uses no fused multiply-adds, which not every target
+has, and it is optimised separately, so that it contains nothing of the plant. The step used in flight contains no plant and no
+clock, so that any simulator can be the plant; its bits are those of the exported C, which is the same list.
 """
 
 from __future__ import annotations
@@ -32,12 +32,13 @@ STATE, MEASURED, PARAMETER, COMMAND, FREEZE = range(5)
 
 
 def controller_program(loop: ClosedLoop, parameters: ca.SX | None = None) -> Program:
-    """The controller of a sampled loop from sample to sample: of its state, the measurement, the command, the freeze switch."""
+    """The controller of a sampled loop from sample to sample, as a function of its state, the measurement, the command and the
+    freeze switch."""
     import casadi as ca
 
     assert loop.computer is not None
     template = initial_acting(loop)
-    y = loop.plant.output(loop.plant.x0)
+    y = loop.at_first
     state_column, state = symbols("state", len(flatten(template)))
     measured_column, measured = symbols("measured", y.size)
     command_column, command = symbols("command", loop.commands or 1)
@@ -57,7 +58,7 @@ def initial_acting(loop: ClosedLoop) -> Acting:
 
 
 def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None = None, dt: Value = None) -> Program:
-    """What happens before a step at a sample, with the arguments of ``step``, see ``step_function``, -> the loop's state."""
+    """The operations before a step at a sample: from the arguments of ``step``, see ``step_function``, to the loop's state."""
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
@@ -75,12 +76,12 @@ def sample_program(loop: ClosedLoop, step: ca.Function, parameters: ca.SX | None
 def acting_on(
     handed: Program, loop: ClosedLoop, parameters: ca.SX | None = None, dt: Value = None
 ) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
-    """The controller's and its shell's operations behind those of ``handed``, and where the controller's new state stands.
+    """The controller's and its shell's operations after those of ``handed``, and the positions of the controller's new state.
 
-    handed  gives the loop's state, the measurement, the command and, where something is around the controller, the faults
+    handed  computes the loop's state, the measurement, the command and, if there is a shell or a fault, the faults
     """
     now, measured, command, *values = handed.outputs
-    own = len(flatten(initial_acting(loop)))  # the controller's state stands last in the loop's
+    own = len(flatten(initial_acting(loop)))  # the controller's state is last in the loop's
     operations = (*handed.operations, Operation("constant"))
     before, freeze = now[-own:], len(operations) - 1
     taken: tuple[int, ...] = ()
@@ -101,10 +102,11 @@ def acting_on(
 
 @dataclass(frozen=True, eq=False)
 class Shelled:
-    """The shell before and behind a controller's list, as lists in which nothing is reordered: C has the same lines.
+    """The shell before and after a controller's list, as lists in which nothing is reordered, since the C code has the same
+    lines.
 
-    taking, putting  of what stands in their one column of arguments
-    freeze           where the freeze switch stands in what is taken
+    taking, putting  the shell's operations, as functions of one column of arguments each
+    freeze           position of the freeze switch in the result of taking a sample
     """
 
     taking: Program
@@ -116,7 +118,7 @@ class Shelled:
         """``dt`` [s] is the solver's step, which may be one of the ``parameters``."""
         around, template = loop.around, initial_acting(loop)
         assert around is not None
-        own, y = len(flatten(template)), loop.plant.output(loop.plant.x0)
+        own, y = len(flatten(template)), loop.at_first
         count, commands = y.size + (loop.commands or 1), loop.commands or 1
         given_column, given = symbols("given", own + count + len(around.faults))
         before, _ = unflatten(template, given, 0)
@@ -132,11 +134,11 @@ class Shelled:
         )
 
     def take(self, operations: tuple[Operation, ...], given: tuple[int, ...]) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
-        """Operations that end with a sample's being taken, and where what was taken stands among them."""
+        """Append the operations that take a sample, and the positions of their results."""
         return _behind(operations, self.taking, given)
 
     def put_out(self, operations: tuple[Operation, ...], given: tuple[int, ...]) -> tuple[tuple[Operation, ...], tuple[int, ...]]:
-        """Operations that end with a control's being put out, and where the controller's whole state stands among them."""
+        """Append the operations that put out a control, and the positions of the controller's whole state."""
         return _behind(operations, self.putting, given)
 
 
@@ -154,7 +156,7 @@ def _behind(
 
 
 def parameters_column(parameters: ca.SX | None) -> ca.SX:
-    """The parameters of a step as an argument, of no entries where there are none."""
+    """The parameters of a step as an argument, which is empty without parameters."""
     import casadi as ca
 
     return ca.SX(0, 1) if parameters is None else parameters
@@ -162,12 +164,12 @@ def parameters_column(parameters: ca.SX | None) -> ca.SX:
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """How what flew agrees with the simulated list, which was handed the same measurements beside it, sample by sample.
+    """The agreement of a flown controller with the simulated list, which received the same measurements, sample by sample.
 
-    flights     of which this is known; where a simulator breaks, nothing is
-    samples     that were compared
-    refused     of them, those that the exported C did not take for what it is made for, and held its last control at
-    difference  the first number that is not equal in every bit, in a phrase; empty where all of u and of the state is
+    flights     number of flights for which it is known; if a simulator fails, it is unknown
+    samples     number of compared samples
+    refused     number of these samples that the exported C refused as outside its design, holding its last control
+    difference  the first number that is not equal in every bit, as a phrase; empty if all of u and of the state are equal
     """
 
     flights: int = 1
@@ -177,12 +179,12 @@ class Agreement:
 
     @property
     def equal(self) -> bool | None:
-        """None where nothing was compared."""
+        """None if nothing was compared."""
         return not self.difference if self.samples else None
 
     @classmethod
     def together(cls, several: Iterable[Agreement | None], *, flights: int | None = None) -> Agreement:
-        """The agreement of several flights, some of which may have told nothing, or of the parts of so many flights."""
+        """The agreement of several flights, some of which may have reported nothing, or of the parts of ``flights`` flights."""
         told = [one for one in several if one is not None]
         return cls(
             flights=sum(one.flights for one in told) if flights is None else flights,
@@ -199,24 +201,24 @@ class Step(Protocol):
     def name(self) -> str: ...
 
     def reset(self) -> None:
-        """Back to before the first sample."""
+        """Return to the state before the first sample."""
 
     def __call__(self, y: Array, r: Array | float) -> Array:
-        """u, (m,), at the next sample, of what is measured and of the command."""
+        """u, (m,), at the next sample, from the measurement and the command."""
 
     def agreement(self) -> Agreement | None:
-        """How the samples since the last call agree; None where it is the simulated list itself that flies."""
+        """The agreement of the samples since the last call; None if the simulated list itself is flown."""
 
 
 @runtime_checkable
 class Resumable(Step, Protocol):
-    """A step that goes on from wherever it is put: ``state``, (S,), is all that the next sample follows from."""
+    """A step that can continue from any state: ``state``, (S,), determines the next sample."""
 
     state: Array
 
 
 class Flyable(Protocol):
-    """A controller on its way to the process in which it flies: what can be pickled."""
+    """A controller that can be pickled and sent to the process in which it flies."""
 
     @property
     def name(self) -> str: ...
@@ -225,25 +227,25 @@ class Flyable(Protocol):
     def sample_time(self) -> float: ...
 
     def step(self) -> Step:
-        """It, made ready there."""
+        """Prepare the controller in that process."""
 
 
 Maker = Callable[[TrackingProblem, Controller], Flyable]
-"""What makes something that flies of a controller: ``SampledList.of``, or ``export.exported_c`` for software in the loop."""
+"""A factory of flown controllers: ``SampledList.of``, or ``export.exported_c`` for software in the loop."""
 
 
 SIGNALS = 3
-"""The argument of a kernel's step by which it is handed what was sampled."""
+"""The argument of a kernel's step with the sampled values."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SampledList:
-    """The operations of a controller from sample to sample, and where in its state what is; nothing of its class is left in it.
+    """The operations of a controller from sample to sample, with the positions of its outputs; independent of its class.
 
-    program            a kernel's step, with what is measured, the command and the freeze switch as one row of signals
+    program            a kernel's step, with the measurement, the command and the freeze switch as one row of signals
     initial            (S,) the state before the first sample
     u, x_m, theta_hat  their places in the state
-    measured, signals  entries of what is measured, and of the row
+    measured, signals  number of entries of the measurement, and of the row
     """
 
     name: str
@@ -257,23 +259,26 @@ class SampledList:
     signals: int
 
     @classmethod
-    def of(cls, problem: TrackingProblem, controller: Controller) -> SampledList:
-        """InputError where the controller does not fit the problem, or runs continuously."""
+    def of(cls, problem: TrackingProblem, controller: Controller, program: Program | None = None) -> SampledList:
+        """InputError if the controller does not fit the problem, or acts in continuous time.
+
+        program  a list of the same controller without parameters, in place of its own
+        """
         loop = ClosedLoop.of(problem, controller)
         if not loop.sampled:
             raise InputError(
-                f"{controller.name} is continuous, and a flight computer runs from sample to sample: wrap it as "
+                f"{controller.name} is continuous, but a flight computer needs a sampled controller: wrap it as "
                 "Sampled(controller=..., sample_time=...)"
             )
         assert loop.sample_time is not None
         start = initial_acting(loop)
         initial = np.asarray(flatten(start), dtype=float)
         places: Acting = unflatten(start, np.arange(len(initial)), 0)[0]
-        measured, commands = loop.plant.output(loop.plant.x0).size, loop.commands or 1
+        measured, commands = loop.at_first.size, loop.commands or 1
         return cls(
             name=controller.name,
             sample_time=loop.sample_time,
-            program=_as_step(controller_program(loop), measured, commands),
+            program=_as_step(controller_program(loop) if program is None else program, measured, commands),
             initial=initial,
             u=np.reshape(places.held.u, -1),
             x_m=np.reshape(places.held.x_m, -1),
@@ -283,12 +288,12 @@ class SampledList:
         )
 
     def step(self) -> SampledStep:
-        """It, compiled by LLVM."""
+        """The list, compiled by LLVM."""
         return SampledStep(self)
 
 
 class SampledStep:
-    """Such a list, compiled here: a call is a sample. Not for several threads."""
+    """A compiled list; each call is a sample. Not for several threads."""
 
     def __init__(self, contents: SampledList) -> None:
         self.contents, states = contents, len(contents.initial)
@@ -301,18 +306,18 @@ class SampledStep:
         return self.contents.name
 
     def reset(self) -> None:
-        """Back to before the first sample."""
+        """Return to the state before the first sample."""
         self.state[:] = self.contents.initial
 
     def __call__(self, y: Array, r: Array | float) -> Array:
-        """u, (m,), at the next sample, of what is measured and of the command."""
+        """u, (m,), at the next sample, from the measurement and the command."""
         measured = self.contents.measured
         self._handed[:measured], self._handed[measured:-1] = y, r
         self._run()
         return self.state[self.contents.u]
 
     def agreement(self) -> Agreement | None:
-        """There is nothing that it could differ from."""
+        """None, because the list is not compared with anything."""
         return None
 
     @property
@@ -322,7 +327,7 @@ class SampledStep:
 
 
 def _as_step(program: Program, measured: int, commands: int) -> Program:
-    """A controller's list as a kernel's step: what it is handed as one row of signals; it accumulates and delays nothing."""
+    """A controller's list as a kernel's step, with its inputs as one row of signals; it has no accumulators and no delay."""
     starts = {STATE: (STATE, 0), MEASURED: (SIGNALS, 0), COMMAND: (SIGNALS, measured), FREEZE: (SIGNALS, measured + commands)}
 
     def placed(source: tuple[int, int]) -> tuple[int, int]:

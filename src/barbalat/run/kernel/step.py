@@ -34,13 +34,14 @@ if TYPE_CHECKING:
     import casadi as ca
 
 STEPS_WORTH_OPTIMISING = 250_000
-"""Of one kernel in all its runs. Optimised code of Section V's loops takes 6 ms longer to make and 24 ns less for a step; of an
-operation of loops with 16,000 and 34,000 of them 0.15 ms and 0.45 ns: the same number of steps within a third for any loop."""
+"""Number of steps of a kernel, in all its runs together, above which optimisation pays. Optimised code of Section V's loops
+takes 6 ms longer to make and saves 24 ns per step; for loops with 16,000 and 34,000 operations it is 0.15 ms and 0.45 ns per
+operation: the same number of steps within a third for any loop."""
 
 
 @dataclass(eq=False)
 class CompiledLoop:
-    """A loop's code as it is made at first, and optimised once its runs have been long enough in all."""
+    """A loop's code as first compiled, and optimised once its runs have taken enough steps."""
 
     make: Callable[[bool], Kernel]
     steps: float = 0.0
@@ -65,7 +66,7 @@ def compiled(
     watch: Program | None,
     outside: ExternalFunction | None,
 ) -> CompiledLoop:
-    """What is kept of a loop's code, the same for the same lists; of what was used least lately nothing."""
+    """The cached code of a loop, shared by equal lists; the least recently used entries are dropped."""
 
     def make(quickly: bool) -> Kernel:
         return Kernel(program, shape, resets, lanes, sample, watch, outside=outside, quickly=quickly)
@@ -74,12 +75,12 @@ def compiled(
 
 
 def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, parameters: ca.SX | None = None) -> ca.Function:
-    """|sum of J_ij J_ji over i != j| + sum of J_ii^2, less what is constant of it; J is the Jacobian of the right-hand side.
+    """|sum of J_ij J_ji over i != j| + sum of J_ii^2, without constant terms; J is the Jacobian of the right-hand side.
 
-    Without the bars that is the sum of the squares of the eigenvalues, tr J^2; for the frozen oscillator of adaptation it is
-    2 omega_a^2. A rate limiter's J_ii is left out: it follows its demand within one step, so that h J_ii is -1 at every step
-    and would pass for a mode that no step resolves. The arguments are those of ``step``, see ``step_function``; ``dt`` [s] is
-    its length, ``parameters`` the symbols in the loop. Minus infinity where the run has diverged.
+    Without the absolute value it is the sum of the squares of the eigenvalues, tr J^2; for the frozen oscillation of adaptation
+    it is 2 omega_a^2. A rate limiter's J_ii is left out: the limiter follows its demand within one step, so that h J_ii is -1 at
+    every step and would look like a mode that no step resolves. The arguments are those of ``step``, see ``step_function``;
+    ``dt`` [s] is its length, ``parameters`` the symbols in the loop. Minus infinity if the run has diverged.
     """
     import casadi as ca
 
@@ -87,7 +88,7 @@ def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, par
     if parameters is not None:
         given[2] = parameters
     state, table_row, noise = (ca.array(given[i]).reshape(-1) for i in (0, 3, 5))
-    # of the step's start
+    # at the step's start
     signals = np.concatenate([table_row[: loop.signals.timed], noise, np.zeros(loop.signals.delayed)])
     twin = continuous_twin(loop).following_within(dt)
     slope: Value = column(twin.derivative(state[: twin.size], signals))
@@ -99,13 +100,13 @@ def coupling_function(loop: ClosedLoop, step: ca.Function, dt: Value = None, par
 
 
 def _rate_limiters(loop: ClosedLoop) -> set[int]:
-    """Where the outputs of rate limiters stand in the loop's flat state."""
+    """The positions of rate limiters' outputs in the loop's flat state."""
     paths = loop.unpack(np.arange(loop.size)).input
     return {int(row) for path in paths if path for row in path.limited}
 
 
 def _cycles(jacobian: ca.SX, without: set[int]) -> tuple[ca.SX, ca.SX]:
-    """sum of J_ii^2 and sum of J_ij J_ji, i != j, without the terms that are constant, and J_ii^2 of the rows ``without``."""
+    """sum of J_ii^2 and sum of J_ij J_ji, i != j, without constant terms and without J_ii^2 of the rows ``without``."""
     import casadi as ca
 
     own, crossed = ca.SX(0), ca.SX(0)
@@ -124,15 +125,16 @@ def _cycles(jacobian: ca.SX, without: set[int]) -> tuple[ca.SX, ca.SX]:
 
 
 LARGEST_WATCHED_STATE = 150
-"""States of a loop that is watched while it runs: what is watched has terms for each pair of them."""
+"""Largest number of states of a loop that is monitored while it runs: the monitored quantity has terms for each pair of
+states."""
 
 
 @dataclass(frozen=True)
 class StepProgram:
-    """One step as an operation list, and what a sampled controller does before it; compile it for a number of lanes.
+    """One step as an operation list, and the operations of a sampled controller before it; compile it for a number of lanes.
 
-    outside  compiled elsewhere, does the sampled controller's part of what is done before a step
-    memory   what the judge keeps behind the loop's states; None where nothing is judged
+    outside  code compiled elsewhere that does the sampled controller's part of the operations before a step
+    memory   the judge's memory after the loop's states; None without a judge
     """
 
     program: Program
@@ -144,7 +146,8 @@ class StepProgram:
     memory: Memory | None = None
 
     def judged(self, loop: ClosedLoop, watched: Watched, dt: Value, parameters: ca.SX | None) -> StepProgram:
-        """The same step with the judge's list behind it; ``loop``, ``dt`` and ``parameters`` are those it was traced with."""
+        """The same step with the judge's list appended; ``loop``, ``dt`` and ``parameters`` are those with which it was
+        traced."""
         assert self.accumulators is not None
         at, shape, memory = self.accumulators.slices(), self.shape, watched.memory(loop)
         given = Given(
@@ -165,7 +168,7 @@ class StepProgram:
         )
 
     def _taken(self, rows: slice) -> tuple[int, ...]:
-        """Where the operations stand whose values these accumulators, minima, take up."""
+        """The positions of the operations whose values these accumulators, minima, take."""
         operations, found = self.program.operations, []
         for i in range(*rows.indices(self.shape.accumulators)):
             operation = operations[self.program.outputs[1][i]]
@@ -174,11 +177,12 @@ class StepProgram:
         return tuple(found)
 
     def watches(self, lanes: int) -> bool:
-        """Whether its kernel keeps what is watched: what is very long to look at is looked at of one member alone."""
+        """Whether its kernel monitors: a long quantity is monitored only in runs of one member."""
         return self.watch is not None and (lanes == 1 or len(self.watch.operations) <= LONGEST_INSIDE)
 
     def compile(self, lanes: int, steps: float = inf) -> Kernel:
-        """For so many steps more; code that is quickly made while they are few, on which no bit of any result depends."""
+        """Compile for this number of further steps; for few steps the code is compiled quickly, with the same bits in every
+        result."""
         resets = () if self.accumulators is None else self.accumulators.resets
         watch = self.watch if self.watches(lanes) else None
         return compiled(self.program, self.shape, resets, lanes, self.sample, watch, self.outside).for_steps(steps)
@@ -186,19 +190,19 @@ class StepProgram:
 
 @dataclass(frozen=True, eq=False)
 class Rhythm:
-    """How often, in solver steps, what happens at instants of its own: a controller's samples, new noise."""
+    """The periods, in solver steps, of a controller's samples and of new noise."""
 
     sample_every: int = 0
     noise_hold: int = 1
 
     @classmethod
     def of(cls, loop: ClosedLoop, noise: Noise | None, simulation: Simulation) -> Rhythm:
-        """InputError where a time is not a whole number of steps, or is longer than the run."""
+        """InputError if a time is not a whole number of steps, or is longer than the run."""
         sample_time = loop.sample_time
         every = 0 if sample_time is None else whole_steps("sample_time", sample_time, simulation)
         if loop.around is not None and loop.around.jitters:
             loop.around.require_steps(simulation.dt)
-            every = 1  # at each of them it is looked whether the timer calls
+            every = 1  # at each step it is checked whether the timer calls
         return cls(
             every,
             1 if noise is None else whole_steps("sensor.noise.sample_time", noise.sample_time, simulation),
@@ -206,7 +210,7 @@ class Rhythm:
 
 
 def whole_steps(field: str, time: float, simulation: Simulation) -> int:
-    """How many a sample time has; InputError for part of one, and for one so long that nothing would ever happen."""
+    """The number of steps of a sample time; InputError if it is not whole, or so long that no sample would occur."""
     dt = simulation.dt
     if time > simulation.t_end:
         raise InputError.of(field, f"must not exceed simulation.t_end = {simulation.t_end:g} s, got {time:g} s")
@@ -228,9 +232,10 @@ def step_function(
 ) -> tuple[ca.Function, Accumulators | None]:
     """The step as a CasADi function (state, accumulators, parameters, signals, past, noise) -> (state, accumulators, remember).
 
-    Also its accumulators; without ``figures`` there are none. ``delay_weights``, see ``delay.weights``, go with a delay: past
-    then holds the remembered values and ``remember`` those to add. ``loop``, ``dt`` and the weights may hold symbols;
-    ``parameters`` is then their CasADi column. ``in_pieces``: what is advanced is a piece of a step, and signals end with it.
+    Also its accumulators; without ``figures`` there are none. ``delay_weights``, see ``delay.weights``, are given with a delay:
+    past then contains the stored values and ``remember`` those to add. ``loop``, ``dt`` and the weights may contain symbols;
+    ``parameters`` is then their CasADi column. ``in_pieces``: a piece of a step is advanced, and its description is the end of
+    the signals.
     """
     import casadi as ca
 
@@ -270,7 +275,8 @@ def accumulators_of(loop: ClosedLoop) -> Accumulators:
 
 
 def sampled_states(loop: ClosedLoop) -> ca.Function:
-    """What a sampled controller makes of a state: (state, signals) -> state, columns of many instants may be given."""
+    """The state after a sampled controller's action: (state, signals) -> state; the arguments may have columns for many
+    instants."""
     import casadi as ca
 
     state_column, state = symbols("state", loop.size)
@@ -279,7 +285,7 @@ def sampled_states(loop: ClosedLoop) -> ca.Function:
 
 
 PLAIN_RHYTHM = Rhythm()
-"""Nothing is sampled, and nothing is noisy."""
+"""The step without samples and noise."""
 
 
 def step_program(
@@ -297,9 +303,9 @@ def step_program(
     in_pieces: bool = False,
     fused: bool = True,
 ) -> StepProgram:
-    """Trace, optimise: see ``step_function``; with ``watch`` ``coupling_function`` is watched.
+    """Trace and optimise the step: see ``step_function``; with ``watch`` ``coupling_function`` is monitored.
 
-    ``adjustable``: the rhythm is no part of the program, but an argument of every call of its kernel. ``fused``: see
+    ``adjustable``: the rhythm is not part of the program, but an argument of every call of its kernel. ``fused``: see
     ``optimize``.
     """
     function, accumulators = step_function(
@@ -328,17 +334,18 @@ def step_program(
 
 
 _programs: dict[Hashable, tuple[StepProgram, object]] = {}
-"""What was traced, by all that it depends on: a search runs the same step again and again, with other delays, say."""
+"""Traced steps, by everything on which they depend: a search runs the same step repeatedly, for example with other delays."""
 MOST_PROGRAMS = 64
-"""That are kept, as of compiled ones."""
+"""Largest number of traced steps that are kept, as for compiled ones."""
 
 
 def traced_once(key: Hashable | None, of: object, trace: Callable[[], StepProgram]) -> StepProgram:
-    """What ``trace`` gives, kept where a key says on what it depends; with ``of``, whose parts a key may name by their places."""
+    """The result of ``trace``, cached if a key states everything on which it depends; ``of`` is kept alive, since a key may
+    contain ids of its parts."""
     if key is None:
         return trace()
     found = _programs.pop(key, None) or (trace(), of)
-    _programs[key] = found  # the last of them
+    _programs[key] = found  # the most recently used one
     if len(_programs) > MOST_PROGRAMS:
         _programs.pop(next(iter(_programs)), None)
     return found[0]

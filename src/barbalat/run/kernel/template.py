@@ -1,4 +1,4 @@
-"""Members of one structure: the numbers in which they differ, and the template that has a symbol for each of these."""
+"""Members of one structure: the numbers in which they differ, and the template with a symbol for each of these."""
 
 from __future__ import annotations
 
@@ -21,27 +21,28 @@ _BYTES = struct.Struct("d").pack
 
 
 class StructureError(Exception):
-    """A member has more than other numbers."""
+    """A member differs in more than numbers."""
 
 
 class _ColumnPart(NamedTuple):
-    """A part of the first member, and where its leaves stand among all of them."""
+    """A part of the first member, and the positions of its leaves."""
 
     first: Any
-    leaf: int  # its place, of a leaf; else where the first leaf in it stands
-    inner: tuple[_ColumnPart, ...] | None  # None for a leaf, and for what has no parts
-    named: bool = False  # whether the class alone says which parts there are
+    leaf: int  # the position of a leaf, or of the first leaf within the part
+    inner: tuple[_ColumnPart, ...] | None  # None for a leaf, and for an object without parts
+    named: bool = False  # whether the class alone determines the parts
 
 
 class Columns:
-    """Leaves are the arrays and numbers of a member, in the order of its parts.
+    """The leaves of members, which are their arrays and numbers, in the order of their parts.
 
-    A leaf of which every member has the first's bits takes no memory; any other one an entry for each member up to the last that
-    differs: the rest has the first's. A part that is the first member's own object is not looked into.
+    A leaf that has the first member's bits in every member takes no memory; any other has an entry for each member up to the last
+    that differs, and the remaining members have the first's. A part that is the same object as in the first member is not
+    examined.
     """
 
     def __init__(self, first: Any, depth: int = 0) -> None:
-        """``depth``: how deep ``first`` stands in what is looked at."""
+        """``depth``: the depth of ``first`` within the examined object."""
         self.first = first
         self.count = 1
         self._leaves: list[Array] = []
@@ -59,13 +60,13 @@ class Columns:
         return _ColumnPart(part, begin, None)
 
     def again(self) -> Columns:
-        """Columns of the first member alone, which is not looked into again."""
+        """Columns of the first member alone, which is not examined again."""
         other = copy(self)
         other.count, other._kept = 1, {}
         return other
 
     def add(self, member: Any) -> None:
-        """Take up the next member; StructureError where it differs by more than numbers."""
+        """Read the next member; StructureError if it differs in more than numbers."""
         self._take(member, self._whole)
         self.count += 1
 
@@ -96,7 +97,7 @@ class Columns:
             self._filled(leaf).extend(given)
 
     def _filled(self, leaf: int) -> bytearray:
-        """What is kept of a leaf, with the first's bits for all members since the last that differed."""
+        """The stored values of a leaf, with the first's bits for all members since the last that differed."""
         kept, same = self._kept.setdefault(leaf, bytearray()), self._bytes[leaf]
         missing = self.count - len(kept) // len(same) if same else 0
         if missing:
@@ -104,7 +105,7 @@ class Columns:
         return kept
 
     def differing(self) -> tuple[Array, Array]:
-        """Which of all numbers differ between members, (N,), and those, (p, M)."""
+        """Which of all numbers differ between members, (N,), and their values, (p, M)."""
         differs, rows = [], []
         for i, leaf in enumerate(self._leaves):
             values = self._values(i)
@@ -120,13 +121,13 @@ class Columns:
         return tuple(self._leaves)
 
     def first_numbers(self) -> Array:
-        """(N,) all of the first member's."""
+        """(N,) all numbers of the first member."""
         return np.concatenate([*(leaf.ravel() for leaf in self._leaves), np.zeros(0)])
 
     def chosen(self, which: Array, rounding: float = 0.0) -> Array:
-        """(p, M) those of all numbers that ``which``, (N,) truth values, chooses; StructureError where others differ too.
+        """(p, M) the numbers selected by ``which``, (N,) truth values; StructureError if others differ too.
 
-        rounding  a difference of others that is let pass, as a part of their array's largest finite number
+        rounding  an admissible difference of others, relative to their array's largest finite number
         """
         ends = np.cumsum([leaf.size for leaf in self._leaves])
         rows = [np.zeros((0, self.count))]
@@ -140,7 +141,7 @@ class Columns:
 
     @staticmethod
     def _differs_beyond(rounding: float, leaf: Array, values: Array, which: Array) -> bool:
-        """Whether some of its numbers differ from the first member's by more; NaN and the like by their bits."""
+        """Whether some numbers differ from the first member's by more; NaN and the like are compared by their bits."""
         first, found = leaf.reshape(-1, 1)[which], values[which]
         other = found != first
         if rounding == 0.0 or not other.any():
@@ -150,20 +151,20 @@ class Columns:
             return not bool((np.abs(found - first)[other] <= rounding * largest).all())
 
     def _values(self, leaf: int) -> Array:
-        """(entries, M), or (entries, 1) where all members have the same."""
+        """(entries, M), or (entries, 1) if all members are equal."""
         if leaf not in self._kept:
             return self._leaves[leaf].reshape(-1, 1)
         return np.frombuffer(self._filled(leaf)).reshape(self.count, -1).T
 
     def everything(self) -> Array:
-        """(N, M) all numbers of all members; those that don't differ take no memory of their own where none does."""
+        """(N, M) all numbers of all members; if none differ, they take no memory of their own."""
         values = [np.broadcast_to(self._values(i), (leaf.size, self.count)) for i, leaf in enumerate(self._leaves)]
         return values[0] if len(values) == 1 else np.concatenate(values)
 
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """Everything that a member's step depends on."""
+    """Everything on which a member's step depends."""
 
     loop: ClosedLoop
     delay_weights: Array | None  # as of ``delay.weights``
@@ -173,8 +174,8 @@ class Member:
 class Template:
     """The first member with a symbol in place of each number that differs.
 
-    values  (p, M) the numbers that the symbols stand for; ``column`` has the symbols
-    dt      a symbol where the step is one of them, else None
+    values  (p, M) the values of the symbols; ``column`` contains the symbols
+    dt      a symbol if the step is one of them, else None
     """
 
     loop: ClosedLoop
@@ -185,7 +186,7 @@ class Template:
 
     @classmethod
     def of(cls, members: Columns, *, opened: bool = False) -> Template:
-        """``members`` has read each ``Member``; with ``opened`` all numbers are symbols that ``open_numbers`` names."""
+        """``members`` has read each ``Member``; with ``opened`` all numbers that ``open_numbers`` names are symbols."""
         first: Member = members.first
         which = argument_numbers(members, opened=opened)
         if not which.any():
@@ -198,11 +199,12 @@ class Template:
         if comes_from_outside(loop.equations):
             ports = Ports.of(loop.plant, loop.model, loop.commands, loop.inputs)
             check_varied(loop.equations, found.loop.equations, ports, (column, values[:, 0]))
-        begun = replace(found.loop, begins=loop.equations.initial())  # initial() is written for numbers alone
+        begun = replace(found.loop, begins=loop.equations.initial())  # initial() is written for numbers only
         return cls(begun, found.delay_weights, values, column)
 
     def adjustable(self, dt: float, weights: Columns | None) -> Template:
-        """With symbols for the step, which is ``dt`` [s], and for all the delay's weights, read apart from the members."""
+        """With symbols for the step, which is ``dt`` [s], and for all the delay's weights, which are read separately from the
+        members."""
         import casadi as ca
 
         values = with_grid(self.values, dt, weights)
@@ -217,13 +219,13 @@ class Template:
 
 
 def with_grid(values: Array, dt: float, weights: Columns | None) -> Array:
-    """The kernel's arguments (p, M) with the step and the delay's weights behind them."""
+    """The kernel's arguments (p, M), followed by the step and the delay's weights."""
     members = values.shape[1]
     return np.vstack([values, np.full((1, members), dt), *([] if weights is None else [weights.everything()])])
 
 
 def argument_numbers(members: Columns, *, opened: bool) -> Array:
-    """(N,) which of all numbers of a member are arguments of the kernel; ``opened`` as of ``Template.of``."""
+    """(N,) which of all numbers of a member are arguments of the kernel; ``opened`` as in ``Template.of``."""
     differing = members.differing()[0]
     return differing | open_numbers(members.first) if opened else differing
 
@@ -231,8 +233,8 @@ def argument_numbers(members: Columns, *, opened: bool) -> Array:
 def open_numbers(member: Member) -> Array:
     """(N,) which of a member's numbers are parameters of a kernel whose list does not depend on them.
 
-    These are all numbers but the zeros of matrices, which decide what a state acts on at all, and the numbers of parts from
-    outside the package, which may do with a number what cannot be done with a symbol.
+    These are all numbers except the zeros of matrices, which determine the structure, and the numbers of parts from outside the
+    package, which may use a number in ways that are impossible for a symbol.
     """
     loop, found = member.loop, [np.zeros(0, dtype=bool)]
     for part in (parts_of(loop) or {}).values():

@@ -1,4 +1,4 @@
-"""What drives a run at any time, not at a grid's alone: signals as formulas of t, or as lines between their breaks."""
+"""The signals of a run at any time, not only on a grid: as formulas of t, or as lines between their breaks."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from barbalat.loop.packing import column, symbols
+from barbalat.problem.faults import FaultSignal
 from barbalat.protocols import BreakingSignal, InterpolatedSignal, Signal, SlopedSignal
 from barbalat.signals.smooth import Clock, Constant, Continuous
 from barbalat.validate import Array, InputError
@@ -17,13 +18,13 @@ if TYPE_CHECKING:
 
 
 def is_formula(signal: Signal) -> bool:
-    """Whether it is written for CasADi's arrays too, and does not jump."""
+    """Whether it can also be evaluated on CasADi's arrays, and does not jump."""
     if not isinstance(signal, Continuous) or isinstance(signal, (InterpolatedSignal, Constant)):
         return False
     _, t = symbols("t", 1)
     try:
         return isinstance(signal(t), type(t))
-    except (TypeError, ValueError, RuntimeError):  # what turns t into a number or branches on it is no formula
+    except (TypeError, ValueError, RuntimeError):  # code that turns t into a number or branches on it is no formula
         return False
 
 
@@ -37,26 +38,27 @@ def is_straight(signal: Signal) -> bool:
 class TimeSignals:
     """The signals of a loop in their order.
 
-    A piece of a run lies between two instants at which one of them breaks, and has numbers of its own: see ``rows``.
+    A piece of a run is between two instants at which one of them breaks, and has its own numbers: see ``rows``.
     """
 
     signals: tuple[Signal, ...]
 
     @classmethod
     def of(cls, signals: tuple[Signal, ...]) -> TimeSignals:
-        """InputError for a signal that is known at a grid's instants alone."""
+        """InputError for a signal that is known only on a grid."""
         for signal in signals:
-            if not (is_formula(signal) or is_straight(signal)):
+            if not (is_formula(signal) or is_straight(signal) or isinstance(signal, FaultSignal)):
                 raise InputError.of(
                     "simulation.tolerance",
-                    f"needs signals that are known at every instant, and {type(signal).__name__} is a Python function of the "
-                    "times that it is asked for: give simulation.dt",
+                    f"needs signals that are known at every instant, but {type(signal).__name__} is a Python function of "
+                    f"requested times: give simulation.dt"
+                    "",
                 )
         return cls(signals)
 
     @property
     def numbers(self) -> int:
-        """Numbers of a piece: when it begins, whether the signals are held, of each its value and its slope."""
+        """Numbers of a piece: its beginning, whether the signals are held, and the value and slope of each."""
         return 2 + 2 * len(self.signals)
 
     def breaks(self, t_end: float) -> Array:
@@ -65,18 +67,21 @@ class TimeSignals:
         return np.unique(np.concatenate([np.zeros(0), *found]))
 
     def rows(self, begins: Array, ends: Array) -> Array:
-        """(K, numbers) of pieces that begin and end at these times (K,) [s]; one of no length has the values at its beginning."""
+        """(K, numbers) of pieces that begin and end at these times (K,) [s]; a piece of zero length has the values at its
+        beginning."""
         columns = [begins, np.zeros(len(begins))]
         for signal in self.signals:
             if is_formula(signal):
                 columns += [np.zeros(len(begins))] * 2
                 continue
-            first, last = np.asarray(signal(begins), float), np.asarray(signal.before(ends), float)
+            first = last = np.asarray(signal(begins), float)
+            if not isinstance(signal, FaultSignal):  # it is evaluated only at samples, where pieces begin
+                last = np.asarray(signal.before(ends), float)
             columns += [first, (last - first) / np.where(ends > begins, ends - begins, 1.0)]
         return np.column_stack(columns)
 
     def held(self, begins: Array, values: Array) -> Array:
-        """(K, numbers) of pieces in which each signal keeps one of ``values``, but for a clock, whose value is NaN."""
+        """(K, numbers) of pieces in which each signal keeps one of ``values``, except a clock, whose value is NaN."""
         numbers = np.ravel([(float(value), 0.0) for value in values])
         return np.column_stack([begins, np.ones(len(begins)), np.tile(numbers, (len(begins), 1))])
 

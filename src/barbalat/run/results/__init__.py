@@ -1,1 +1,1 @@
-"""What a run says: its series and figures, and what a second look at them finds."""
+"""The results of a run: its series and figures, and the findings of their examination."""

@@ -1,4 +1,4 @@
-"""What the tolerance of a run came to: its error from t = 0 on, as a second run at a finer tolerance measures it."""
+"""The error of a run from t = 0 on, measured by a run with a tolerance; a run with a tolerance is compared with a second one."""
 
 from __future__ import annotations
 
@@ -10,44 +10,47 @@ import numpy as np
 
 from barbalat.validate import Array
 
+OPEN = 0.1
+"""Share of a figure: if two runs of different tolerances differ by more, the figure is not resolved."""
+
 
 @dataclass(frozen=True)
 class Accuracy:
-    """Of a run by tolerance.
+    """The accuracy of a run by tolerance.
 
-    tolerance  what each step may err by
+    tolerance  admissible error of each step
     finer      the tolerance of the second run
-    error      by the state's name, "x" and "theta_hat", the largest difference of the two runs at the recorded instants, as a
-               part of the largest magnitude that its component takes; None where a run does not reach the end
-    steps      accepted; ``rejected`` were tried in vain, ``choices`` ended where the equations jump or bend
+    error      by the state's name, "x" and "theta_hat", the largest difference of the two runs at the recorded instants, relative
+               to the component's largest magnitude; None if a run does not reach the end
+    figures    by a figure's name, the largest difference of the two runs relative to its value in the second one; None in the
+               same case
+    steps      accepted steps; ``rejected`` ones failed, ``choices`` ended where the equations jump or bend
     """
 
     tolerance: float
     finer: float
     error: dict[str, float | None]
+    figures: dict[str, float | None]
     steps: int
     rejected: int
     choices: int
 
-    @classmethod
-    def of(
-        cls, tolerance: float, finer: float, states: Array, others: Array, rows: Mapping[str, Array], steps: int, rejected: int,
-        choices: int,
-    ) -> Accuracy:  # fmt: skip
-        """From the states (K, S) of both runs; ``rows`` are those of each name."""
-        with np.errstate(invalid="ignore"):
-            largest = np.maximum(np.abs(others).max(axis=0), np.finfo(float).tiny)
-            differs = np.abs(states - others).max(axis=0) / largest
-        found = {name: float(differs[which].max()) for name, which in rows.items() if len(which)}
-        return cls(tolerance, finer, {name: v if np.isfinite(v) else None for name, v in found.items()}, steps, rejected, choices)
+    @property
+    def unresolved(self) -> tuple[str, ...]:
+        """The figures that the tolerance does not resolve."""
+        return tuple(name for name, value in self.figures.items() if value is not None and value > OPEN)
 
     @property
     def in_brief(self) -> str:
-        """The measured error alone."""
-        told = [f"{value:.2g} in {name}" for name, value in self.error.items() if value is not None]
+        """Only the measured error, and the figures that it does not resolve."""
+        told = _told(self.error)
         if not told:
             return f"error not measured, since a run at {self.finer:g} does not reach the end"
-        return f"measured error {' and '.join(told)}"
+        names = ", ".join(self.unresolved)
+        of_them = (
+            f"; {names} {'is' if len(self.unresolved) == 1 else 'are'} not resolved: ask for a smaller tolerance" if names else ""
+        )
+        return f"measured error {told}{of_them}"
 
     @property
     def sentence(self) -> str:
@@ -58,3 +61,57 @@ class Accuracy:
 
     def as_json(self) -> dict[str, Any]:
         return vars(self) | {"sentence": self.sentence}
+
+
+@dataclass(frozen=True)
+class MeasuredError:
+    """The error of a run with fixed steps, measured by a run with a tolerance.
+
+    tolerance  of that run
+    error      as in ``Accuracy``, up to the time ``until`` [s] that both runs reach; empty if nothing is measured
+    own        the error of that run itself, measured by another one with a finer tolerance
+    reason     why nothing is measured; None if it is
+    """
+
+    tolerance: float
+    error: dict[str, float | None]
+    own: dict[str, float | None]
+    until: float
+    reason: str | None = None
+
+    @property
+    def sentence(self) -> str:
+        """In one line."""
+        told, own = _told(self.error), _told(self.own)
+        if self.reason is not None or not told:
+            return f"error not measured: {self.reason or 'no run with a tolerance reaches the end'}"
+        itself = f", whose own error is {own}" if own else ""
+        return f"measured error {told} up to t = {self.until:g} s, by a run with a tolerance of {self.tolerance:g}{itself}"
+
+    def as_json(self) -> dict[str, Any]:
+        return vars(self) | {"sentence": self.sentence}
+
+
+def differences(states: Array, others: Array, rows: Mapping[str, Array]) -> dict[str, float | None]:
+    """The largest differences of the states (K, S) of two runs by the names of ``rows``, relative to components' magnitudes."""
+    with np.errstate(invalid="ignore"):
+        largest = np.maximum(np.abs(others).max(axis=0), np.finfo(float).tiny)
+        differs = np.abs(states - others).max(axis=0) / largest
+    found = {name: float(differs[which].max()) for name, which in rows.items() if len(which)}
+    return {name: v if np.isfinite(v) else None for name, v in found.items()}
+
+
+def relative_differences(figures: Mapping[str, Any], others: Mapping[str, Any]) -> dict[str, float | None]:
+    """The largest difference of each figure of two runs, relative to its largest entry in the other one; None if there is
+    none."""
+    found: dict[str, float | None] = {}
+    for name, value in figures.items():
+        one, other = (np.atleast_1d(np.array(given, dtype=float)) for given in (value, others[name]))
+        largest = np.abs(other).max(initial=0.0)
+        differs = float(np.abs(one - other).max(initial=0.0) / max(largest, np.finfo(float).tiny))
+        found[name] = differs if np.isfinite(differs) else None
+    return found
+
+
+def _told(error: Mapping[str, float | None]) -> str:
+    return " and ".join(f"{value:.2g} in {name}" for name, value in error.items() if value is not None)

@@ -1,7 +1,7 @@
-"""Is it adapting? Excitation of the regressor, distance moved by the estimates, time on the projection bounds.
+"""Is the controller adapting? Excitation of the regressor, distance moved by the estimates, and time on the projection bounds.
 
-What moves faster than the record is not lost: the distance is summed over every step, and a share of time on the bounds is
-enclosed by what is known of every step. Only the excitation is an integral over recorded instants, and says so.
+Motion between recorded instants is included: the distance is summed over every step, and the share of time on the bounds is
+enclosed by extrema over every step. Only the excitation is an integral over recorded instants, as the output states.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from barbalat.run.results.findings import Finding
 from barbalat.validate import Array
 
 WINDOWS_OF_A_RUN = 40
-"""Windows that are laid over a run, overlapping."""
+"""Number of overlapping windows over a run."""
 
 
 class Excitation(NamedTuple):
-    """Persistent excitation: the least eigenvalue of 1/T times the integral of phi phi' over windows of length T.
+    """Persistent excitation: the smallest eigenvalue of 1/T times the integral of phi phi' over windows of length T.
 
-    level        the least over all windows, in the regressor's units squared
-    tail         that of the last quarter of the run
+    level        the smallest value over all windows, in the regressor's units squared
+    tail         the value in the last quarter of the run
     conditioning the least eigenvalue in the tail when phi is scaled to unit mean square in each component: 0 ... 1
-    fading       mean square of phi in the tail, relative to that of the window where it is largest
+    fading       mean square of phi in the tail, relative to that of the window with the largest value
     window       T [s]
-    sampling     how far the decimation of the record is felt: the relative change of ``tail`` when every second instant is left
-                 out, or the mean square change of phi from instant to instant over its mean square, whichever is more
+    sampling     effect of the record's decimation: the relative change of ``tail`` when every second instant is left out, or the
+                 mean square change of phi between instants over its mean square, whichever is larger
     """
 
     level: float
@@ -46,7 +46,8 @@ class Excitation(NamedTuple):
 
 
 def excitation(t: Array, phi: Array) -> Excitation | None:
-    """The excitation of a regressor (K, p, m) at the instants t (K,), in windows of a quarter of the run; None without one."""
+    """The excitation of a regressor (K, p, m) at the instants t (K,), in windows of a quarter of the run; None without a
+    regressor."""
     if phi.shape[1] == 0 or len(t) < 16 or not np.isfinite(phi).all():
         return None
     window = float(t[-1] - t[0]) / 4
@@ -69,30 +70,31 @@ def _gram(t: Array, phi: Array) -> Array:
     """1/T times the integral of phi phi', by the trapezoidal rule."""
     steps = np.diff(t)
     weights = np.concatenate([[0.0], steps]) + np.concatenate([steps, [0.0]])
-    columns = phi.transpose(1, 0, 2).reshape(phi.shape[1], -1)  # no outer product is made: a network's would fill the memory
+    # no outer product is formed, because a network's would fill the memory
+    columns = phi.transpose(1, 0, 2).reshape(phi.shape[1], -1)
     return np.asarray((columns * np.repeat(weights, phi.shape[2])) @ columns.T / (2 * (t[-1] - t[0])))
 
 
 def _least(gram: Array) -> float:
-    return max(float(np.linalg.eigvalsh(gram)[0]), 0.0)  # a rounding below zero is zero
+    return max(float(np.linalg.eigvalsh(gram)[0]), 0.0)  # a negative value is rounding
 
 
 STILL_SHARE = 0.01
-"""Of the initial parameter error: whoever has moved less in all has learnt nothing that shows."""
+"""Share of the initial parameter error: estimates with a shorter path have not adapted visibly."""
 LONG_SHARE = 0.5
 SWEPT_SHARE = 0.1
-"""Of the time within recorded intervals in which an estimate met both of its bounds."""
+"""Share of the time in recorded intervals within which an estimate reaches both of its bounds."""
 UNEXCITED_RATIO = 1e-6
-"""Of the windowed correlation matrix' least eigenvalue, 1 for orthogonal components, and of a mean square relative to before:
-an amplitude of a thousandth, below which a direction is not seen."""
+"""Threshold of the smallest eigenvalue of the windowed correlation matrix, which is 1 for orthogonal components, and of a
+relative mean square: it corresponds to an amplitude of a thousandth, below which a direction is not excited."""
 COARSE_SAMPLING = 0.1
-"""Of what the record's decimation does to the excitation; twenty instants for each period of the regressor stay below it."""
+"""Admissible effect of the record's decimation on the excitation; twenty instants per period of the regressor stay below it."""
 
 
 class OnBounds(NamedTuple):
-    """Shares of the time, each (p,): on a bound at least and at most; both bounds met within one recorded interval.
+    """Shares of the time, each (p,): on a bound at least and at most; and with both bounds reached within one recorded interval.
 
-    first  (p,) [s] the start of the first recorded interval in which a bound is met; NaN where none is
+    first  (p,) [s] the start of the first recorded interval in which a bound is reached; NaN if there is none
     """
 
     least: Array
@@ -103,14 +105,14 @@ class OnBounds(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Adapting:
-    """What a run's estimates did.
+    """The motion of a run's estimates.
 
-    net         (p,) theta_hat at the end less that at the start
+    net         (p,) theta_hat at the end minus that at the start
     path        (p,) sum of |change of theta_hat| over every step
     tail_path   (p,) the same in the last quarter
-    on_bounds   with a box as known set, or of unknown input gains (zeros for theta then); ``None`` without
+    on_bounds   with a box as known set, or intervals of unknown input gains (zeros for theta then); ``None`` without
     on_sphere   share of the recorded instants on the surface of a ball; ``None`` without one
-    excitation  ``None`` where the scheme has no regressor or the run is too short
+    excitation  ``None`` if the scheme has no regressor or the run is too short
     """
 
     net: Array
@@ -123,7 +125,7 @@ class Adapting:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What a user should not overlook, as sentences."""
+        """Warnings for the user, as sentences."""
         return tuple(finding.sentence for finding in self.findings)
 
     @property
@@ -136,7 +138,7 @@ class Adapting:
 
     @property
     def excitation_text(self) -> str:
-        """Level, window and how well all directions are excited."""
+        """Level, window and how evenly all directions are excited."""
         if self.excitation is None:
             return "-"
         level, tail, conditioning, _, window, _ = self.excitation
@@ -165,7 +167,7 @@ def adapting(
 ) -> Adapting:
     """From a record of K instants t [s]: theta_hat (K, p), its extrema and its path over the intervals, both (K - 1, p).
 
-    phi (K, p, m) as of ``regressor_along``, theta (p,) the true parameters, None where there are none to speak of.
+    phi (K, p, m) from ``regressor_along``, theta (p,) the true parameters, None if there are none.
     """
     known_set = estimate_set(loop)
     tail = t[:-1] >= t[-1] - (t[-1] - t[0]) / 4 if len(t) > 1 else np.zeros(0, bool)
@@ -189,7 +191,7 @@ def adapting(
 def _at_the_edge(
     known_set: EstimateSet | None, t: Array, theta_hat: Array, extrema: tuple[Array, Array]
 ) -> tuple[OnBounds | None, float | None]:
-    """Time on the faces of a box, and on a sphere; beside a ball, or beside nothing, the input gains have faces of their own."""
+    """Time on the faces of a box, and on a sphere; with a ball or no set, the input gains have their own faces."""
     bounds, sphere = None, None
     if known_set is not None and known_set.intervals is not None and len(t) > 1:
         first = theta_hat.shape[1] - known_set.intervals.size
@@ -203,7 +205,7 @@ def _at_the_edge(
 
 
 def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) -> Array:
-    """(K, p, m) the regressor at K recorded states (K, size); (K, 0, 0) for a scheme that shows none.
+    """(K, p, m) the regressor at K recorded states (K, size); (K, 0, 0) for a scheme that provides none.
 
     ``measured`` (K, n) or, for an output, (K,), and the controls u at the same instants.
     """
@@ -223,15 +225,15 @@ def regressor_along(loop: ClosedLoop, states: Array, measured: Array, u: Array) 
 
 
 def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
-    """From the estimates' extrema (K - 1, p) over the intervals between the instants t (K,).
+    """The time on bounds, from the estimates' extrema (K - 1, p) over the intervals between the instants t (K,).
 
-    On a bound throughout an interval if the least value there is the upper bound or the greatest is the lower; possibly at
-    some instants of it if an extremum touches a bound.
+    The estimate is on a bound throughout an interval if its minimum there is the upper bound or its maximum the lower one;
+    possibly at some instants of it if an extremum touches a bound.
     """
     weights = np.diff(t) / (t[-1] - t[0])
     at_upper, at_lower = high >= box.upper, low <= box.lower
     throughout = (low >= box.upper) | (high <= box.lower)
-    fixed = box.lower == box.upper  # nothing to estimate: neither bound means anything
+    fixed = box.lower == box.upper  # nothing to estimate: the bounds coincide
     met = at_upper | at_lower
     shares = (throughout, met, at_upper & at_lower & ~throughout)
     first = np.where(met.any(axis=0) & ~fixed, t[met.argmax(axis=0)], np.nan)
@@ -242,46 +244,46 @@ def on_bounds(box: ParameterBox, t: Array, low: Array, high: Array) -> OnBounds:
 def _findings(
     names: Sequence[str], path: Array, error: float, bounds: OnBounds | None, sphere: float | None, found: Excitation | None
 ) -> list[Finding]:
-    """One for each thing that a user should not overlook."""
+    """One finding for each warning to the user."""
     findings = []
     if error > 0 and np.linalg.norm(path) < STILL_SHARE * error:
         share = f"{np.linalg.norm(path) / error:.1g}"
-        findings.append(
-            Finding("still", f"it hardly adapts: in all the estimates moved by {share} of the error they started with")
-        )
+        findings.append(Finding("still", f"it hardly adapts: the estimates' total path is {share} of their initial error"))
     if bounds is not None:
         for name, least, most, swept, _ in zip(names, *bounds, strict=True):
             if swept > SWEPT_SHARE:
                 often = f"within single recorded intervals {100 * swept:.0f} % of the time"
-                findings.append(Finding("between bounds", f"{name} meets both of its bounds {often}"))
+                findings.append(Finding("between bounds", f"{name} reaches both of its bounds {often}"))
             elif least > LONG_SHARE:
                 often = f"{share_text(least, most)} of the time"
-                findings.append(Finding("on bounds", f"{name} sits on its projection bounds, {often}"))
+                findings.append(Finding("on bounds", f"{name} is at its projection bounds, {often}"))
     if sphere is not None and sphere > LONG_SHARE:
         often = f"at {100 * sphere:.0f} % of the recorded instants"
-        findings.append(Finding("on bounds", f"the estimates sit on the surface of the known set {often}"))
+        findings.append(Finding("on bounds", f"the estimates are on the surface of the known set {often}"))
     said = None if found is None else _said_of(found)
     return findings if said is None else [*findings, said]
 
 
 def _said_of(found: Excitation) -> Finding | None:
-    """What of the excitation a user should not overlook."""
+    """The warning about the excitation, if any."""
     if found.fading < UNEXCITED_RATIO:
-        faded = f"in the tail its mean square is {found.fading:.1g} of its largest"
+        faded = f"its mean square in the tail is {found.fading:.1g} of its largest"
         return Finding("excitation", f"the regressor has died out: {faded}")
     if found.conditioning < UNEXCITED_RATIO:
         return Finding(
             "excitation",
-            f"in the tail the regressor does not excite every direction (scaled level {found.conditioning:.1g}): "
-            "there the estimates need not converge to the true values",
+            f"in the tail the regressor does not excite every direction (scaled level {found.conditioning:.1g})"
+            ": the estimates need not converge to the true values",
         )
     if found.sampling > COARSE_SAMPLING:
-        coarse = "the record is coarse for the regressor, and the excitation level uncertain: give more simulation.record_points"
+        coarse = (
+            "the record is too coarse for the regressor, so the excitation level is uncertain: increase simulation.record_points"
+        )
         return Finding("coarse record", coarse)
     return None
 
 
 def share_text(least: float, most: float) -> str:
-    """A share of time that is known to lie between two numbers, rounded outward."""
+    """A share of time that is known to be between two numbers, rounded outward."""
     low, high = math.floor(100 * least), math.ceil(100 * most)
     return f"{low} %" if low == high else f"{low} to {high} %"

@@ -1,4 +1,4 @@
-"""What a run estimates, by the names that people read: theta_hat, or gains in its place, and what is reported beside it."""
+"""The estimates of a run, by the names that people read: theta_hat, or gains in its place, and what is reported in addition."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ if TYPE_CHECKING:
     from barbalat.run.results.result import Result
 
 MOST_REPORTED = 6
-"""Entries of what is reported under one name that are shown one by one, as many as have a colour of their own; files have all."""
+"""Largest number of entries under one name that are shown separately, as many as there are colours; files contain all."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Estimate:
-    """One of them over the instants of the record.
+    """One estimate over the recorded instants.
 
     name       without a hat: "theta_1", "k_r"
-    true       what it is to become; None where nothing is known to be that
-    number     its place in theta_hat; None of what is reported beside that
-    low, high  (K - 1,) extrema between the instants, where they are known
+    true       its true value; None if it is unknown
+    number     its index in theta_hat; None for what is reported in addition
+    low, high  (K - 1,) extrema between the instants, if they are known
     """
 
     name: str
@@ -34,7 +34,7 @@ class Estimate:
 
     @property
     def label(self) -> str:
-        """With its hat, as TeX."""
+        """The name with its hat, as TeX."""
         symbol, _, index = self.name.partition("_")
         letter = GREEK_NAMES.get(symbol, symbol)
         return rf"$\hat{{{letter}}}_{{{index}}}$" if index else rf"$\hat{{{letter}}}$"
@@ -50,7 +50,7 @@ GREEK_NAMES = {name: rf"\{name}" for name in ("theta", "sigma", "omega")}
 
 
 def estimates_of(result: Result) -> list[Estimate]:
-    """First theta_hat's; of what is reported beside it what is no more than ``MOST_REPORTED``."""
+    """First those in theta_hat; of the additional ones those with at most ``MOST_REPORTED`` entries."""
     true, envelope = result.true_values, result.envelope
     found = [
         Estimate(

@@ -1,4 +1,4 @@
-"""Findings: what of a run deserves a second look, as sentences that several runs can share."""
+"""Findings: facts about a run that need attention, as sentences that several runs can share."""
 
 from __future__ import annotations
 
@@ -18,28 +18,29 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import InterpolatedSignal
 
 KINDS = (
-    "solver", "half step", "record of a signal", "truth", "known set", "ranges", "command", "damping", "shakes", "held", "still",
-    "on bounds", "between bounds", "excitation", "true values", "order", "coarse record",
+    "solver", "half step", "record of a signal", "truth", "known set", "ranges", "wide ranges", "command", "damping",
+    "shakes", "held", "still", "on bounds", "between bounds", "excitation", "true values", "order", "coarse record",
 )  # fmt: skip
-"""In the order in which they matter."""
+"""Kinds of findings, in order of importance."""
 OF_EACH_RUN = ("half step", "shakes", "held")
-"""Kinds whose sentences have numbers of one run, and are told of each."""
+"""Kinds whose sentences contain numbers of one run, and which are reported for each run."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A sentence about a run; findings of one ``kind``, of KINDS, say the same of several runs, or estimates."""
+    """A sentence about a run; findings of one ``kind``, of KINDS, make the same statement about several runs or estimates."""
 
     kind: str
     sentence: str
 
 
 def of_problem(problem: TrackingProblem, t_end: float) -> list[Finding]:
-    """What all runs of a problem up to ``t_end`` [s] have in common."""
+    """The findings that all runs of a problem up to ``t_end`` [s] share."""
     said = {
         "command": command_warning(problem),
         "truth": truth_apart(problem),
         "ranges": unmatched_ranges(problem),
+        "wide ranges": wide_ranges(problem),
         "known set": problem.outside_known_set,
         "record of a signal": held_after_its_end(problem, t_end),
     }
@@ -47,11 +48,11 @@ def of_problem(problem: TrackingProblem, t_end: float) -> list[Finding]:
 
 
 SHAKES = 10
-"""Times what commands and disturbances explain, that a control turns back in a run, from which on it is said to shake."""
+"""A control shakes if it reverses at least this many times as often as commands and disturbances explain."""
 
 
 def shaking(problem: TrackingProblem, verdict: Verdict | None, t_end: float, share: float) -> str | None:
-    """A sentence where a control that is in no limit cycle turns back far more often than what drives it."""
+    """A sentence if a control without a limit cycle reverses far more often than the driving signals explain."""
     if verdict is None or verdict.figures is None or verdict.kind not in (Class.FOLLOWS, Class.OFF):
         return None
     if not verdict.settled or verdict.of_the_solver:
@@ -60,35 +61,41 @@ def shaking(problem: TrackingProblem, verdict: Verdict | None, t_end: float, sha
     if count <= SHAKES * (FEWEST_REVERSALS + TURNS_EXPLAIN * turns):
         return None
     return (
-        f"its control shakes: it turns back {count} times, {count / t_end:.3g} times a second, by {percent(share)} of its range "
-        f"at least, where commands and disturbances turn {validate.counted(turns, 'time')}"
+        f"its control shakes: it reverses {count} times, {count / t_end:.3g} times a second, by {percent(share)} "
+        f"of its range at least, while commands and disturbances reverse {validate.counted(turns, 'time')}"
     )
 
 
 def lost_when_held(verdict: Verdict | None) -> str | None:
-    """A sentence where the continuation in which a limit cycle is looked for diverges."""
+    """A sentence if the continuation in which a limit cycle is searched for diverges."""
     if verdict is None or not verdict.lost_when_held:
         return None
     return (
-        "its control swings, and it is lost when the run is continued without noise, with command and disturbances held where "
-        "they are largest in the tail: a longer run may be lost too"
+        "its control oscillates, and the loop is lost if the run continues without noise, with command and disturbances "
+        "held at their largest values in the tail: a longer run may also be lost"
     )
 
 
 def truth_apart(problem: TrackingProblem) -> str | None:
-    """A sentence where what is simulated departs from what the controllers are designed for."""
+    """A sentence if the simulated plant differs from the design plant."""
     found = departures(problem) if isinstance(problem, Problem) else []
     return f"the truth departs from the design: {'; '.join(one.sentence for one in found)}" if found else None
 
 
 def unmatched_ranges(problem: TrackingProblem) -> str | None:
-    """A sentence where ranges of physical parameters leave what no estimate matches."""
+    """A sentence if ranges of physical parameters leave a remainder that no estimate matches."""
     derived = problem.derived if isinstance(problem, Problem) else None
     return None if derived is None or derived.is_matched else derived.sentences[1]
 
 
+def wide_ranges(problem: TrackingProblem) -> str | None:
+    """A sentence if bounds from ranges of physical parameters are much wider than the values found at points."""
+    derived = problem.derived if isinstance(problem, Problem) else None
+    return None if derived is None else derived.too_wide
+
+
 def held_after_its_end(problem: TrackingProblem, t_end: float) -> str | None:
-    """A sentence where a recorded command or disturbance ends before the run does, at ``t_end`` [s]."""
+    """A sentence if a recorded command or disturbance ends before the run does, at ``t_end`` [s]."""
     for signal in problem.signals:
         if not isinstance(signal, InterpolatedSignal):
             continue
@@ -103,8 +110,8 @@ def held_after_its_end(problem: TrackingProblem, t_end: float) -> str | None:
 class Told:
     """Findings of one kind, of all runs together.
 
-    owners  the runs that have it; empty for what all runs have, where there are several
-    text    the first one's sentence, and how many others there are
+    owners  the runs that have it; empty if all of several runs have it
+    text    the first one's sentence, and the number of others
     """
 
     owners: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""How much of a run's error is the solver's: what half the step says of the tail's largest error."""
+"""The solver's share of a run's error: the tail's largest error at half the step."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ import numpy as np
 from barbalat.judge.verdict import Class
 
 TOLD_SHARE = 0.1
-"""Of the judge's band: what the solver adds to an error, or takes from it, is told where it is more than that."""
+"""Share of the judge's band above which the solver's effect on an error is reported."""
 
 
 @dataclass(frozen=True)
 class HalfStep:
-    """The tail's largest |error| of the component that the verdict names, at a run's own step and at half of it.
+    """The tail's largest |error| of the component named in the verdict, at a run's own step and at half of it.
 
-    order  of the method in the step, less what jumps and corners inside of steps cost it
+    order  order of the method in the step, reduced by jumps and corners inside steps
     band   of the judge
-    kinds  the judge's classes at the case's step and at half of it, where neither is looked at for limit cycles
+    kinds  the judge's classes at the case's step and at half of it, both without a search for limit cycles
     """
 
     component: str
@@ -31,22 +31,23 @@ class HalfStep:
 
     @property
     def of_the_solver(self) -> float:
-        """What the solver adds to the error, by Richardson's extrapolation; below 0 where it hides some of it; NaN if diverged.
+        """The solver's contribution to the error, by Richardson's extrapolation; below 0 if it reduces the error; NaN if
+        diverged.
 
-        An estimate: the error of the step is taken to fall as its order says.
+        An estimate: the error of the step is assumed to decrease with its order.
         """
         return (self.coarse - self.fine) / (1.0 - 0.5**self.order)
 
     @property
     def decides(self) -> bool:
-        """Whether the judge's class is another one at half the step."""
+        """Whether the judge's class changes at half the step."""
         return self.kinds[0] is not self.kinds[1]
 
     @property
     def sentence(self) -> str | None:
-        """The finding as a sentence; None where the solver's part is below a tenth of the band, and the class the same."""
+        """The finding as a sentence; None if the solver's contribution is below a tenth of the band and the class is the same."""
         if not np.isfinite(self.fine):
-            return "the run diverges at half the step: what it shows is the solver's"
+            return "the run diverges at half the step: its result is due to the solver"
         size = abs(self.of_the_solver)
         if size <= TOLD_SHARE * self.band and not self.decides:
             return None
@@ -56,7 +57,9 @@ class HalfStep:
             f"{self.coarse:.4g} at this step, {self.fine:.4g} at half of it",
         )
         owed = (
-            f"about {part} of {error} is the solver's" if self.of_the_solver > 0 else f"the solver hides about {part} of {error}"
+            f"about {part} of {error} is due to the solver"
+            if self.of_the_solver > 0
+            else f"the solver hides about {part} of {error}"
         )
         return f"{owed}: {values}" + (f", where the verdict is *{self.kinds[1]}*" if self.decides else "")
 

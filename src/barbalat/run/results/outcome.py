@@ -1,4 +1,4 @@
-"""What a run came to, in a few words, as a small table, and as a notebook shows it."""
+"""The outcome of a run in a few words, as a small table, and for a notebook."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from barbalat.run.results.result import Result
 
 Figure = float | list[float] | None
-"""A figure, or its components; None where there is no finite value."""
+"""A figure, or its components; None if there is no finite value."""
 FIGURE_LABELS = {
     "max_abs_e": "max |e|",
     "rms_e": "RMS e",
@@ -23,14 +23,14 @@ FIGURE_LABELS = {
     "max_abs_u": "max |u|",
     "theta_hat_final": "estimates at the end",
 }
-"""The figures that are shown, by their names in JSON."""
+"""The displayed figures, by their names in JSON."""
 
 
 DEMAND = "u is the demand: before the limits, the gain, the dynamics and the delay of the plant's input"
 
 
 def about_u(problem: TrackingProblem) -> str | None:
-    """What a table of figures says of u where something else than u reaches the plant."""
+    """The note on u in a table of figures if something other than u reaches the plant."""
     return DEMAND if any(path.path is not None or path.delay > 0 for path in problem.surroundings.paths) else None
 
 
@@ -44,7 +44,7 @@ def outcome(run: Result) -> str:
 
 
 def outcome_in_brief(run: Result) -> str:
-    """In a few words, one of several on a line: that it diverged, else the judge's verdict where there is one."""
+    """The outcome in a few words, for one line: that it diverged, or the judge's verdict if there is one."""
     if run.diverged_at is not None:
         return f"diverged at t = {run.diverged_at:.4g} s"
     if run.verdict is not None:
@@ -60,7 +60,7 @@ def text_of(value: float | list[float] | None) -> str:
 
 
 def ends_of(run: Result, text: Callable[[Figure], str] | None = None) -> str:
-    """The estimates at the end: theta_hat's, then by name what the scheme adapts beside it; of many the largest."""
+    """The estimates at the end: those in theta_hat, then by name what the scheme adapts in addition; of many the largest."""
     text = text or text_of
     ends = {name.removesuffix("_hat_final"): value for name, value in run.figures.items() if name.endswith("_hat_final")}
     theta = ends.pop("theta", None)
@@ -76,7 +76,7 @@ def _end(value: Figure, text: Callable[[Figure], str]) -> str:
 
 
 def units_of(labels: Labels | None) -> dict[str, str]:
-    """The units of figures by their names, in brackets, where the case has told them."""
+    """The units of figures by their names, in brackets, if the case gives them."""
     if labels is None:
         return {}
     return dict.fromkeys(("max_abs_e", "rms_e", "tail_max_abs_e"), labels.every_unit) | {"max_abs_u": labels.every_input_unit}
@@ -103,7 +103,7 @@ def _row(name: str, run: Result) -> str:
 
 
 def html_of(results: Sequence[Result]) -> str:
-    """Runs as a notebook shows them: the verdicts, the figures as a table, what deserves a second look, the plot."""
+    """Runs as a notebook shows them: the verdicts, the figures as a table, the findings, the plot."""
     from html import escape
 
     from barbalat.pictures.plotted import image_of

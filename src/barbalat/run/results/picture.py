@@ -1,4 +1,4 @@
-"""What a picture of runs shows: the motion against model and command, errors, controls, estimates and their known set."""
+"""Plots of runs: the motion with model and command, errors, controls, estimates and their known set."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
 
 from barbalat.judge.settings import LOST_SHARE, component_names
 from barbalat.judge.verdict import Class
 from barbalat.loop.true_values import estimate_set
-from barbalat.pictures.panel_drawing import close_ups, draw, draw_into
+from barbalat.pictures.close_ups import close_ups
 from barbalat.pictures.panels import Level, Panel, Series, around, as_typed, chosen, span_of, text_of, width_of
 from barbalat.problem.command_gain import FOLLOWS_TO, commanded, gains_at_rest
 from barbalat.problem.known_set import UNREACHED_BOUND, EstimateSet
-from barbalat.problem.labels import Labels
+from barbalat.problem.labels import UNLABELLED
 from barbalat.problem.output_feedback import OutputProblem
 from barbalat.problem.state_feedback import Problem
 from barbalat.run.results.estimates import estimates_of
@@ -23,20 +22,23 @@ from barbalat.run.results.outcome import outcome_in_brief
 from barbalat.validate import Array, InputError, counted, show
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from barbalat.run.results.result import Result
 
 WITHIN_REACH, BOUNDS_WITHIN_REACH = 1.5, 0.4
-"""Heights of what must be seen: a limit or true value, or a bound of the known set, that is farther away is said, not drawn."""
+"""Multiples of the height of the main curves: a limit, true value or bound of the known set farther away is stated instead
+of drawn."""
 FLAT_SHARE = 0.12
-"""Part of the largest motion of an estimate below which another one's line would be flat: it gets axes with others like it."""
+"""Share of the largest motion of an estimate below which another estimate's line would be flat: it gets separate axes with
+similar ones."""
 MOST_BOUNDED = 3
-"""Estimates with bounds of their own that can be told apart in one panel."""
+"""Largest number of estimates with their own bounds that are distinguishable in one panel."""
 
 
 def estimates_panels(result: Result, title: str) -> list[Panel]:
-    """One, or two where some estimates move so little beside the others that their lines would be flat."""
+    """One panel, or two if some estimates move so little compared with the others that their lines would be flat."""
     large, small = _by_size(result)
     if not small:
         return [_panel(result, title, large)] if large else []
@@ -89,12 +91,12 @@ def _panel(result: Result, title: str, chosen: Sequence[int]) -> Panel:
 
 
 def scale_of(result: Result) -> str:
-    """The scale of the axes: for a run that has gone a symmetric logarithm, since the burst would hide what led to it."""
+    """The scale of the axes: for a run that has diverged a symmetric logarithm, since the burst would hide what led to it."""
     return "symlog" if _gone(result) else "linear"
 
 
 def _gone(result: Result) -> bool:
-    """Whether a run diverged, or is lost and beyond all proportion: panels that it shares show what the others need."""
+    """Whether a run diverged, or is lost by a large factor: shared panels then use the scale that the others need."""
     verdict, figures = result.verdict, result.figures["max_abs_e"]
     if result.diverged_at is not None or verdict is None or verdict.kind is not Class.LOST:
         return result.diverged_at is not None
@@ -106,7 +108,7 @@ def _gone(result: Result) -> bool:
 def _edges_of_known_set(
     bounds: Sequence[tuple[float, float]], needed: tuple[float, float], chosen: Sequence[int]
 ) -> tuple[list[Level], bool]:
-    """The bounds of the known set that can be drawn beside what must be seen, and whether others are left out."""
+    """The bounds of the known set that can be drawn together with the curves, and whether others are left out."""
     common = len(set(bounds)) == 1
     drawn, far = reachable([bound for pair in bounds for bound in pair], needed, BOUNDS_WITHIN_REACH)
     if not common and len(chosen) > MOST_BOUNDED:
@@ -121,7 +123,7 @@ def _edges_of_known_set(
 
 
 def _bounds(result: Result, p: int) -> list[tuple[float, float]]:
-    """The known set's extent for each estimate; nothing where there is none."""
+    """The known set's extent for each estimate; empty without a set."""
     found = _set_of(result)
     if found is None:
         return []
@@ -130,7 +132,7 @@ def _bounds(result: Result, p: int) -> list[tuple[float, float]]:
 
 
 def _set_of(result: Result) -> EstimateSet | None:
-    """What the scheme projects onto, else what is known."""
+    """The set onto which the scheme projects, or else the known set."""
     kept = estimate_set(result.loop)
     if kept is not None:
         return kept
@@ -138,7 +140,7 @@ def _set_of(result: Result) -> EstimateSet | None:
 
 
 def reachable(ends: Sequence[float], needed: tuple[float, float], within: float = WITHIN_REACH) -> tuple[list[float], bool]:
-    """The ends that can be drawn without pressing flat what must be seen, and whether others are left out."""
+    """The values that can be drawn without flattening the curves, and whether others are left out."""
     room = within * ((needed[1] - needed[0]) or abs(needed[1]) or 1.0)
     real = sorted({end for end in ends if abs(end) < UNREACHED_BOUND})
     drawn = [end for end in real if needed[0] - room <= end <= needed[1] + room]
@@ -151,14 +153,15 @@ def _interval_text(bounds: Sequence[tuple[float, float]]) -> str:
 
 
 def _held(text: str) -> str:
-    """With blanks at which no line ends."""
+    """The text with non-breaking spaces."""
     return text.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 ERROR_WINDOWS = 150
-"""Of the run: the largest error in each makes a line that can be followed on a logarithmic axis."""
+"""Number of intervals of the run: the largest error in each gives a readable line on a logarithmic axis."""
 LARGEST_SHOWN = 20
-"""Times the largest error of the runs that stay bounded: so much is seen of one that diverges, and the others stay apart."""
+"""Multiple of the largest error of the bounded runs up to which a diverging run is shown, so that the others remain
+distinguishable."""
 
 
 def figure_of(
@@ -169,13 +172,17 @@ def figure_of(
     narrow: bool = False,
     shown: bool = False,
 ) -> Figure:
-    """Runs of one problem side by side.
+    """Runs of one problem in common panels.
 
     names   of the panels that are drawn; all by default
-    axes    into which they are drawn, one for each panel; axes of a figure of its own by default
+    axes    axes into which they are drawn, one for each panel; by default those of a new figure
     narrow  one panel below the other, for a phone or a column of a page
-    shown   to a person at once, by pyplot where that is in use
+    shown   whether it is displayed at once, if pyplot is in use
     """
+    from matplotlib.axes import Axes  # it takes longer than a run, and pages draw without it
+
+    from barbalat.pictures.panel_drawing import draw, draw_into
+
     drawn = panels(results) if names is None else chosen(panels(results), names)
     if axes is None:
         return draw(drawn, ends_at(results), narrow=narrow, shown=shown)
@@ -190,12 +197,12 @@ def figure_of(
 
 
 def ends_at(results: Sequence[Result]) -> float:
-    """When the longest of the runs is over [s]."""
+    """The end of the longest run [s]."""
     return max(result.simulation.t_end for result in results)
 
 
 def panels(results: Sequence[Result]) -> list[Panel]:
-    """First what all have in common, then each one's error and estimates."""
+    """First the panels that all share, then each one's error and estimates."""
     if len(results) == 1:
         (result,) = results
         own = [_error(result, "Tracking error"), _control(results), *estimates_panels(result, "Estimates")]
@@ -210,7 +217,7 @@ def panels(results: Sequence[Result]) -> list[Panel]:
 def _tracking(results: Sequence[Result]) -> list[Panel]:
     """A panel for each commanded state, or for the output."""
     problem = results[0].problem
-    output, labels = isinstance(problem, OutputProblem), problem.labels or Labels()
+    output, labels = isinstance(problem, OutputProblem), problem.labels or UNLABELLED
     gains = gains_at_rest(problem)
     found = []
     for state, commands in commanded(problem):
@@ -240,7 +247,7 @@ def _tracking(results: Sequence[Result]) -> list[Panel]:
 
 
 def _settles_at(gains: Array, state: int, commands: Sequence[int]) -> str:
-    """Where a model's state goes for constant commands, when that is not the command itself."""
+    """The steady state of a model's state for constant commands, if it differs from the command."""
     several = gains.shape[1] > 1
     off = {f"$r_{k + 1}$" if several else "$r$": float(gains[state, k]) for k in commands}
     parts = [f"{gain:.4g} {name}" for name, gain in off.items() if abs(gain - 1) > FOLLOWS_TO]
@@ -252,7 +259,7 @@ def _settles_at(gains: Array, state: int, commands: Sequence[int]) -> str:
 
 
 def _command(result: Result, k: int, gain: float) -> Series:
-    """A command as the model answers it at rest."""
+    """A command scaled to the model's steady-state response."""
     r = result.r[:, None] if result.r.ndim == 1 else result.r
     name = f"$r_{k + 1}$" if r.shape[1] > 1 else "$r$"
     follows = abs(gain - 1) <= FOLLOWS_TO
@@ -261,7 +268,7 @@ def _command(result: Result, k: int, gain: float) -> Series:
 
 
 def _motion(result: Result, state: int, k: int, width: float) -> Series:
-    """One run's state or output; between the instants it goes as far beyond them as the error does."""
+    """One run's state or output, widened between the instants by the extrema of the error."""
     value, e = result.x[:, state] if result.y is None else result.y, result.e[:, state]
     below = np.minimum(e[:-1], e[1:]) - result.envelope.e_min[:, state]
     above = result.envelope.e_max[:, state] - np.maximum(e[:-1], e[1:])
@@ -309,7 +316,7 @@ def _control(results: Sequence[Result]) -> Panel:
     note = f"limits of the actuator: {', '.join(f'{end:g}' for end in ends)}" if far else ""
     levels = [Level(value=end, label="limit of the actuator") for end in drawn]
     limits = around(*span_of([np.array([*(limits or span_of(of_each)), *drawn])])) if drawn else limits
-    unit = as_typed((results[0].problem.labels or Labels()).input_unit)
+    unit = as_typed((results[0].problem.labels or UNLABELLED).input_unit)
     return Panel(title="Control $u$", series=series, levels=levels, note=note, limits=limits, y=f"$u$ {unit}", names=("control",))
 
 
@@ -333,7 +340,7 @@ def _inputs(result: Result, k: int, count: int) -> list[Series]:
 def _limits_beside_lost(
     results: Sequence[Result], of_each: Sequence[Array], of_all: Sequence[Array]
 ) -> tuple[float, float] | None:
-    """What the runs that have not gone need; ``None``, for all, where none or every one did."""
+    """The range that the runs that have not diverged need; ``None``, for all, if none or every one diverged."""
     bounded = [value for result, value in zip(results, of_each, strict=True) if not _gone(result)]
     if not bounded or len(bounded) == len(of_each):
         return None
@@ -342,7 +349,7 @@ def _limits_beside_lost(
 
 
 def _error(result: Result, title: str) -> Panel:
-    n, labels = result.e.shape[1], result.problem.labels or Labels()
+    n, labels = result.e.shape[1], result.problem.labels or UNLABELLED
     units = [f" {as_typed(labels.unit(i))}" if labels.unit(i) and not labels.common_unit else "" for i in range(n)]
     series = [
         Series(

@@ -1,4 +1,4 @@
-"""What ``simulate`` gives back: results by the controllers' names, each with its series, its figures and its numerics."""
+"""The results of ``simulate`` by the controllers' names, each with its series, its figures and its numerics."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from barbalat.protocols import BreakingSignal, Controller
 from barbalat.roles import StatePart, column_names, entry_names
 from barbalat.run.kernel.breaks import LostOrder
 from barbalat.run.kernel.metrics import Metrics
-from barbalat.run.results.accuracy import Accuracy
+from barbalat.run.results.accuracy import Accuracy, MeasuredError
 from barbalat.run.results.adapting import Adapting, adapting, regressor_along
 from barbalat.run.results.findings import Finding, lost_when_held, of_problem, shaking
 from barbalat.run.results.half_step import HalfStep
@@ -40,12 +40,13 @@ if TYPE_CHECKING:
     from barbalat.run.engine.engine import Blocks
 
 SERIES = ("x", "x_m", "e", "theta_hat", "u", "r", "y")
-"""What every result has over time, by the names of its fields and columns."""
+"""The signals of every result, by the names of its fields and columns."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Envelope:
-    """The least and greatest value over the steps from t[k] to t[k+1]: what a decimated trajectory hides. (K - 1, ...)."""
+    """The least and greatest value over the steps from t[k] to t[k+1], which a decimated trajectory does not show. (K - 1,
+    ...)."""
 
     e_min: Array
     e_max: Array
@@ -71,23 +72,25 @@ class Result:
 
     t                 (K,) recorded instants [s], from 0 to t_end, or to the divergence
     x, x_m, e         (K, n) plant, model, tracking error x - x_m
-    y                 (K,) measured output; None where the state is measured
+    y                 (K,) measured output; None if the state is measured
     u                 (K,) control, or (K, m) with m inputs
-    r                 (K,) command, or (K, q) where k_0 is a matrix
+    r                 (K,) command, or (K, q) if k_0 is a matrix
     theta_hat         (K, n) estimates
-    states            (K, size) all that is integrated; ``loop.unpack`` names the parts of a row
+    states            (K, size) all integrated states; ``loop.unpack`` names the parts of a row
     envelope          extrema between the recorded instants
     figures           over every solver step, see Metrics; ``diverged_at`` is in s or None
-    stiffness         the largest h |eigenvalue| found along the run, and since when the solver itself was unstable
-    lost              what jumps and corners inside of steps cost, where a step can't be split there, the motion's own among them;
-                      None where nothing is lost
-    check             what a finer step says of a run that left its region of stability, from ``check_numerics``
-    judged            the verdict without what is known of the solver; None for a run that nobody judged
-    judge             what it was judged by
-    finer_by          how much smaller a step resolves all oscillations of the run; 1 where its own does, NaN where nobody knows
-    finer_kind        the judge's class at such a step, from ``settle``
-    half_step         what half the step says of the error, from ``halved``
-    accuracy          of a run by tolerance, its error as a second run measured it
+    stiffness         the largest h |eigenvalue| found along the run, and the time from which the solver itself was unstable
+    lost              the effect of jumps and corners inside steps that can't be split, including those of the motion itself; None
+                      if there is none
+    check             the result of a finer step for a run that left its region of stability, from ``check_numerics``
+    judged            the verdict without the check of the solver; None for a run without a judge
+    judge             the judge's settings
+    finer_by          the factor by which the step must be smaller to resolve all oscillations of the run; 1 if its own step does,
+                      NaN if unknown
+    finer_kind        the judge's class with such a step, from ``settle``
+    half_step         the error at half the step, from ``halved``
+    accuracy          for a run by tolerance, its error measured by a second run
+    measured_error    for a run with fixed steps, its error measured by a run with a tolerance, from ``check_numerics``
     """
 
     problem: TrackingProblem
@@ -113,6 +116,7 @@ class Result:
     finer_kind: Class | None = None
     half_step: HalfStep | None = None
     accuracy: Accuracy | None = None
+    measured_error: MeasuredError | None = None
 
     @property
     def name(self) -> str:
@@ -125,43 +129,44 @@ class Result:
 
     @property
     def figures(self) -> dict[str, float | list[float] | None]:
-        """The figures by name, ``None`` where there is no finite value: the JSON contract's block for a controller."""
+        """The figures by name, ``None`` if there is no finite value: the JSON contract's block for a controller."""
         last = {f"{name}_final": value[-1] for name, value in self.reported.items()}
         more = {name: v.tolist() if np.isfinite(v).all() else None for name, v in last.items()}
         return Named.of("figure", self.metrics.of_member(0) | more)
 
     @cached_property
     def reported(self) -> dict[str, Array]:
-        """(K, q) by name, what a scheme estimates beside theta_hat; empty for most schemes."""
+        """(K, q) by name, the estimates that a scheme reports in addition to theta_hat; empty for most schemes."""
         return Named.of("reported quantity", {part.name: self.states[:, part.rows] for part in self.loop.other_estimates})
 
     @property
     def true_values(self) -> Array | None:
-        """(p,) what the estimates are to become: the parameters, or the ideal gains; None where no such values are known."""
+        """(p,) the values to which the estimates should converge: the parameters, or the ideal gains; None if they are
+        unknown."""
         return true_values(self.problem, self.loop)
 
     @property
     def diverged_at(self) -> float | None:
-        """When the run diverged [s]: x, x_m and theta_hat, or y and e, left 1e12, or a state ceased to be a number."""
+        """When the run diverged [s]: x, x_m and theta_hat, or y and e, exceeded 1e12, or a state became NaN or infinite."""
         return self.metrics.end_of(0)
 
     @property
     def label(self) -> str | None:
-        """What is to be said of a run that left its solver's, or its sampled law's, region of stability; None for any other.
+        """The label of a run that left its solver's, or its sampled law's, region of stability; None for any other.
 
-        "numerically unstable from t = ..." where the ``check``, a finer step, does without what it shows; None where that finds
-        the same; without a check that it is not settled.
+        "numerically unstable from t = ..." if the ``check``, with a finer step, does not show the same behaviour; None if it
+        does; without a check the label says that it is not settled.
         """
         kind = None if self.judged is None else self.judged.kind
         return label(self.stiffness.unstable_from, self.diverged_at, kind, self.check)
 
     @property
     def verdict(self) -> Verdict | None:
-        """What the run did by its signals: lost, limit cycle, off or follows; None for a run that nobody judged.
+        """The class of the run from its signals: lost, limit cycle, off or follows; None for a run without a judge.
 
-        It is settled where the run stayed inside its solver's region of stability and the solver's damping hides nothing, or
-        where a finer step that does so comes to the same class: see ``check_numerics`` and ``settle``. It is not where half the
-        step comes to another one: see ``halved``.
+        It is settled if the run stayed inside its solver's region of stability and the solver's damping hides nothing, or if a
+        finer step for which this holds gives the same class: see ``check_numerics`` and ``settle``. It is not settled if half the
+        step gives another class: see ``halved``.
         """
         if self.judged is None:
             return None
@@ -177,7 +182,8 @@ class Result:
 
     @property
     def damping(self) -> SolverDamping | None:
-        """What the method's own damping may hide of the loop's oscillations; None where nothing, or outside the region."""
+        """The method's damping that may hide the loop's oscillations; None if there is none, or outside the region of
+        stability."""
         return None if self.stiffness.unstable_from is not None else self.stiffness.damping
 
     @property
@@ -188,12 +194,13 @@ class Result:
             return f"tolerance {s.tolerance:g}: error not measured" if self.accuracy is None else self.accuracy.sentence
         found = self.stiffness
         limit = f"{s.solver.imaginary_limit:.3g} on the imaginary axis, {s.solver.real_limit:.3g} on the real one"
-        seen = f"h |lambda| up to {found.h_lambda_max:.3g} at the {validate.counted(found.looks, 'instant')} looked at"
+        seen = f"h |lambda| up to {found.h_lambda_max:.3g} at the {validate.counted(found.looks, 'instant')} checked"
         how = "" if s.fused else ", without fused multiply-adds"
         parts = [f"{s.solver.name}, h = {s.dt:g} s{how}, {seen}; the solver's limit is {limit}"]
         if found.radius_max is not None:
             parts.append(f"the sampled law's map from sample to sample has spectral radius up to {found.radius_max:.4g}")
-        sentences = [said.sentence for said in (self.damping, self.lost, self.check) if said is not None]
+        found_beside = self.damping, self.lost, self.check, self.measured_error
+        sentences = [said.sentence for said in found_beside if said is not None]
         return "; ".join([*parts, *([self.label] if self.label else []), *sentences])
 
     @cached_property
@@ -210,8 +217,8 @@ class Result:
 
     @property
     def findings(self) -> tuple[Finding, ...]:
-        """What of the numerics, of the problem and of this run deserves a second look."""
-        own = self.check is None or (self.label is None and self.check.origin == "loop")  # then a finer step shows nothing else
+        """Findings about the numerics, the problem and this run."""
+        own = self.check is None or (self.label is None and self.check.origin == "loop")  # then a finer step shows the same
         outside = "; ".join(filter(None, (self.label, None if own or self.check is None else self.check.sentence)))
         settled = self.verdict is not None and self.verdict.settled
         numeric = {
@@ -225,15 +232,15 @@ class Result:
 
     @property
     def _unexamined(self) -> str | None:
-        """A sentence where nobody has settled whether the verdict is the plant's or the solver's."""
+        """A sentence if it was not examined whether the verdict belongs to the plant or to the solver."""
         if self.verdict is None or self.verdict.settled is not None or self.stiffness.unstable_from is not None:
             return None
         if np.isnan(self.finer_by):
             return None
         if np.isinf(self.finer_by):
-            return "no step that is tried resolves every oscillation: whether this is the plant or the solver is not settled"
+            return "no step tried resolves every oscillation: it is not settled whether this is due to the plant or the solver"
         finer = f"a step {self.finer_by:g} times smaller"
-        return f"{finer}, which would settle whether this is the plant or the solver, was not tried"
+        return f"{finer}, which would settle whether this is due to the plant or the solver, was not tried"
 
     @property
     def _others(self) -> tuple[Finding, ...]:
@@ -245,7 +252,7 @@ class Result:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What of the problem and of this run deserves a second look, as sentences; what the numerics say is in ``numerics``."""
+        """Findings about the problem and this run, as sentences; those about the numerics are in ``numerics``."""
         return tuple(finding.sentence for finding in self._others)
 
     def __repr__(self) -> str:
@@ -265,7 +272,7 @@ class Result:
     def plot(
         self, *, panels: str | Iterable[str] | None = None, axes: Axes | Iterable[Axes] | None = None, narrow: bool = False
     ) -> Figure:
-        """Motion, error, control and estimates as a Matplotlib figure; ``barbalat.results.plot`` says what may be chosen."""
+        """Motion, error, control and estimates as a Matplotlib figure; ``barbalat.results.plot`` describes the options."""
         from barbalat.run.results.picture import figure_of
 
         return figure_of([self], names=panels, axes=axes, narrow=narrow, shown=True)
@@ -276,13 +283,13 @@ class Result:
 
     @cached_property
     def controller_states(self) -> dict[str, Array]:
-        """(K, ...) by name, what the controller integrates beside its estimates: a predictor, filters, a covariance."""
+        """(K, ...) by name, the controller's states other than its estimates: a predictor, filters, a covariance."""
         found = {name: self.states[:, part.rows].reshape(-1, *part.shape) for name, part in self._own_parts.items()}
         return Named.of("state of the controller", found)
 
     @cached_property
     def _own_parts(self) -> dict[str, StatePart]:
-        """The parts of the controller's state that are no estimates, by the names of their columns."""
+        """The parts of the controller's state that are not estimates, by the names of their columns."""
         parts = [part for part in self.loop.parts if part.role.kind != "estimates" and part.size]
         return {name: part for part, name in column_names(parts, {"t", *SERIES, *self.reported}).items()}
 
@@ -300,7 +307,7 @@ class Result:
         return Named.of("column", result | scalars | own)
 
     def column_meanings(self) -> dict[str, str]:
-        """What the columns are that hold the controller's own state, by their names; the others are those of docs/notation.md."""
+        """The meanings of the columns with the controller's own state, by name; docs/notation.md explains the others."""
         others = {part.name: part for part in self.loop.other_estimates}
         found = {f"{name}_{i + 1}": part.role.comment for name, part in others.items() for i in range(part.size)}
         return found | {
@@ -317,13 +324,13 @@ class Result:
     def to_xarray(self) -> xarray.Dataset:
         """A dataset over the coordinates t [s], component (1 ... n) and parameter (1 ... p); solver and step are attributes.
 
-        What else the controller integrates has dimensions of its own: x_hat over (t, x_hat_row), P over (t, P_row, P_column).
+        Other states of the controller have their own dimensions: x_hat over (t, x_hat_row), P over (t, P_row, P_column).
         """
         validate.require_extra("xarray", "tables", "to_xarray")
         import xarray as xr
 
         second = {"theta_hat": "parameter", "u": "input", "r": "command"}
-        if self.y is not None:  # plant and model have states of their own
+        if self.y is not None:  # plant and model have their own states
             second |= {"x": "state", "x_m": "model_state", "e": "error"}
         series = {name: getattr(self, name) for name in SERIES}
         variables: dict[str, Any] = {
@@ -367,10 +374,10 @@ class Result:
 def step_info(result: Result, component: int = 1) -> dict[str, float]:
     """Rise time, settling time, overshoot, ... by python-control's names, after the last jump of the command.
 
-    component  of x, from 1; nothing to choose where y is measured
+    component  of x, from 1; not used if y is measured
 
-    Times [s] count from the jump; levels are those of x or y, and the last value is what counts as settled. At the recorded
-    instants: their distance is the resolution. Raises InputError for a run that diverged or whose command does not jump.
+    Times [s] count from the jump; levels are those of x or y, and the last value is the settled one. The resolution is the
+    distance of the recorded instants. Raises InputError for a run that diverged or whose command does not jump.
     """
     validate.require_extra("control", "control", "step_info")
     import control
@@ -386,12 +393,12 @@ def step_info(result: Result, component: int = 1) -> dict[str, float]:
     found = control.step_info(value - value[0], T=result.t[first:] - result.t[first], yfinal=value[-1] - value[0])
     levels = ("SettlingMin", "SettlingMax", "SteadyStateValue")
     info = {name: float(number + value[0] if name in levels else number) for name, number in found.items()}
-    peak = {"Peak": float(value[np.argmax(np.abs(value - value[0]))])}  # python-control's is a distance, without a sign
+    peak = {"Peak": float(value[np.argmax(np.abs(value - value[0]))])}  # python-control's value is a distance without a sign
     return validate.Named.of("figure", info | peak)
 
 
 def _last_jump(result: Result) -> float:
-    """When a command jumps last [s]; at 0 where it is not zero from the start."""
+    """The time of the last jump of a command [s]; 0 if it is nonzero from the start."""
     jumps = [0.0] if any(float(command(np.zeros(1))[0]) != 0 for command in result.problem.commands) else []
     for command in result.problem.commands:
         if isinstance(command, BreakingSignal):
@@ -403,7 +410,7 @@ def _last_jump(result: Result) -> float:
 
 
 class Results(Named[Result]):
-    """Runs of one problem by their controllers' names: a dictionary that a person can read, and plot."""
+    """Runs of one problem by their controllers' names: a dictionary that is readable at a prompt and can be plotted."""
 
     kind = "controller"
 
@@ -411,13 +418,13 @@ class Results(Named[Result]):
         return f"<Results: {'; '.join(f'{name!r} {outcome_in_brief(result)}' for name, result in self.items())}>"
 
     def _repr_html_(self) -> str:
-        """For notebooks: the figures as a table, what deserves a second look, and the plot."""
+        """For notebooks: the figures as a table, the findings, and the plot."""
         return html_of(list(self.values()))
 
     def plot(
         self, *, panels: str | Iterable[str] | None = None, axes: Axes | Iterable[Axes] | None = None, narrow: bool = False
     ) -> Figure:
-        """All runs side by side, as a Matplotlib figure; ``barbalat.results.plot`` says what may be chosen."""
+        """All runs in common panels, as a Matplotlib figure; ``barbalat.results.plot`` describes the options."""
         return plot(self, panels=panels, axes=axes, narrow=narrow)
 
 
@@ -428,14 +435,14 @@ def plot(
     axes: Axes | Iterable[Axes] | None = None,
     narrow: bool = False,
 ) -> Figure:
-    """Runs of one problem side by side, as a Matplotlib figure: what ``simulate`` gave back, or results of several calls.
+    """Runs of one problem in common panels, as a Matplotlib figure: the result of ``simulate``, or results of several calls.
 
-    panels  names of those that are drawn: motion, x_1 ... or y, largest error, control, error, estimates, or a controller's or a
-            state's own name; all by default
+    panels  names of the panels to draw: motion, x_1 ... or y, largest error, control, error, estimates, or the name of a
+            controller or a state; all by default
     axes    Matplotlib axes to draw into, one for each of the panels; a new figure by default
     narrow  one panel below the other, for a phone or a column of a page
 
-    Raises InputError for a panel that there is not, and for more or fewer axes than panels.
+    Raises InputError for an unknown panel, and if the number of axes differs from that of panels.
     """
     from barbalat.run.results.picture import figure_of
 
@@ -447,7 +454,7 @@ def _listed(results: Result | Mapping[str, Result] | Iterable[Result]) -> list[R
     found = list(given.values() if isinstance(given, Mapping) else given)
     for one in found:
         if not isinstance(one, Result):
-            raise InputError(f"plot takes results of simulate, got {show(one)}")
+            raise InputError(f"plot needs results of simulate, got {show(one)}")
     if not found:
         raise InputError("plot needs at least one result, got none")
     return found

@@ -1,4 +1,4 @@
-"""The spectrum at instants of a run: whether it stays inside the solver's region of stability, and what the method damps.
+"""The spectrum at instants of a run: whether it stays inside the solver's region of stability, and the method's damping.
 
 Source: docs/numerics.md.
 """
@@ -21,14 +21,15 @@ if TYPE_CHECKING:
     import casadi as ca
 
 RESOLVED_TURN = 1.0
-"""h omega [rad] up to which nothing is said: six steps a period, where RK4 damps by 0.6 % a radian; Heun and Euler amplify."""
+"""Largest h omega [rad] without a remark: six steps per period, at which RK4 damps by 0.6 % per radian; Heun and Euler
+amplify."""
 
 
 @dataclass(frozen=True)
 class SolverDamping:
-    """How the method damps an oscillation of the loop that it does not resolve, where the equations need not damp it at all.
+    """The method's damping of an oscillation of the loop that it does not resolve and that the equations need not damp at all.
 
-    per_radian  the part of an undamped oscillation's amplitude that the method takes away a radian, at the worst instant
+    per_radian  the share of an undamped oscillation's amplitude that the method removes per radian, at the worst instant
     h_omega     the step times the frequency there [rad]
     solver      the method's name
     """
@@ -42,7 +43,7 @@ class SolverDamping:
         """The finding as a sentence."""
         return (
             f"{self.solver} at this step damps an oscillation as fast as the loop's (h omega = {self.h_omega:.3g}) by up to "
-            f"{100 * self.per_radian:.2g} % a radian, which the equations don't: a finer step may show more of it"
+            f"{100 * self.per_radian:.2g} % per radian, which the equations do not: a finer step may show more of it"
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -50,9 +51,9 @@ class SolverDamping:
 
 
 def damping_of(solver: Tableau, h_omega: Array) -> Array:
-    """1 - |R(i h omega)|^(1/(h omega)), for h omega > 0 of any shape; below 0 where the method amplifies."""
+    """1 - |R(i h omega)|^(1/(h omega)), for h omega > 0 of any shape; below 0 if the method amplifies."""
     growth = solver.growth(1j * h_omega)  # |R|^2 - 1
-    with np.errstate(divide="ignore"):  # R may vanish: nothing is left
+    with np.errstate(divide="ignore"):  # R may vanish: complete damping
         return np.asarray(-np.expm1(np.log1p(np.maximum(growth, -1.0)) / (2 * h_omega)))
 
 
@@ -71,13 +72,13 @@ def worst_damping(solver: Tableau, z: Array) -> SolverDamping | None:
 
 @dataclass(frozen=True)
 class Stiffness:
-    """How far a run stayed inside its solver's region of stability.
+    """Whether and how long a run stayed inside its solver's region of stability.
 
-    h_lambda_max   the largest h |eigenvalue| of the exact Jacobian at the instants looked at; NaN where none could be
+    h_lambda_max   the largest h |eigenvalue| of the exact Jacobian at the examined instants; NaN if there is none
     unstable_from  the first step [s] at which the solver, or a law sampled by Euler steps, amplified a mode that the equations
                    don't; None if none was found
-    looks          at how many instants the spectrum was taken
-    damping        what the method's own damping hides of an oscillation at these instants; None where nothing
+    looks          number of instants at which the spectrum was computed
+    damping        the method's own damping of an oscillation at these instants; None if it hides nothing
     radius_max     for a law sampled by Euler steps: the largest spectral radius of the map from sample to sample; else None
     """
 
@@ -89,15 +90,15 @@ class Stiffness:
 
 
 class Looks(NamedTuple):
-    """What K instants show, (K,) each."""
+    """The results at K instants, (K,) each."""
 
-    h_lambda: Array  # the largest h |eigenvalue|; infinite where the Jacobian is not finite
+    h_lambda: Array  # the largest h |eigenvalue|; infinite if the Jacobian is not finite
     outside: Array  # whether a mode is amplified that the equations don't amplify
-    radius: Array | None  # of the map from sample to sample; infinite where that is not finite
-    damping: SolverDamping | None  # the worst of all
+    radius: Array | None  # of the map from sample to sample; infinite if it is not finite
+    damping: SolverDamping | None  # the strongest one
 
     def stiffness(self, unstable_from: float | None) -> Stiffness:
-        """The largest of all instants."""
+        """The maxima over all instants."""
         radii = None if self.radius is None else self.radius[np.isfinite(self.radius)]
         return Stiffness(
             h_lambda_max=float(self.h_lambda[np.isfinite(self.h_lambda)].max(initial=0.0)),
@@ -112,8 +113,8 @@ class Looks(NamedTuple):
 class Spectrum:
     """The frozen linear system of a loop at instants of its run.
 
-    A mode is amplified by the solver alone when |R(h lambda)| exceeds max(1, |e^(h lambda)|). It counts when, kept up for the
-    whole run, that would make a factor e: a fixed threshold would blame Euler's method for its harmless growth of slow modes.
+    A mode is amplified by the solver alone when |R(h lambda)| exceeds max(1, |e^(h lambda)|). It counts if that, kept up for the
+    whole run, would give a factor e: a fixed threshold would blame Euler's method for its harmless growth of slow modes.
     """
 
     loop: ClosedLoop
@@ -131,7 +132,7 @@ class Spectrum:
     def at(self, states: Array, signals: Array) -> Looks:
         """states (K, size), signals (K, channels)."""
         matrices = evaluated(self.jacobian, states, signals)
-        finite = np.isfinite(matrices).all(axis=(1, 2))  # what overflows is far outside
+        finite = np.isfinite(matrices).all(axis=(1, 2))  # matrices that overflow are far outside
         h_lambda, outside = np.full(len(states), np.inf), ~finite
         z = self.simulation.dt * _eigenvalues(matrices[finite])
         with np.errstate(divide="ignore"):  # R may vanish: no growth at all
@@ -147,7 +148,7 @@ class Spectrum:
         return Looks(h_lambda, outside, radius, damping)
 
     def coupling(self, states: Array, signals: Array) -> Array:
-        """(K,) what ``coupling_function`` is, with what is constant of it, of loops that are too large to watch it."""
+        """(K,) the value of ``coupling_function``, including constant terms, for loops that are too large to be monitored."""
         found = []
         for state, given in zip(states, signals, strict=True):  # one matrix at a time: a thousand states make 8 MB
             (J,) = evaluated(self.jacobian, state[None], given[None])
@@ -157,7 +158,7 @@ class Spectrum:
 
 
 def _eigenvalues(matrices: Array) -> Array:
-    """(K, size), one matrix after the other, so that Ctrl-C is heard between them."""
+    """(K, size), one matrix after the other, so that Ctrl-C is handled in between."""
     return np.array([np.linalg.eigvals(matrix) for matrix in matrices]) if len(matrices) else np.linalg.eigvals(matrices)
 
 
@@ -165,7 +166,7 @@ def _eigenvalues(matrices: Array) -> Array:
 class FrozenSampledLaw:
     """The map from sample to sample of a law that takes Euler steps, frozen: the controller's action after the plant's flow.
 
-    It counts as unstable when it amplifies more in the whole run than the continuous equations' fastest growth, by a factor e.
+    It counts as unstable if over the whole run it amplifies more than the continuous equations' fastest growth, by a factor e.
     """
 
     sample: ca.Function  # Jacobian of the controller's action
@@ -179,15 +180,16 @@ class FrozenSampledLaw:
         return cls(sampled_jacobian_function(loop), twin, sample_time, simulation.t_end / sample_time)
 
     def at(self, states: Array, signals: Array, flow: Array) -> tuple[Array, Array]:
-        """Spectral radii (K,), and whether that is too much; ``flow`` are the loop's Jacobians between two samples."""
+        """Spectral radii (K,), and whether they are too large; ``flow`` contains the loop's Jacobians between two samples."""
         from scipy.linalg import expm
 
-        different, which = np.unique(flow, axis=0, return_inverse=True)  # of a linear plant there is one
+        different, which = _different(flow)
         T, size = self.sample_time, self.twin.size1_out(0)
         with np.errstate(all="ignore"):  # e^(T A) may overflow
-            maps = evaluated(self.sample, states, signals) @ expm(T * different)[which.reshape(-1)]
+            maps = evaluated(self.sample, states, signals) @ expm(T * different)[which]
         twins = evaluated(self.twin, states[:, :size], signals)
-        finite = np.isfinite(maps).all(axis=(1, 2)) & np.isfinite(twins).all(axis=(1, 2))  # what overflows amplifies too much
+        # matrices that overflow amplify too much
+        finite = np.isfinite(maps).all(axis=(1, 2)) & np.isfinite(twins).all(axis=(1, 2))
         radius, amplified = np.full(len(states), np.inf), ~finite
         radius[finite] = np.abs(np.linalg.eigvals(maps[finite])).max(axis=1, initial=0.0)
         growth = np.linalg.eigvals(twins[finite]).real.max(axis=1, initial=0.0)
@@ -196,10 +198,19 @@ class FrozenSampledLaw:
         return radius, amplified
 
 
+def _different(matrices: Array) -> tuple[Array, Array]:
+    """The distinct matrices among (K, size, size), and the index of each; a linear plant's single one is found without
+    sorting."""
+    if len(matrices) and (matrices == matrices[0]).all():
+        return matrices[:1], np.zeros(len(matrices), dtype=int)
+    found, which = np.unique(matrices, axis=0, return_inverse=True)
+    return found, which.reshape(-1)
+
+
 def evaluated(function: ca.Function, states: Array, signals: Array) -> Array:
     """Matrices (K, size, size) of a CasADi function at K instants."""
     size = function.size1_out(0)
-    if len(states) == 0:  # CasADi takes no columns for one
+    if len(states) == 0:  # CasADi interprets an empty argument as one column
         return np.zeros((0, size, size))
     flat = np.asarray(function(states.T, signals.T))
     return flat.reshape(size, len(states), size).transpose(1, 0, 2)

@@ -1,7 +1,8 @@
-"""The label of a run that left its solver's region of stability, and whose its oscillation is: a finer step tells.
+"""The label of a run that left its solver's region of stability: a finer step shows whether its oscillation belongs to the
+solver.
 
-Source: docs/numerics.md. The finer run decides only as far as it stayed inside the region itself. The solver is blamed for a
-divergence only where a finer step takes that away.
+Source: docs/numerics.md. The finer run decides only up to the time at which it leaves the region itself. A divergence is
+attributed to the solver only if a finer step removes it.
 """
 
 from __future__ import annotations
@@ -18,27 +19,27 @@ from barbalat.validate import Array
 Origin = Literal["solver", "loop", "both", "unsettled"]
 
 EQUAL_FIGURES_SHARE = 0.1
-"""Figures that differ by less than this fraction are called the same: far above the finer step's own error, far below decades."""
+"""Figures that differ by less than this fraction count as equal: far above the finer step's own error, far below a decade."""
 REMAINDER_SHARE = 0.1
-"""Where less than this fraction of a figure is left at the finer step, the solver made it; where more is left, at most a part."""
+"""If less than this fraction of a figure remains at the finer step, it is due to the solver; otherwise at most partly."""
 ROUNDING_SHARE = 1e-5
-"""Of the model's state, of the control, of the estimates: a figure below this shows roundings and what has settled."""
+"""Relative to the model's state, the control or the estimates: a figure below this is rounding or settled motion."""
 SAME_TIME_SHARE = 0.01
-"""Divergences within this share of their time come at about the same time; those of an escape converge as the step falls."""
+"""Divergences within this share of their time count as simultaneous; those of a finite escape converge as the step falls."""
 OWN_GROWTH_FACTOR = 3.0
-"""An error that was this many times as large as the model's state while the run was still sound grows by itself."""
+"""An error this many times as large as the model's state, while the run is still sound, grows because of the loop."""
 
 
 @dataclass(frozen=True)
 class FinerStep:
-    """What a finer step says of a labelled run.
+    """The result of a finer step for a labelled run.
 
-    origin   "solver": the finer run does without what the coarse one shows; "loop": it shows the same; "both": less, or more;
-             "unsettled": no step that could be afforded stayed inside the region of stability
+    origin   "solver": the finer run does not show the behaviour of the coarse one; "loop": it shows the same; "both": it shows
+             less, or more; "unsettled": no affordable step stayed inside the region of stability
     sentence the same for people, with the numbers
-    dt       the finer step [s], t_end the horizon [s] over which the two are compared; None where none could be afforded
-    diverged_at  when the finer run diverged [s], the finest one that was tried; None where it did not
-    kind     the judge's class of the finer run over the whole time, where that stayed inside the region; else None
+    dt       the finer step [s], and t_end the horizon [s] over which the two are compared; None if none could be afforded
+    diverged_at  when the finer run diverged [s], for the finest one tried; None if it did not
+    kind     the judge's class of the finer run over the whole time, if it stayed inside the region; else None
     """
 
     origin: Origin
@@ -54,9 +55,9 @@ class FinerStep:
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What is compared of a run: figures, the time [s] of its label, the largest |e| until then; (p,) the estimates' path.
+    """The compared quantities of a run: figures, the time [s] of its label, the largest |e| until then; (p,) the estimates' path.
 
-    model, estimates  the largest |x_m| and |theta_hat_i|: the size of the signals
+    model, estimates  the largest |x_m| and |theta_hat_i|, as the size of the signals
     sample_time       of a law that is sampled by Euler steps [s], else None
     kind              the judge's class
     """
@@ -78,7 +79,7 @@ class Seen:
 
 
 def compare(coarse: Seen, fine: Seen, t_end: float, *, whole: bool) -> FinerStep | None:
-    """The verdict over [0, t_end], the whole run or a part; None where the finer run left the region too and says nothing."""
+    """The check over [0, t_end], the whole run or a part; None if the finer run left the region too and decides nothing."""
     details = [] if fine.sample_time is None else [f"sampled every {fine.sample_time:g} s"]
     details += [] if whole else [f"up to t = {t_end:g} s"]
     at = "".join([f"at h = {fine.dt:g} s", *(f", {detail}" for detail in details), "," if details else ""])
@@ -93,18 +94,19 @@ def compare(coarse: Seen, fine: Seen, t_end: float, *, whole: bool) -> FinerStep
 
 
 def at_the_same_time(one: float, other: float) -> bool:
-    """Whether two divergences [s] come at about the same time."""
+    """Whether two divergences [s] occur at about the same time."""
     return abs(one - other) <= SAME_TIME_SHARE * max(one, other)
 
 
 def _divergences(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str] | None:
-    """Where one of the two runs, or both, did not stay bounded."""
+    """The result if one of the two runs, or both, diverged."""
     if coarse.diverged_at is not None and fine.diverged_at is not None:
         if fine.unstable_from is None:
-            return "loop", f"the divergence is the loop's own: {at} it comes at t = {fine.diverged_at:.4g} s"
+            return "loop", f"the divergence is that of the loop itself: {at} it comes at t = {fine.diverged_at:.4g} s"
         if fine.sound_error > OWN_GROWTH_FACTOR * fine.model:
             return "loop", (
-                f"the divergence is the loop's own: {at} the run is sound until t = {fine.unstable_from:.4g} s, and |e| has "
+                f"the divergence is that of the loop itself: {at} the run is sound until t = {fine.unstable_from:.4g} s, "
+                f"and |e| has "
                 f"grown to {fine.sound_error:.3g} by then; the model's largest |x_m| is {fine.model:.3g}"
             )
         return None
@@ -113,11 +115,11 @@ def _divergences(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str] | None
     if fine.diverged_at is not None:
         return "both", f"the {_whose(fine)} hides a divergence: {at} the run diverges at t = {fine.diverged_at:.4g} s"
     bounded = f"{at} the run stays bounded, max |e| {_text(fine.metrics.max_abs_e[0])}"
-    return "solver", f"the divergence is the {_whose(fine)}'s: {bounded}"
+    return "solver", f"the divergence is due to the {_whose(fine)}: {bounded}"
 
 
 def _figures(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str]:
-    """Where both stayed bounded: what the finer step changes."""
+    """The result if both stayed bounded: the effect of the finer step."""
     before, after = _compared(coarse), _compared(fine)
     pairs = {text: (value, after[text][0]) for text, (value, _) in before.items()}
     ratios = {text: _ratio(*pair, ROUNDING_SHARE * max(before[text][1], after[text][1])) for text, pair in pairs.items()}
@@ -128,11 +130,11 @@ def _figures(coarse: Seen, fine: Seen, at: str) -> tuple[Origin, str]:
     ]
     if not changed:
         same = ", ".join(f"{text} {_text(finely)}" for text, (_, finely) in pairs.items())
-        return "loop", f"what the run shows is the loop's own: {at} it is the same within {EQUAL_FIGURES_SHARE:.0%} ({same})"
+        return "loop", f"the result is that of the loop itself: {at} it is the same within {EQUAL_FIGURES_SHARE:.0%} ({same})"
     numbers = f"{at} {', '.join(changed)}"
     if min(ratios.values()) < REMAINDER_SHARE:
-        return "solver", f"the oscillation is the {_whose(fine)}'s: {numbers}"
-    return "both", f"what the run shows is not the {_whose(fine)}'s alone: {numbers}"
+        return "solver", f"the oscillation is due to the {_whose(fine)}: {numbers}"
+    return "both", f"the result is not only due to the {_whose(fine)}: {numbers}"
 
 
 def _whose(fine: Seen) -> str:
@@ -140,11 +142,11 @@ def _whose(fine: Seen) -> str:
 
 
 def _compared(seen: Seen) -> dict[str, tuple[Array, float]]:
-    """The figures of the tail and of the whole run, each with the size of what it is a figure of."""
+    """The figures of the tail and of the whole run, each with its reference size."""
     found, span = seen.metrics, seen.dt * seen.steps
     return {
         "the estimates' variation [1/s] in the tail": (found.theta_hat_variation_rate[0], 4 * seen.estimates / span),
-        "their path in all": (seen.path, seen.estimates),
+        "their total path": (seen.path, seen.estimates),
         "max |e| in the tail": (found.tail_max_abs_e[0], seen.model),
         "max |e| in all": (found.max_abs_e[0], seen.model),
         "max |u|": (found.max_abs_u[0], float(np.max(found.max_abs_u[0]))),
@@ -153,7 +155,7 @@ def _compared(seen: Seen) -> dict[str, tuple[Array, float]]:
 
 def _ratio(before: Array, after: Array, noise: float) -> float:
     """All components together: after / before."""
-    least = noise + 1e-300  # figures of nothing at all are the same
+    least = noise + 1e-300  # figures of vanishing quantities count as equal
     return float((np.sum(after) + least) / (np.sum(before) + least))
 
 
@@ -162,11 +164,12 @@ def _text(values: Array) -> str:
 
 
 def label(unstable_from: float | None, diverged_at: float | None, kind: Class | None, check: FinerStep | None) -> str | None:
-    """None for a run that stayed inside, or whose class, ``kind``, a finer step finds too and shows no less. Times in s.
+    """None for a run that stayed inside, or whose class, ``kind``, a finer step confirms with at least as much oscillation. Times
+    in s.
 
-    That a run left the region makes it a suspect; what it shows is the solver's where ``check``, what a finer step says, does
-    without it. A true finite escape leaves every step's region of stability just before it: neither the exit nor a finer step
-    that exits too says whose the divergence is.
+    A run that left the region is a suspect; its behaviour belongs to the solver if ``check``, with a finer step, does not show
+    it. A true finite escape leaves every step's region of stability just before it: neither the exit nor a finer step that exits
+    too shows whether the divergence belongs to the solver.
     """
     if unstable_from is None:
         return None

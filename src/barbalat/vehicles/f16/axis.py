@@ -79,7 +79,7 @@ PITCH = Followed(
     rate="q",
     surface="elevator",
     attitude="theta",
-    commanded=3.0,  # a load factor of about 0.7 g more or less
+    commanded=3.0,  # changes the load factor by about 0.7 g
     pulse=2.0,
     # the pitch rate reaches 63 % of its command in 0.3 s, and the equipment's lag of 0.09 s takes 15 deg of the phase there
     crossover=3.0,

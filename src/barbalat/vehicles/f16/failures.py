@@ -43,7 +43,7 @@ OF_PITCH = (
         ballast_aft=70.0,
     ),
     LATE,
-    Failure(name="hard-over", meaning="the elevator runs away nose up for 0.5 s, and follows again", runs_away=0.5),
+    Failure(name="hard-over", meaning="the elevator runs away nose up for 0.5 s, then follows again", runs_away=0.5),
     Failure(name="gusts", meaning="vertical gusts with a standard deviation of 10 ft/s, Dryden's spectrum", gusts=10.0),
     Failure(name="reversed", meaning="the elevator acts with the opposite sign", effectiveness=-1.0),
 )
@@ -56,7 +56,7 @@ OF_ROLL = (
         ballast_right=60.0,
     ),
     LATE,
-    Failure(name="hard-over", meaning="the ailerons run away to the left for 0.3 s, and follow again", runs_away=0.3),
+    Failure(name="hard-over", meaning="the ailerons run away to the left for 0.3 s, then follow again", runs_away=0.3),
     Failure(name="gusts", meaning="lateral gusts with a standard deviation of 10 ft/s, Dryden's spectrum", gusts=10.0),
     Failure(name="reversed", meaning="the ailerons act with the opposite sign", effectiveness=-1.0),
 )

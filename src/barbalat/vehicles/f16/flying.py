@@ -69,7 +69,7 @@ class _Aircraft:
     effectiveness  of the axis's surface, what a dispersion and a failure leave of it
     surface        its deflection as the airframe's tables read it [rad]
     states         what sensors see, as deviations from trim
-    hold           keeps the pitch axis where it is trimmed while another one is flown; None where pitch itself is
+    hold           keeps the pitch axis where it is trimmed while another one is flown; None if pitch itself is
     place, ground  how far north and east it is of where it was at first, and how fast it goes there [ft, ft/s]
     """
 
@@ -197,7 +197,7 @@ def _lost(row: Array) -> str:
     if not low <= row[ALPHA] <= high:
         return f"the angle of attack left {low:g} to {high:g} deg, where the tables end"
     if not least <= row[N_Z] <= most:
-        return f"the load factor left {least:g} to {most:g} g, which the structure bears"
+        return f"the load factor left {least:g} to {most:g} g, which the structure tolerates"
     if not abs(row[BETA]) <= MOST_BETA:
         return f"the angle of sideslip passed {MOST_BETA:g} deg, where the tables end"
     if not abs(row[BANK]) <= MOST_BANK:

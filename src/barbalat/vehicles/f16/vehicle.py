@@ -55,10 +55,11 @@ class F16(Vehicle[Axis, Step, AxisFlight]):
     wire = WIRE
     shown = "Followed rate, angles, load factor and surface of every controller"
     notes = (
-        f"After the failure, which comes at {FAILS_AT:g} s and stays; e is the followed rate less that "
-        "of the model to follow, alpha its largest value, surface how far that moves in a second",
-        "each of the project's schemes has the setting that one rule gives on the linearised aircraft, and none is tuned on "
-        "flights: these are ranked",
+        f"After the failure, which occurs at {FAILS_AT:g} s and persists; e is the followed rate minus that of the "
+        f"reference model, alpha its largest value, surface the travel of the surface per second"
+        "",
+        "each of the project's schemes has the setting from one tuning rule on the linearised aircraft; none is tuned on "
+        "flights, and these schemes are ranked",
     )
 
     def condition(self, given: Mapping[str, float]) -> FlightCondition:

@@ -46,7 +46,7 @@ FAILURES = {
         ),
         Failure(name="half-propeller", meaning="one rotor gives half its thrust", effectiveness=0.5),
         Failure(name="wind", meaning="wind of 8 m/s from the left, with gusts", wind=8.0),
-        Failure(name="motor-lag", meaning="all motors take 70 ms in the place of 35 ms", motor_lag=0.07),
+        Failure(name="motor-lag", meaning="all motors have a lag of 70 ms instead of 35 ms", motor_lag=0.07),
         Failure(name="delay-20", meaning="commands arrive 20 ms later", delay=0.02),
         Failure(
             name="no-reset",

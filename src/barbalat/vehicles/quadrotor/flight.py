@@ -42,7 +42,7 @@ thrusts change by in a second on average, limited the share of the time in which
 class QuadrotorFlight(Flight):
     """A quadrotor's flight; its record is (K, 18), a row for each sample of position, see ``COLUMNS``.
 
-    agreement  of the exported C of all axes with the simulated lists; None where those flew
+    agreement  of the exported C of all axes with the simulated lists; None if those flew
     """
 
     failure: Failure

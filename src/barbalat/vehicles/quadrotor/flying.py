@@ -146,11 +146,11 @@ def _lost(row: list[float], motion: Motion) -> str:
     if not np.isfinite(row).all():
         return "the simulation's numbers are no longer finite"
     if np.linalg.norm(np.subtract(row[4:7], row[1:4])) > LARGEST_DISTANCE:
-        return f"it was more than {LARGEST_DISTANCE:g} m from where it should be"
+        return f"it was more than {LARGEST_DISTANCE:g} m from its path"
     if motion.attitude[2, 2] < np.cos(np.deg2rad(LARGEST_TILT)):
         return f"it tilted by more than {LARGEST_TILT:g} deg"
     if row[0] > TAKES_OFF + CLIMBS and motion.position[2] < LEAST_HEIGHT:
-        return "it came down to the ground"
+        return "it hit the ground"
     return ""
 
 

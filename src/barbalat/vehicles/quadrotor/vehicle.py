@@ -70,8 +70,8 @@ class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
         f"From the failure on, which comes at {TIMING.fails_at:g} s and stays (no-reset: from the start at {TAKES_OFF:g} s); "
         "e is the distance from where it should be, sinks how far it came below that, tilt its largest value, rotors how "
         "much a thrust changes in a second, limited the share of the time in which some rotor is at an end of its range",
-        "each of the project's schemes has on each axis the setting that one rule gives on the linearised vehicle, and "
-        "none is tuned on flights: these are ranked",
+        "each of the project's schemes has on each axis the setting from one tuning rule on the linearised vehicle; none is "
+        "tuned on flights, and these schemes are ranked",
     )
 
     def require(self, condition: object, equipment: object) -> None:

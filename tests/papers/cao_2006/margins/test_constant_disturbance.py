@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from barbalat import L1Adaptive, Mrac, Plant, Problem, ReferenceModel, input_filter
+from barbalat import L1Adaptive, Mrac, Plant, Problem, ReferenceModel, certify, input_filter, load_case
 from barbalat.certificates.linear_loops.ideal import around_equilibrium
 from barbalat.papers.cao_2006.margins import constant_disturbance as loops
 from barbalat.papers.cao_2006.paper import PAPER
@@ -24,6 +24,17 @@ def test_the_loop_is_that_of_the_schemes_with_a_constant_regressor(kappa):
         np.testing.assert_allclose(np.ravel(loops.loop(gamma, kappa).realise().response(w)), np.ravel(found), rtol=1e-6)
 
 
+def test_the_case_has_the_rows_delay_margins():
+    """From the paper's case file by linearisation, and from the loop in closed form."""
+    (path,) = PAPER.cases
+    case = load_case(path)
+    found = certify(case.problem, case.controllers, case.simulation)
+    (hundred,) = np.flatnonzero(np.isclose(loops.GAINS, 100))
+    for name, kappa in (("MRAC", None), ("L1", loops.KAPPAS[0])):
+        margin = found[name].as_json()["delay_margin_adapting"]
+        assert margin == pytest.approx(loops.over_gains(kappa).delay[hundred], rel=1e-6)
+
+
 def test_the_margins_are_those_by_hand():
     """w^2/(s (s + a)): phase atan(a/w_c), w_c^2 = (sqrt(a^4 + 4 w^4) - a^2)/2; 1/(kappa s): a quarter turn, pi kappa/2."""
     w4 = (loops.GAINS * loops.P) ** 2
@@ -33,6 +44,8 @@ def test_the_margins_are_those_by_hand():
         found = loops.over_gains(kappa)
         assert found.phase[-1] == pytest.approx(np.pi / 2, rel=1e-2)
         assert found.delay[-1] == pytest.approx(np.pi * kappa / 2, rel=1e-2)
+    (effort, _), w2 = loops.mrac()[0].readings[:2], loops.GAINS[-1] * loops.P
+    assert float(effort.measured.split()[-4]) == pytest.approx(w2 / np.sqrt(w2 - 1 / 4), rel=2e-3)  # of w2/(s^2 + s + w2)
 
 
 def test_the_findings_and_the_coverage():
@@ -40,9 +53,11 @@ def test_the_findings_and_the_coverage():
     assert {name: row.finding for name, row in rows.items()} == {
         "high-gain-phase": "holds",
         "high-gain-delay": "holds",
-        "phase-independent": "holds if",  # of 1/(kappa s) it is, once the resonance no longer crosses |L| = 1
+        "phase-independent": "fails",  # only once the resonance no longer crosses |L| = 1 is it that of 1/(kappa s)
         "delay-bounded": "holds",
         "high-gain-inside": "holds",
     }
     assert set(rows) == set(SENTENCES) == {one.row for one in COVERAGE if one.row}
     assert "0.04" in rows["phase-independent"].shows
+    for name in ("delay-bounded", "high-gain-inside"):
+        assert "0.00049 s" in rows[name].shows and "0.0314 s" in rows[name].shows  # the dip beside what is restored

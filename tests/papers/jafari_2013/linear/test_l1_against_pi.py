@@ -3,15 +3,23 @@
 import numpy as np
 import pytest
 
-from barbalat.linear.systems import input_filter
-from barbalat.papers.jafari_2013.linear.linear_design import second_order_filter
+from barbalat.linear.systems import input_filter, two_slopes
 
 
 def test_one_slope_and_two():
     """|1 - C| over a decade of frequency falls by 10 with (6) and by 100 with C'(0) = 0, and C(0) = 1 in both."""
     w = np.array([1e-3, 1e-2])
-    for C, decade in ((input_filter(0.02), 10.0), (second_order_filter(0.05), 100.0)):
+    for C, decade in ((input_filter(0.02), 10.0), (two_slopes(0.05), 100.0)):
         response = np.ravel(C.realise().response(w))
         rest = np.abs(1 - response)
         assert rest[0] < 1e-4 and rest[1] / rest[0] == pytest.approx(decade, rel=1e-2)
         assert np.abs(np.ravel(C.realise().response(np.array([1e7])))) < 1e-4  # strictly proper
+
+
+def test_a_second_slope_that_is_slow_leaves_the_filter_of_the_paper():
+    w = np.geomspace(0.1, 1e3, 20)
+    slow, plain = (np.ravel(C.realise().response(w)) for C in (two_slopes(0.02, 1e5), input_filter(0.02)))
+    assert slow == pytest.approx(plain, rel=1e-2)
+    first, second = 0.02, 0.02 * 7
+    rest = first * second * (1j * w) ** 2 / ((1j * w * first + 1) * (1j * w * second + 1))
+    assert 1 - np.ravel(two_slopes(first, 7.0).realise().response(w)) == pytest.approx(rest, rel=1e-6)

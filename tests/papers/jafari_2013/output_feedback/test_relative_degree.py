@@ -20,12 +20,12 @@ def test_what_was_run_is_said(full, monkeypatch):
     """No counterexample among those that were run, which the row names; one of them fails the sentence."""
     asked = []
     monkeypatch.setattr(relative_degree, "_peaks", lambda degree, law, taus: asked.append((degree, law)) or taus)
-    monkeypatch.setattr(relative_degree, "_last_quarters", lambda degree: (1.0, 1.0))
+    monkeypatch.setattr(relative_degree, "_last_quarters", lambda degree, law: (1.0, 1.0))
     claim = relative_degree.claim(full=full)
     assert len(asked) == (8 if full else 3)
-    assert claim.finding == "holds" and f"degrees 1 to {4 if full else 3} were tried" in claim.shows
-    assert ("least squares" in claim.readings[0].measured) == full
-    monkeypatch.setattr(relative_degree, "_last_quarters", lambda degree: (1.0, 2.0 if degree == 3 else 1.0))
+    assert claim.finding == "holds" and f"degrees 1 to {4 if full else 3} with law (15)" in claim.shows
+    assert "least squares" in claim.readings[0].measured and (len(claim.readings) == 3) == full
+    monkeypatch.setattr(relative_degree, "_last_quarters", lambda degree, law: (1.0, 2.0 if degree == 3 else 1.0))
     assert relative_degree.claim(full=full).finding == "mixed"
 
 

@@ -41,7 +41,7 @@ def test_an_error_that_rises_again_is_no_counterexample_to_a_limit():
     tried = [one for one in any_command.commands(1, 400.0) if one[0] in ("sum of sines", "constant")]
     robust, standard = any_command.followed(tried, 400.0)
     assert (robust.ratios < 1).all() and standard.ratios.max() > 2
-    assert standard.fell.startswith("1 of 2 fell") and standard.small.holds and not standard.small.decides
+    assert standard.fell.startswith("1 of 2 errors fell") and standard.small.holds and not standard.small.decides
     spent = standard.squared * any_command.MRAC_GAIN / 25  # V(0) = |theta~(0)|^2/Gamma, theta = [4, -3]
     assert (spent > 0).all() and (spent < 1).all()
 

@@ -1,1 +1,1 @@
-"""The certificates of the schemes that measure y only."""
+"""The certificates of the schemes that measure only y."""

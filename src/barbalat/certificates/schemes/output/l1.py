@@ -1,4 +1,4 @@
-"""The certificate of L1 output feedback: condition (20), the linear controller that it is, margins; its column of Table 1.
+"""The certificate of L1 output feedback: condition (20), its equivalent linear controller, margins; its column of Table 1.
 
 With G = N_g/D_g, C = N_c/D_c, G_m = m/(s + m),
     H(s) = G G_m/(C G + (1 - C) G_m) = m N_g D_c/[N_c N_g (s + m) + m (D_c - N_c) D_g],
@@ -51,7 +51,7 @@ OWN_QUANTITIES = OF_LINEAR_LOOPS | {
     "delay_margin_limit": Quantity("the same for gamma -> infinity", "s"),
 }
 LIMITS_TOLERANCE = 1e-9
-"""Relative width of the limits of gain and step: far below what an estimate is worth."""
+"""Relative accuracy of the limits of gain and step, far better than an estimate needs."""
 
 
 def small_gain_system(controller: L1Output, G: TransferFunction) -> TransferFunction:
@@ -63,7 +63,7 @@ def small_gain_system(controller: L1Output, G: TransferFunction) -> TransferFunc
 
 
 def condition_norm(controller: L1Output, G: TransferFunction) -> Enclosure:
-    """||H(1 - C)||_1; InputError where H is not stable."""
+    """||H(1 - C)||_1; InputError if H is not stable."""
     system = small_gain_system(controller, G)
     if not system.is_stable:
         raise InputError(f"H(s) of (20) is not stable: a pole has real part {system.poles.real.max():.6g}")
@@ -72,18 +72,20 @@ def condition_norm(controller: L1Output, G: TransferFunction) -> Enclosure:
 
 
 def certificate(problem: OutputProblem, controller: L1Output, simulation: Simulation) -> Certificate:
-    """Condition (20), the bounds of y and e, the linear controller that this scheme is, its margins."""
+    """Condition (20), the bounds of y and e, the equivalent linear controller, its margins."""
     plant, draft = problem.plant.transfer_function, Draft(own=OWN_QUANTITIES)
     G = plant if controller.design_plant is None else controller.design_plant
     _add_bounds(draft, problem, controller, simulation)
     _add_condition(draft, controller, G, _lipschitz(draft, problem, controller))
     if not same_response(G, plant):
-        draft.note("(20) is judged for the design plant, which is not the plant; the bounds and margins are of the plant")
-    pair = "gamma_max and step_max are those of the pair sigma, y_hat alone: estimates for the loop"
+        draft.note(
+            "(20) is evaluated for the design plant, which is not the plant; the bounds and margins are those of the plant"
+        )
+    pair = "gamma_max and step_max are those of the pair sigma, y_hat: estimates for the loop"
     draft.estimate({"adaptation_frequency": math.sqrt(controller.gamma * controller.m)} | _limits(controller, simulation), pair)
-    add_step_of_modes(draft, problem, controller, simulation)  # a fast plant or filter beside the pair
+    add_step_of_modes(draft, problem, controller, simulation)  # a plant or filter that is faster than the pair
     equivalent, tends_to = linear_equivalent(controller), fast_limit(controller)
-    inside = "that the controller is while sigma is inside its bounds"
+    inside = "the controller's equivalent while sigma is inside its bounds"
     draft.exact({"linear_equivalent": _coefficients(equivalent)}, inside)
     draft.exact({"linear_equivalent_limit": _coefficients(tends_to)}, "for gamma -> infinity")
     add_margins(draft, problem, (equivalent.feedback * plant).realise(), inside, LINEAR_LOOP)
@@ -98,21 +100,24 @@ def certificate(problem: OutputProblem, controller: L1Output, simulation: Simula
 
 
 def grounds(problem: OutputProblem, controller: L1Output, simulation: Simulation) -> dict[str, Any]:
-    """The numbers of the small gain's bounds, of the linear controller inside the bounds of sigma, and H (1 - C)."""
+    """The numbers of the small-gain bounds, of the linear controller inside the bounds of sigma, and of H (1 - C)."""
     G = problem.plant.transfer_function if controller.design_plant is None else controller.design_plant
     facts = grounds_of_loop(problem, replace(controller, sigma_bound=None), simulation)
-    return facts | {"H(1-C)": of_system(small_gain_system(controller, G).realise())}
+    draft = Draft(own=OWN_QUANTITIES)
+    _add_bounds(draft, problem, controller, simulation)
+    L = None if controller.lipschitz is None else _lipschitz(draft, problem, controller)
+    return facts | {"H(1-C)": of_system(small_gain_system(controller, G).realise()), "lipschitz": L}
 
 
 def _add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output, simulation: Simulation) -> None:
-    """Bounds of y, e and sigma, of the linear controller that this is while sigma is inside its bounds."""
+    """Add bounds of y, e and sigma, for the linear controller to which the scheme reduces while sigma is inside its bounds."""
     found, limit = add_linear_loop(draft, problem, replace(controller, sigma_bound=None), simulation), controller.sigma_bound
     if found is None:
         return
     if limit is not None and found.sigma > limit:
         why = (
-            f"inside its bounds sigma may need {found.sigma:.6g}, more than sigma_bound = {limit:g}, and what holds when the "
-            "projection acts is not known"
+            f"inside its bounds sigma may need {found.sigma:.6g}, more than sigma_bound = {limit:g}, "
+            "and nothing is known for an active projection"
         )
         draft.all_missing(("sigma_needed", "output_bound", "error_bound"), why, theorem=theorems.SLOPE)
         return
@@ -121,7 +126,8 @@ def _add_bounds(draft: Draft, problem: OutputProblem, controller: L1Output, simu
 
 
 def _lipschitz(draft: Draft, problem: OutputProblem, controller: L1Output) -> float | None:
-    """L of (20): as given unless f contradicts it, 0 without f, the slope of f within the bound of y; None if none is known."""
+    """L of (20): the given value unless f contradicts it, 0 without f, or the slope of f within the bound of y; None if none
+    is known."""
     f, given = problem.plant.f, controller.lipschitz
     if f is None:
         return given or 0.0
@@ -131,10 +137,10 @@ def _lipschitz(draft: Draft, problem: OutputProblem, controller: L1Output) -> fl
     least = steepest_seen(f, 0.0 if slope is None else draft["output_bound"])
     if least > given * OUTWARD_FACTOR:
         where = "at y = 0" if slope is None else "within the bound of y"
-        draft.note(f"lipschitz = {given:g} is no Lipschitz constant of f, whose slope reaches {least:.6g} {where}")
+        draft.note(f"lipschitz = {given:g} is no Lipschitz constant of f: the slope reaches {least:.6g} {where}")
         return least
     if slope is None:
-        draft.note(f"that lipschitz = {given:g} bounds the slope of f is assumed, not shown")
+        draft.note(f"that lipschitz = {given:g} bounds the slope of f is an assumption, not shown")
     return given
 
 
@@ -142,7 +148,7 @@ def _add_condition(draft: Draft, controller: L1Output, G: TransferFunction, L: f
     """||H(1 - C)||_1 and, with L, condition (20)."""
     named = {"limit": 1.0, "of": "H (1 - C)", "times": "L"}
     of_the_limit = Assumption(
-        "(20) is of the limit gamma -> infinity and of a sigma without bounds; the bounds are of this gamma"
+        "(20) holds for the limit gamma -> infinity and a sigma without bounds; the bounds are those for this gamma"
     )
     try:
         norm = condition_norm(controller, G)
@@ -152,7 +158,7 @@ def _add_condition(draft: Draft, controller: L1Output, G: TransferFunction, L: f
         return
     draft.guarantee("norms", (draft.get("norms") or {}) | {"H(1-C)": norm.ends}, NUMBERS_ALONE)
     if L is None:
-        draft.missing("condition", "it can't be judged: the plant has f(t, y), and no lipschitz is given")
+        draft.missing("condition", "it cannot be evaluated: the plant has f(t, y), and no lipschitz is given")
         return
     upper = norm.upper * L * OUTWARD_FACTOR
     draft.guarantee("condition", {"value_upper": upper, "holds": upper < 1} | named, of_the_limit)
@@ -171,7 +177,8 @@ def _coefficients(linear: LinearEquivalent) -> dict[str, dict[str, list[float]]]
 
 
 def _limits(controller: L1Output, simulation: Simulation) -> dict[str, Any]:
-    """The largest gamma for this step, the largest step for this gamma: s^2 + m s + gamma m within the solver's region."""
+    """The largest gamma for this step, and the largest step for this gamma, with s^2 + m s + gamma m within the solver's
+    region."""
     solver, m = simulation.solver, controller.m
     gamma = largest_from(lambda value: _bears(solver, simulation.dt, m, value), controller.gamma, within=LIMITS_TOLERANCE)
     step = largest_from(lambda value: _bears(solver, value, m, controller.gamma), simulation.dt, within=LIMITS_TOLERANCE)
@@ -200,7 +207,7 @@ def column(problem: OutputProblem, controller: L1Output, certificate: Certificat
         inside = f"; |sigma| <= {up(values['sigma_needed'])}{bound}"
     return "L1 output feedback (18)-(21), a linear controller with integral action", {
         **cells_of_linear_loop(problem, certificate, inside),
-        "estimates": advice("estimates", "sigma is the state of an integrator, not a parameter: nothing is learnt"),
+        "estimates": advice("estimates", "sigma is the state of an integrator, not a parameter estimate"),
         "modelling_error": estimate("modelling_error", "that of its linear loop: see the margins"),
         "tuning": estimate("tuning", f"{limits_text(certificate)}; {stated}"),
         "margins": margins_cell(certificate),

@@ -1,19 +1,21 @@
-"""The certificate of L1 output feedback with the piecewise-constant law: a linear sampled controller, its loop known exactly.
+"""The certificate of L1 output feedback with the piecewise-constant law: a linear sampled controller whose loop is known exactly.
 
-For T -> 0 it holds c'x_hat = y, so that u = C/((1 - C) M) [M r - y] whatever g is: ``linear_equivalent_limit``, as of the
-scheme with a first-order model. For T > 0 it has no pole at z = 1: a little of a constant disturbance is left.
+For T -> 0 it keeps c'x_hat = y, so that u = C/((1 - C) M) [M r - y] for every g: ``linear_equivalent_limit``, as for the scheme
+with a first-order model. For T > 0 it has no pole at z = 1: a small part of a constant disturbance remains.
 
-On a plant that is the model, under a constant sigma at rest, x~ = Phi x~ + Gamma (sigma_hat - sigma), sigma_hat = -G c'x~ and
-Gamma G = Phi g: with q = c'(I - Phi)^-1 Phi g and what sigma does to y, s = c'(I - Phi)^-1 Gamma sigma, it is
-sigma_hat = G s/(1 + q), of rank one, which does s q/(1 + q) to y: 1/(1 + q) is left, 1 - e^(a T) for a model of first order.
+On a plant that equals the model, under a constant sigma at equilibrium, x~ = Phi x~ + Gamma (sigma_hat - sigma), sigma_hat = -G
+c'x~ and Gamma G = Phi g: with q = c'(I - Phi)^-1 Phi g and the effect of sigma on y, s = c'(I - Phi)^-1 Gamma sigma, this gives
+sigma_hat = G s/(1 + q), of rank one, whose effect on y is s q/(1 + q): 1/(1 + q) remains, which is 1 - e^(a T) for a first-order
+model.
 
 ``error_bound`` bounds e = y - y_m for every r and d of the case's sizes.
 
-Plant, controller and the model under the command as it is sampled are one linear system from sample to sample: what r can do to e
-at the samples is the sum of its impulse response. d acts all the time: in a sample what it does to a row c of that is at most
-|d| integral_0^T |c e^(A s) B| ds, and within a part of the sample e^(A s) B is off its value at the part's start s_j by at most
-|e^(A s_j)| (e^(|A| T/P) - I) |B|. Between samples, as in ``piecewise_reference``, a motion under a held input is off the straight
-line by at most T^2/8 times its second derivative. What the model does between samples under r itself is ``missed``.
+Plant, controller and the model under the sampled command are one linear system from sample to sample: the largest effect of r on
+e at the samples is the sum of its impulse response. d acts all the time: in a sample its effect on a row c is at most |d|
+integral_0^T |c e^(A s) B| ds, and within a part of the sample e^(A s) B differs from its value at the start of the part s_j by at
+most |e^(A s_j)| (e^(|A| T/P) - I) |B|. Between samples, a motion under a held input differs from the straight line by at most
+T^2/8 times its second derivative, as in ``piecewise_reference``. The model's motion between samples under r itself is covered by
+``missed``.
 """
 
 from __future__ import annotations
@@ -46,18 +48,20 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 PARTS = 16
-"""Parts of a sample, in each of which d is bounded: more of them change no digit shown where the plant is slow in a sample."""
+"""Number of parts of a sample in each of which d is bounded: more parts do not change the displayed digits if the plant is
+slow."""
 
 
 class ErrorBound(NamedTuple):
-    """Bounds of |e| at all times, against the model driven by the sampled command and against the model driven by r."""
+    """Bounds of |e| at all times, with respect to the model driven by the sampled command and to the model driven by r."""
 
     held: float
     error: float | NotApplicable
 
 
 class _Loop(NamedTuple):
-    """z[k+1] = M z[k] + N r[k], u = K z + L r, with z = (plant, predictor, filter, model); from ``first`` times the first r."""
+    """z[k+1] = M z[k] + N r[k], u = K z + L r, with z = (plant, predictor, filter, model); ``first`` times the first r is the
+    initial state."""
 
     M: Array
     N: Array
@@ -69,7 +73,7 @@ class _Loop(NamedTuple):
 
 
 def error_bound(problem: OutputProblem, equations: Equations, t_end: float) -> ErrorBound | NotApplicable:
-    """InputError where the loop is unstable from sample to sample, or forgets too slowly for a bound."""
+    """The bound; InputError if the loop is unstable from sample to sample, or decays too slowly for a bound."""
     r, d = problem.reference, problem.disturbance
     if not isinstance(r, BoundedSignal) or not (d is None or isinstance(d, BoundedSignal)):
         return NotApplicable("r or d has no known bound")
@@ -86,7 +90,7 @@ def _held(loop: _Loop, T: float, r: float, d: float) -> float:
     p, m = plant.order, model.order
     starts = [HeldSystem.of(plant.A, plant.B, j * T / PARTS).Phi for j in range(PARTS)]
     off = (grown(plant.A, T / PARTS) - np.eye(p)) @ np.abs(plant.B)
-    reached = np.hstack([np.column_stack([start @ plant.B, start]) for start in starts])  # in a sample, before its end
+    reached = np.hstack([np.column_stack([start @ plant.B, start]) for start in starts])  # times before the end of a sample
     weights = T / PARTS * np.tile(np.append(1.0, off), PARTS)
 
     def largest(C: Array, D: Array) -> Array:
@@ -104,7 +108,7 @@ def _held(loop: _Loop, T: float, r: float, d: float) -> float:
     curved = np.abs(plant.C) @ grown(plant.A, T) @ largest(bends, plant.A @ plant.B * loop.L)
     of_model = model.A @ np.hstack([np.zeros((m, size - m)), model.A])
     curved += np.abs(model.C) @ grown(model.A, T) @ largest(of_model, model.A @ model.B)
-    within = np.abs(plant.C @ reached) @ weights * d  # at a sample's end it is in the bound at the samples, and not in the line
+    within = np.abs(plant.C @ reached) @ weights * d  # at a sample's end it is in the bound at the samples, not in the line
     return float(at_samples + 2 * within + T**2 / 8 * curved) * OUTWARD_FACTOR
 
 
@@ -115,7 +119,7 @@ def _loop(problem: OutputProblem, equations: Equations) -> _Loop:
     size = p + n + order + n
     of_y = np.concatenate([plant.C, -c, np.zeros(order + n)])  # y - y_hat
     sigma = np.outer(G, of_y)
-    wanted = np.diag(np.append(-1.0, np.ones(n - 1))) @ sigma  # what passes the filter, beside r in its first entry
+    wanted = np.diag(np.append(-1.0, np.ones(n - 1))) @ sigma  # the filter's input, with r added to its first entry
     passed = np.hstack([np.zeros((order, p + n)), np.eye(order), np.zeros((order, n))]) + f.B @ wanted
     K, L = (f.C @ passed + f.D @ wanted)[0], float((f.C @ f.B + f.D)[0, 0])
     held, of_model = HeldSystem.of(plant.A, plant.B, T), HeldSystem.of(model.A, model.B, T)
@@ -130,7 +134,7 @@ def _loop(problem: OutputProblem, equations: Equations) -> _Loop:
     N[:p], N[p : p + n], N[-n:] = held.Gamma * L, Gamma[:, 0] * L, of_model.Gamma
     N[p + n : -n] = f.A @ f.B[:, 0] + f.B[:, 0]
     first = np.zeros(size)
-    first[p + n : -n] = -f.B[:, 0]  # the filter's first sample is no step of it
+    first[p + n : -n] = -f.B[:, 0]  # the filter's first sample is not one of its steps
     return _Loop(M, N, K, L, first, plant, model)
 
 
@@ -140,12 +144,12 @@ OWN_QUANTITIES = (
     | {
         "linear_equivalent_limit": Quantity("u = feedforward[r] - feedback[y] for T -> 0", form=Form.TRANSFER_FUNCTIONS),
         "delay_margin_limit": Quantity("delay_margin for T -> 0", "s"),
-        "disturbance_left": Quantity("share of what a constant sigma does to y that sigma_hat leaves"),
-        "error_bound_held": Quantity("of |y - y_m| at all times, y_m of the model under the command as it is sampled"),
+        "disturbance_left": Quantity("share of a constant sigma's effect on y that sigma_hat does not cover"),
+        "error_bound_held": Quantity("bound of |y - y_m| at all times, with y_m of the model under the sampled command"),
     }
 )
 FOR_SMALL_T = "for T -> 0"
-BOUNDED_D = Assumption("no disturbance acts but a bounded d at the input")
+BOUNDED_D = Assumption("the only disturbance is a bounded d at the input")
 UP_TO_THE_END = Assumption("jumps of r are those up to t_end")
 
 
@@ -153,12 +157,12 @@ def fast_limit(controller: L1OutputPiecewiseConstant, M: TransferFunction) -> tu
     """C/(1 - C) and C/((1 - C) M)."""
     N, D = controller.filter.num, controller.filter.den
     den = np.polysub(D, N)
-    den[-1] = 0.0  # C(0) = 1: what is left of the difference is rounding
+    den[-1] = 0.0  # C(0) = 1: the remaining difference is rounding
     return TransferFunction(N, den), TransferFunction(np.polymul(N, M.den), np.polymul(den, M.num))
 
 
 def certificate(problem: OutputProblem, controller: L1OutputPiecewiseConstant, simulation: Simulation) -> Certificate:
-    """Loop, margins, noise, bounds of e, what constant r and d leave, the continuous controller that it tends to."""
+    """Loop, margins, noise, bounds of e, the steady error for constant r and d, the continuous controller that it tends to."""
     draft, equations = Draft(own=OWN_QUANTITIES), controller.bind(problem.known)
     _add_error_bound(draft, problem, equations, simulation.t_end)
     _add_at_dc(draft, equations)
@@ -173,7 +177,7 @@ def certificate(problem: OutputProblem, controller: L1OutputPiecewiseConstant, s
     limit = margins_of(problem, (feedback * problem.plant.transfer_function).realise(), FOR_SMALL_T, draft.notes)
     if "delay_margin" in limit:
         draft.exact({"delay_margin_limit": limit["delay_margin"]}, FOR_SMALL_T, LINEAR_LOOP)
-    draft.note("a linear sampled controller: no gain to tune but T, and nothing is learnt")
+    draft.note("a linear sampled controller, whose only tunable gain is T, without adaptation")
     return draft.finish()
 
 
@@ -200,16 +204,16 @@ def _of_the_bound(problem: OutputProblem) -> tuple[Assumption, ...]:
 
 
 def _add_at_dc(draft: Draft, equations: Equations) -> None:
-    """Add what no plant changes: the estimate of a constant sigma at rest, and what it leaves."""
+    """Add values that don't depend on the plant: the estimate of a constant sigma at equilibrium, and the remainder."""
     Phi, Gamma, c, G = equations.model.Phi, equations.model.Gamma, equations.c, equations.G
     at_rest = np.linalg.solve((np.eye(len(c)) - Phi).T, c)  # c'(I - Phi)^-1
     s, q = at_rest @ Gamma, float(at_rest @ Gamma @ G)
     values = {"sigma_hat_at_dc": (np.outer(G, s) / (1 + q)).tolist(), "disturbance_left": 1 / (1 + q)}
-    draft.exact(values, "the controller alone, on a plant that is the model", LINEAR_LOOP)
+    draft.exact(values, "the controller with a plant equal to the model", LINEAR_LOOP)
 
 
 def _measured(problem: OutputProblem, found: Linearised) -> Array:
-    """(s, 1): a state of the plant with y = 1, of which the controller has nothing else; or the sensor's."""
+    """(s, 1): a state of the plant with y = 1, since the controller uses only y; or the sensor's."""
     direction = np.zeros((len(found.loop.A), 1))
     at, C = found.rows["measured"], problem.plant.dynamics.system.C
     direction[at, 0] = 1.0 if problem.sensor_lag is not None else C / (C @ C)
@@ -217,9 +221,9 @@ def _measured(problem: OutputProblem, found: Linearised) -> Array:
 
 
 def steady_error(problem: OutputProblem, equations: Equations) -> dict[str, float]:
-    """What constant r and d leave of e = y - y_m, each per unit: the loop at rest from sample to sample, without f."""
+    """The steady error e = y - y_m for constant r and d, each per unit: the equilibrium from sample to sample, without f."""
     plant, n = problem.plant.transfer_function, len(equations.c)
-    # unknown are x_hat, sigma_hat, y and u; at rest the filter's output is C(0) w_1 - h'w_um
+    # the unknowns are x_hat, sigma_hat, y and u; at equilibrium the filter's output is C(0) w_1 - h'w_um
     filter, Phi, Gamma = equations.filter, equations.model.Phi, equations.model.Gamma
     at_rest = filter.C @ np.linalg.solve(np.eye(len(filter.A)) - filter.A, 2 * filter.B) + filter.D  # (1, n)
     passed = at_rest * np.append(-1.0, np.ones(n - 1))  # from sigma_hat
@@ -251,7 +255,7 @@ def column(problem: OutputProblem, _: L1OutputPiecewiseConstant, certificate: Ce
         text = f"for every bounded r: a linear loop, spectral radius {radius:.6g} from sample to sample"
         stability = statement("stability", text, *_rests_on(problem))
     if left is not None:
-        why = f"not to zero: {left['r']:.3g} of a constant r and {left['d']:.3g} of a constant d are left"
+        why = f"not to zero: {left['r']:.3g} of a constant r and {left['d']:.3g} of a constant d remain"
         tracking = nothing("tracking", why)
     bound = certificate.entry("error_bound")
     transient = nothing("transient", "no bound: " + ("" if bound is None else bound.why))
@@ -262,11 +266,11 @@ def column(problem: OutputProblem, _: L1OutputPiecewiseConstant, certificate: Ce
         "stability": stability,
         "tracking": tracking,
         "transient": transient,
-        "estimates": advice("estimates", "it estimates no parameters: sigma_hat is what acts on the model"),
+        "estimates": advice("estimates", "it does not estimate parameters: sigma_hat is the input disturbance of the model"),
         "modelling_error": estimate("modelling_error", "see the margins: they are those of a linear controller"),
         "tuning": advice(
             "tuning",
-            "no adaptive gain; C(s) and T alone"
+            "no adaptive gain, only C(s) and T"
             + ("" if noise is None else f"; noise in y is {noise[0]:.3g} times as large in u"),
         ),
         "margins": margins_cell(certificate),

@@ -23,7 +23,7 @@ from barbalat.solvers.simulation import Simulation
 
 
 def certificate(problem: OutputProblem, controller: LinearOutput, simulation: Simulation) -> Certificate:
-    """The bounds of y and e, the margins of the loop, the step that its modes bear."""
+    """The bounds of y and e, the margins of the loop, the step that its modes tolerate."""
     draft = Draft(own=OF_LINEAR_LOOPS)
     found = add_linear_loop(draft, problem, controller, simulation)
     if found is not None:
@@ -35,12 +35,12 @@ def certificate(problem: OutputProblem, controller: LinearOutput, simulation: Si
 
 
 def grounds(problem: OutputProblem, controller: LinearOutput, simulation: Simulation) -> dict[str, Any]:
-    """The numbers of the small gain's bounds."""
+    """The numbers of the small-gain bounds."""
     return grounds_of_loop(problem, controller, simulation)
 
 
 def linear_when(_problem: OutputProblem, _controller: LinearOutput) -> str | None:
-    """The controller is always linear; f(t, y) is left out of its margins, as in continuous time."""
+    """The controller is always linear; its margins ignore f(t, y), as in continuous time."""
     return LINEAR_LOOP
 
 

@@ -1,4 +1,4 @@
-"""The certificate of the output-feedback MRAC: theta*, the linear loop there, what the law guarantees."""
+"""The certificate of the output-feedback MRAC: theta*, the linear loop with it, the guarantees of the law."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from barbalat.protocols import BoundedSignal
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
-OWN_QUANTITIES = {"theta_star": Quantity("parameters with which the plant is the model")}
+OWN_QUANTITIES = {"theta_star": Quantity("parameters with which the loop equals the model")}
 
 
 def matched_feedback(theta: Array, Lambda: Array) -> TransferFunction:
@@ -48,7 +48,7 @@ def matched_feedback(theta: Array, Lambda: Array) -> TransferFunction:
 
 
 def _unmodelled(plant: TransferFunction, controller: MracOutput) -> list[str]:
-    """What a plant of higher order than designed for has, as sentences."""
+    """Sentences about a plant of higher order than the design plant."""
     law = controller.law
     found = [
         f"the plant is of order {len(plant.poles)}, the controller is designed for {controller.order}: the rest is unmodelled, "
@@ -64,11 +64,11 @@ def _unmodelled(plant: TransferFunction, controller: MracOutput) -> list[str]:
 
 
 def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> Certificate:
-    """theta*, the margins there, the limits of gain and step; no number bounds the error of these schemes."""
-    controller.bind(problem.known)  # refuses what contradicts the assumptions
+    """theta*, the margins with it, the limits of gain and step; there is no numerical bound of the error of these schemes."""
+    controller.bind(problem.known)  # refuses settings that contradict the assumptions
     plant, W_m = problem.plant.transfer_function, problem.reference_model.transfer_function
     draft, n = Draft(own=OWN_QUANTITIES), controller.order
-    draft.missing("error_bound", "no number bounds e of these schemes", theorem=theorems.LEMMA_1_OUTPUT)
+    draft.missing("error_bound", "no numerical bound of e is known for these schemes", theorem=theorems.LEMMA_1_OUTPUT)
     if len(plant.poles) <= n:
         Lambda = filter_polynomial(n, W_m, controller.filter_poles)
         theta = matching_parameters(plant, W_m, Lambda)
@@ -77,7 +77,7 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
             draft, problem, (matched_feedback(theta, Lambda) * plant).realise(), "with the parameters at theta*", LINEAR_LOOP
         )
         if len(plant.poles) < n:
-            draft.note(f"theta* is one of many: the plant is of order {len(plant.poles)}, the controller is designed for {n}")
+            draft.note(f"theta* is not unique: the plant is of order {len(plant.poles)}, the controller is designed for {n}")
     else:
         for sentence in _unmodelled(plant, controller):
             draft.note(sentence)
@@ -86,21 +86,23 @@ def certificate(problem: OutputProblem, controller: MracOutput, simulation: Simu
 
 
 def midpoint_form(problem: OutputProblem, controller: MracOutput, _: float) -> midpoint.MidpointForm:
-    """Say what the sampled form keeps: what its law's own implicit step keeps."""
+    """Return the properties that the sampled form preserves: those of its law's own implicit step."""
     return midpoint.of_law(controller.law, controller.bind(problem.known).estimate_set)
 
 
 def rests_on(problem: OutputProblem, controller: MracOutput) -> tuple[Assumption, ...]:
-    """What the guarantees of these schemes rest on, checked on the case."""
+    """The assumptions of these schemes' guarantees, checked on the case."""
     n, n_star, order = controller.order, controller.relative_degree, len(problem.plant.transfer_function.poles)
     beyond = f"the plant is of order {order} and the design of {n}: the rest is unmodelled" if order > n else ""
     known_set, theta = controller.bind(problem.known).estimate_set, _theta_star(problem, controller)
     inside = known_set is None or theta is None or known_set.contains(theta)
     outside = "" if inside else "theta* outside the known set"
     return (
-        Assumption(f"the plant is of order {n} and relative degree {n_star}, minimum phase, its gain of the sign given", beyond),
-        Assumption("the plant is linear", "f(t, y) acts, and the law knows linear plants only" if problem.plant.f else ""),
-        Assumption("theta* lies in the known set, and the estimates are projected onto it", outside),
+        Assumption(
+            f"the plant is of order {n} and relative degree {n_star}, minimum phase, with a gain of the given sign", beyond
+        ),
+        Assumption("the plant is linear", "f(t, y) acts, and the law is for linear plants only" if problem.plant.f else ""),
+        Assumption("theta* is in the known set, and the estimates are projected onto it", outside),
         exact_plant(problem),
         undisturbed(problem),
         measured(problem),
@@ -117,7 +119,7 @@ def column(problem: OutputProblem, controller: MracOutput, certificate: Certific
     known, pulled = found.estimates is not Estimates.UNKNOWN, found.estimates is Estimates.PULLED
     settled = "V of the law never grows"
     if found.bounded:
-        settled += "; where the regressor is persistently exciting, which isn't checked here, they converge"
+        settled += "; if the regressor is persistently exciting, which is not checked here, they converge"
     auxiliary = "the auxiliary input leaves 1 - 1/(tau s + 1)^n* of the error, of the order of tau; no number"
 
     def claimed(key: str, text: str, holds: bool) -> Entry:
@@ -137,7 +139,7 @@ def column(problem: OutputProblem, controller: MracOutput, certificate: Certific
 
 
 def _theta_star(problem: OutputProblem, controller: MracOutput) -> Array | None:
-    """The parameters with which the plant is the model; None where the plant is of higher order than designed for."""
+    """The parameters for which the loop equals the model; None if the plant is of higher order than the design plant."""
     plant, W_m, n = problem.plant.transfer_function, problem.reference_model.transfer_function, controller.order
     if len(plant.poles) > n:
         return None
@@ -148,17 +150,17 @@ def _robustness(problem: OutputProblem, controller: MracOutput, found: Guarantee
     law = controller.law
     if isinstance(law, OutputErrorLaw):
         if not isinstance(law, FreezableLaw):
-            return nothing("modelling_error", f"nothing is known of {type(law).__name__}")
+            return nothing("modelling_error", f"nothing is known about {type(law).__name__}")
         if law.drifts:
             return nothing("modelling_error", "not robust: the estimates may drift until the loop bursts (Rohrs)")
-        why = "the estimates stay bounded; that all signals do is known from a limited set of initial states only"
+        why = "the estimates stay bounded; boundedness of all signals is known only for a limited set of initial states"
         return nothing("modelling_error", why)
     if controller.normalization.alpha_0 == 0:
         return nothing("modelling_error", "needs the dynamic normalisation, alpha_0 > 0 in (16); it is 0 here")
     if not found.bounded:
         return nothing("modelling_error", found.why)
     if controller.lower is None and not found.leaks:
-        return nothing("modelling_error", "needs projection of all estimates or leakage, and there is neither")
+        return nothing("modelling_error", "needs projection of all estimates or leakage, and the law has neither")
     present = ", ".join(found.broken for found in rests_on(problem, controller) if found.broken)
     ceiling = 1 / controller.normalization.delta_0
     above = controller.tau is not None and controller.tau >= ceiling
@@ -168,16 +170,16 @@ def _robustness(problem: OutputProblem, controller: MracOutput, found: Guarantee
 
 
 LYAPUNOV = (
-    "adaptation_frequency, gamma_max and step_max: estimates, of the loop with the estimates frozen at {where} and the regressor "
-    "at its largest there"
+    "adaptation_frequency, gamma_max and step_max: estimates, of the loop with the estimates frozen at {where} "
+    "and the regressor at its largest value there"
 )
-NORMALISED = "gamma_max and step_max: estimates, of the plain law on a frozen regressor, beside filters and plant"
+NORMALISED = "gamma_max and step_max: estimates, of the plain law with a frozen regressor, without filters and plant"
 GAIN_FRACTIONS = np.geomspace(1e-12, 1.0, 240)
-"""Fractions of the largest g that are looked at beside g = 0."""
+"""Fractions of the largest g that are checked in addition to g = 0."""
 
 
 class Frozen(NamedTuple):
-    """The loop around a law whose estimates rest: x' = A x + b q, e = c x, and the law's q' = -g e for g = Gamma |omega|^2."""
+    """The loop with a frozen law: x' = A x + b q, e = c x, and the law's q' = -g e for g = Gamma |omega|^2."""
 
     A: Array
     b: Array
@@ -191,7 +193,7 @@ class Frozen(NamedTuple):
 
 
 def add_limits(draft: Draft, problem: OutputProblem, controller: MracOutput, simulation: Simulation) -> None:
-    """The limits under the contract's keys."""
+    """Add the limits under the contract's keys."""
     law = controller.law
     if not isinstance(law, OutputErrorLaw):
         draft.estimate(_of_parametric_model(problem, controller, law, simulation), NORMALISED)
@@ -199,7 +201,7 @@ def add_limits(draft: Draft, problem: OutputProblem, controller: MracOutput, sim
     theta = draft.get("theta_star")
     where = "theta_hat(0)" if theta is None else "theta*"
     if not isinstance(law, FreezableLaw):
-        draft.all_missing(("gamma_max", "step_max"), f"how {type(law).__name__} is modified is not known")
+        draft.all_missing(("gamma_max", "step_max"), f"the modification of {type(law).__name__} is not known")
         return
     found = _frozen(problem, controller, law, None if theta is None else np.array(theta), where)
     if isinstance(found, NotApplicable):
@@ -223,14 +225,14 @@ def _of_parametric_model(
 
 
 def _of_lyapunov_law(frozen: Frozen, law: FreezableLaw, simulation: Simulation) -> dict[str, Any]:
-    """At which g, from 0 up, and at which step does the solver amplify a mode that the frozen loop does not."""
+    """The g, from 0 up, and the step at which the solver amplifies a mode that is stable in the frozen loop."""
     solver, gamma = simulation.solver, Gain(law.gamma).largest
     g = gamma * frozen.omega_squared
     modes = np.concatenate([frozen.modes(part) for part in np.append(g * GAIN_FRACTIONS, 0.0)])
     step = largest_step(simulation, modes)
     values: dict[str, Any] = {"adaptation_frequency": math.sqrt(g * max(float(frozen.c @ frozen.b), 0.0)) or None}
     if law.leakage is not None:
-        if math.isinf(law.leakage.largest):  # nothing bounds how fast it makes the estimates decay
+        if math.isinf(law.leakage.largest):  # its decay of the estimates has no largest rate
             return values
         return values | {"step_max": min(step, solver.real_limit / (gamma * law.leakage.largest))}
     values["step_max"] = step
@@ -247,10 +249,10 @@ def _of_lyapunov_law(frozen: Frozen, law: FreezableLaw, simulation: Simulation) 
 def _frozen(
     problem: OutputProblem, controller: MracOutput, law: FreezableLaw, theta: Array | None, where: str
 ) -> Frozen | NotApplicable:
-    """The loop around frozen estimates, from the exact Jacobian at rest with r = 1."""
+    """The loop with frozen estimates, from the exact Jacobian at equilibrium with r = 1."""
     plain = replace(controller, law=law.plain, lower=None, upper=None, c_0_min=None)
     loop = ClosedLoop.of(problem, plain)
-    loop = replace(loop, paths=tuple(path and replace(path, rate_limit=None) for path in loop.paths))  # one that does not act
+    loop = replace(loop, paths=tuple(path and replace(path, rate_limit=None) for path in loop.paths))  # it does not act
     if loop.delayed:
         return NotApplicable("the delay is not in the frozen loop")
     if not isinstance(problem.reference, BoundedSignal):
@@ -260,14 +262,14 @@ def _frozen(
     state, rows = np.zeros(loop.size), np.arange(loop.size)[loop.theta_hat_rows]
     state[rows] = equations.theta_hat0 if theta is None else theta
     at_rest, commanded = np.zeros(loop.signal_count), np.zeros(loop.signal_count)
-    commanded[0] = 1.0  # omega = (0, ..., 0, 1): the last estimate's row and column are the law's and its way into the loop
+    commanded[0] = 1.0  # omega = (0, ..., 0, 1): the last estimate's row and column contain the law and its effect on the loop
     J = np.asarray(jacobian_function(loop)(state, commanded))
     places = loop.unpack(np.arange(loop.size))
     others = np.setdiff1d(np.arange(loop.size), rows)
     A, b = J[np.ix_(others, others)], J[others, rows[-1]]
     c = -J[rows[-1], others] / Gain(law.gamma).as_matrix(len(rows))[-1, -1]
     if np.linalg.eigvals(A).real.max() >= 0:
-        return NotApplicable(f"with the estimates frozen at {where} the loop is unstable, and nothing bounds its regressor")
+        return NotApplicable(f"with the estimates frozen at {where} the loop is unstable, so its regressor has no bound")
     into = (loop.derivative(state, commanded) - loop.derivative(state, at_rest))[others]
     outputs = [np.eye(loop.size)[k, others] for k in (*places.controller.omega_1, *places.controller.omega_2)]
     outputs.append(np.where(np.isin(others, places.x), equations.sign * c, 0.0))  # y

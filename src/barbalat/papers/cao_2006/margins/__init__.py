@@ -1,1 +1,1 @@
-"""The exact margins of the loops that MRAC and L1-AC are beside an unknown constant disturbance."""
+"""The exact margins of the linear loops of MRAC and L1-AC under an unknown constant disturbance."""

@@ -1,7 +1,7 @@
-"""x' = -a x + b (u + sigma), sigma constant and unknown: the loops of MRAC and L1-AC, broken at the plant's input, in closed form.
+"""The loops of MRAC and L1-AC around x' = -a x + b (u + sigma), sigma constant and unknown, broken at the plant's input.
 
-Both estimate sigma_hat' = Gamma P b x_tilde with the predictor x_hat' = -a x_hat + b (u + sigma_hat), u = -C sigma_hat. With v at the plant's
-input and u what the controller asks for, sigma_hat = F (v - u), F = w^2/(s^2 + a s + w^2), w^2 = Gamma P b^2; so
+Both estimate sigma_hat' = Gamma P b x_tilde with the predictor x_hat' = -a x_hat + b (u + sigma_hat), u = -C sigma_hat. With
+v at the plant's input and u the controller's output, sigma_hat = F (v - u), F = w^2/(s^2 + a s + w^2), w^2 = Gamma P b^2; so
 L = -u/v = C F/(1 - C F). C = 1 is the MRAC, C = 1/(kappa s + 1) L1-AC, and L = 1/(kappa s) its limit of fast adaptation.
 """
 
@@ -13,22 +13,23 @@ from functools import cache
 import numpy as np
 
 from barbalat.linear.margins import margins
-from barbalat.linear.systems import TransferFunction
+from barbalat.linear.peaks import peak_gain
+from barbalat.linear.systems import TransferFunction, complementary_sensitivity
 from barbalat.papers.cao_2006.sentences import SENTENCES
 from barbalat.papers.claim import Claim, Listing, Measurement, span, table
 from barbalat.papers.finding import Reading
 from barbalat.validate import Array
 
 A, B = 1.0, 1.0
-"""Of the plant [1/s]; every stable plant of first order is this one in its own units of time and of x."""
+"""The plant's pole [1/s]; every stable first-order plant is this one after a scaling of time and x."""
 P = 1 / (2 * A)
 """-2 a P = -1."""
 GAINS = np.geomspace(1e-2, 1e8, 31)
-"""Three in a decade, from where the adaptation is too slow to matter."""
+"""Three per decade; at the smallest the adaptation is too slow to matter."""
 KAPPAS = (0.02, 0.1, 1.0)
 """[s]: filters of fifty times, ten times and once the plant's bandwidth."""
 UNCHANGED_SHARE = 0.1
-HOW = f"plant x' = -x + u + sigma, of which every stable plant of first order is a scaling; exact margins of L = C F/(1 - C F) broken at the plant's input, {len(GAINS)} gains from {GAINS[0]:g} to {GAINS[-1]:g}"
+HOW = f"a loop of ours, since only the abstract was read: plant x' = -x + u + sigma, every stable first-order plant is a scaling of it; exact margins of L = C F/(1 - C F) broken at the plant's input, {len(GAINS)} gains from {GAINS[0]:g} to {GAINS[-1]:g}"
 
 
 def loop(gamma: float, kappa: float | None) -> TransferFunction:
@@ -66,35 +67,39 @@ def _listing() -> Listing:
 
 
 def mrac() -> list[Claim]:
-    """What a high gain does to the loop that has it."""
+    """The effect of a high gain on the loop that contains it."""
     found, phase, delay = over_gains(None), SENTENCES["high-gain-phase"], SENTENCES["high-gain-delay"]
     poles = [np.roots(np.polyadd(loop(float(gamma), None).den, loop(float(gamma), None).num)) for gamma in GAINS]
     frequencies = np.array([np.abs(one).max() for one in poles])
     damping = float((-poles[-1].real / np.abs(poles[-1])).min())
-    falls = [bool((np.diff(values) < 0).all()) for values in (found.phase, found.delay)]
+    smaller = [bool(values[-1] < (1 - UNCHANGED_SHARE) * values[0]) for values in (found.phase, found.delay)]
+    effort = np.array([peak_gain(complementary_sensitivity(loop(float(gamma), None).realise())).gain for gamma in GAINS[[0, -1]]])
     return [
         Claim(
             sentence=phase,
-            readings=(phase.reads(falls[0], f"{found.phase[0]:.3g} rad at the lowest gain, {found.phase[-1]:.2g} rad at the highest"),),
-            shows=f"The MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.1g} rad.",
-            measured=f"the MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.2g} rad over {len(GAINS)} gains",
-            how=HOW, listings=(_listing(),), would_change="a gain at which the phase margin is larger than at a lower one",
+            readings=(
+                phase.reads(bool(effort[1] > (1 + UNCHANGED_SHARE) * effort[0]), f"{effort[0]:.3g} at the lowest gain, {effort[1]:.3g} at the highest"),
+                phase.reads(smaller[0], f"{found.phase[0]:.3g} rad at the lowest gain, {found.phase[-1]:.2g} rad at the highest", 1),
+            ),
+            shows=f"MRAC, lowest to highest gain: the control's peak rises from {effort[0]:.2g} to {effort[1]:.0f} times the disturbance, the phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.1g} rad.",
+            measured=f"the peak gain from the disturbance to the control, T = L/(1 + L), rises from {effort[0]:.3g} to {effort[1]:.4g}; the MRAC's phase margin falls from {found.phase[0]:.3g} to {found.phase[-1]:.2g} rad over {len(GAINS)} gains",
+            how=HOW, listings=(_listing(),), would_change="a phase margin that is no smaller at the highest gain than at the lowest, or another measure of the control effort; the abstract defines none",
         ),
         Claim(
             sentence=delay,
             readings=(
-                delay.reads(bool(damping < 0.01 and frequencies.argmax() == len(GAINS) - 1), f"{frequencies[-1]:.3g} rad/s with a damping ratio of {damping:.1g} at the highest gain"),
-                delay.reads(falls[1], f"{found.delay[0]:.3g} s at the lowest gain, {found.delay[-1]:.2g} s at the highest", 1),
+                delay.reads(bool(damping < 0.01 and frequencies[-1] > frequencies[0]), f"{frequencies[-1]:.3g} rad/s with a damping ratio of {damping:.1g} at the highest gain"),
+                delay.reads(smaller[1], f"{found.delay[0]:.3g} s at the lowest gain, {found.delay[-1]:.2g} s at the highest", 1),
             ),
             shows=f"The MRAC's delay margin falls from {found.delay[0]:.3g} to {found.delay[-1]:.1g} s, its damping ratio to {damping:.0e}.",
-            measured=f"at Gamma = {GAINS[-1]:g} the loop has a mode of {frequencies[-1]:.3g} rad/s with a damping ratio of {damping:.2g}, and bears {found.delay[-1]:.2g} s",
-            how=HOW, listings=(_listing(),), would_change="a gain at which the loop bears more delay than at a lower one",
+            measured=f"at Gamma = {GAINS[-1]:g} the loop has a mode of {frequencies[-1]:.3g} rad/s with a damping ratio of {damping:.2g}, and tolerates a delay of {found.delay[-1]:.2g} s",
+            how=HOW, listings=(_listing(),), would_change="a delay margin that is no smaller at the highest gain, or a mode that is well damped there",
         ),
     ]  # fmt: skip
 
 
 def l1() -> list[Claim]:
-    """What it does to the loop whose predictor has it."""
+    """The effect of a high gain on the loop whose predictor contains it."""
     return [_phase(), _delay(), _inside()]
 
 
@@ -108,19 +113,21 @@ def _phase() -> Claim:
         readings=(
             sentence.reads(all(same.values()), told),
             Reading(
-                "the adaptation is fast: above a gain of its own for each filter the phase margin is that of 1/(kappa s), to within a tenth",
+                "fast adaptation: above some gain, which depends on the filter, the phase margin is that of 1/(kappa s) to within a tenth",
                 all(np.isfinite(list(fast.values()))),
                 "; ".join(f"from Gamma = {gain:.2g} on with kappa = {kappa:g} s" for kappa, gain in fast.items()) + ": a quarter turn, 1.57 rad",
+                "beside",
             ),
         ),
-        shows=f"With kappa = {KAPPAS[0]:g} s the phase margin goes from {phases[KAPPAS[0]][0]:.2g} rad down to {phases[KAPPAS[0]].min():.1g} and back to {phases[KAPPAS[0]][-1]:.3g} rad.",
+        shows=f"On a first-order loop of ours, kappa = {KAPPAS[0]:g} s: {phases[KAPPAS[0]][0]:.2g} rad down to {phases[KAPPAS[0]].min():.1g}, back to {phases[KAPPAS[0]][-1]:.3g}; within a tenth of that from Gamma = {fast[KAPPAS[0]]:.1e} on.",
         measured=f"the phase margin is {told}",
-        how=HOW, listings=(_listing(),), would_change="another place at which the loop is broken, or the paper's own plant and gains, which are not at hand",
+        how=HOW, listings=(_listing(),), would_change="another break point of the loop, or the paper's own plant and gains, which are not at hand",
     )  # fmt: skip
 
 
 def _from_where(phases: Array) -> float:
-    """The gain from which on the phase margin stays within a tenth of a quarter turn; infinite where it does not at the end."""
+    """The gain above which the phase margin stays within a tenth of a quarter turn; infinite if it does not at the highest
+    gain."""
     away = np.flatnonzero(np.abs(phases / (np.pi / 2) - 1) > UNCHANGED_SHARE)
     first = int(away[-1]) + 1 if len(away) else 0
     return float(GAINS[first]) if first < len(GAINS) else np.inf
@@ -139,15 +146,15 @@ def _delay() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(sentence.reads(steady, f"over the last decade {told}"),),
-        shows=f"At the highest gain L1-AC bears {delays[KAPPAS[0]][-1]:.3g} s with kappa = {KAPPAS[0]:g} s, {delays[KAPPAS[0]][-1] / KAPPAS[0]:.3g} times as long; the MRAC {over_gains(None).delay[-1]:.0e} s.",
+        shows=f"With kappa = {KAPPAS[0]:g} s the delay margin is {delays[KAPPAS[0]][-1]:.3g} s at the highest gain, after a dip to {delays[KAPPAS[0]].min():.2g} s at Gamma = {GAINS[int(delays[KAPPAS[0]].argmin())]:.1e}; the MRAC's {over_gains(None).delay[-1]:.0e} s.",
         measured=f"over the last decade of gain {told}; the limit of fast adaptation is pi kappa/2",
-        how=HOW, listings=(_listing(),), would_change="a delay margin that goes on falling with the gain",
+        how=HOW, listings=(_listing(),), would_change="a delay margin that keeps falling with the gain",
     )  # fmt: skip
 
 
 def _inside() -> Claim:
     sentence = SENTENCES["high-gain-inside"]
-    rises = []
+    rises, first = [], over_gains(KAPPAS[0])
     for kappa in KAPPAS:
         found, least = over_gains(kappa), int(over_gains(kappa).delay.argmin())
         if found.delay[-1] > found.delay[least] and found.phase[-1] > found.phase[least]:
@@ -156,10 +163,18 @@ def _inside() -> Claim:
             )
     return Claim(
         sentence=sentence,
-        readings=(sentence.reads(bool(rises), "; ".join(rises) or f"no rise with {len(KAPPAS)} filters"),),
-        shows=(rises[0][0].upper() + rises[0][1:] if rises else f"No rise with {len(KAPPAS)} filters") + ".",
+        readings=(
+            sentence.reads(bool(rises), "; ".join(rises) or f"no rise with {len(KAPPAS)} filters"),
+            Reading(
+                "both margins are larger at the highest gain than with the slowest adaptation tried, with each filter",
+                all(np.all([values[-1] > values[0] for values in (over_gains(kappa).phase, over_gains(kappa).delay)]) for kappa in KAPPAS),
+                "; ".join(f"kappa = {kappa:g} s: delay margin {over_gains(kappa).delay[0]:.3g} s at Gamma = {GAINS[0]:g}, {over_gains(kappa).delay[-1]:.3g} s at {GAINS[-1]:g}" for kappa in KAPPAS),
+                "beside",
+            ),
+        ),
+        shows=f"With kappa = {KAPPAS[0]:g} s an increase of the gain first lowers the delay margin from {first.delay[0]:.3g} to {first.delay.min():.2g} s; a further one restores {first.delay[-1]:.3g} s.",
         measured="; ".join(rises) or f"no rise with {len(KAPPAS)} filters",
-        how=HOW, listings=(_listing(),), would_change="margins that fall with every rise of the gain, with each filter",
+        how=HOW, listings=(_listing(),), would_change="margins that fall with every increase of the gain, with each filter",
     )  # fmt: skip
 
 
@@ -167,7 +182,7 @@ ROWS = (
     Measurement(
         mrac,
         0.2,
-        {"high-gain-phase": "the MRAC's phase margin", "high-gain-delay": "the MRAC's delay margin"},
+        {"high-gain-phase": "the MRAC's control effort and phase margin", "high-gain-delay": "the MRAC's delay margin"},
         place=10,
         quick=True,
     ),

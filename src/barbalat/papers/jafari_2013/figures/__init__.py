@@ -1,1 +1,1 @@
-"""What the figures show, and what their captions and the text say of them."""
+"""The figures, and the statements of their captions and of the text about them."""

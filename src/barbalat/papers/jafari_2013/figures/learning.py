@@ -1,4 +1,4 @@
-"""Claims on the estimates: what is learnt, how fast, and what a high gain does to it."""
+"""Claims on the estimates: their convergence, its rate, and the effect of a high gain."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import Runs, at_instants, variant
 from barbalat.papers.jafari_2013.sentences import SENTENCES
+from barbalat.papers.jafari_2013.statements import MENDED
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.run.engine.simulate import simulate
@@ -23,7 +24,7 @@ from barbalat.validate import Array
 
 
 def loss_of_learning(runs: Runs) -> Claim:
-    """The estimates of L1-AC at both steps beside the robust MRAC's, on the same exciting signals."""
+    """The estimates of L1-AC at both steps and those of the robust MRAC, on the same exciting signals."""
     coarse, fine, robust = runs.coarse["L1"], runs.fine["L1, gamma 1e4"], runs.coarse["Robust MRAC"]
     distances = [float(_distance(r)[r.t > 45].min()) for r in (coarse, fine, robust)]
     spread = [float(_distance(r)[r.t > 45].max()) for r in (coarse, fine, robust)]
@@ -31,16 +32,16 @@ def loss_of_learning(runs: Runs) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(
-            sentence.reads(spread[0] > 5 and spread[2] < 0.01, f"within {spread[0]:.2g} of theta at h = 1e-4 s, the robust MRAC's within {spread[2]:.2g}"),
-            sentence.reads(nearest < 0.5, f"at h = 1e-5 s, without it, the estimates stay {nearest:.2g} away over all 60 s", 1),
+            sentence.reads(spread[0] > 5 and spread[2] < 0.01, f"at h = 1e-4 s the estimates are up to {spread[0]:.2g} away from theta, the robust MRAC's up to {spread[2]:.2g}"),
+            sentence.reads(nearest < 0.5, f"at h = 1e-5 s, without numerical instability, the estimates stay at least {nearest:.2g} away over all 60 s", 1),
         ),
-        shows=f"At Figure 3's step the estimates end up to {spread[0]:.2g} from theta; at a step without instability they still stay {distances[1]:.2g} away.",
+        shows=f"At Figure 3's step the estimates end up to {spread[0]:.2g} away from theta; at a step without instability they still stay at least {distances[1]:.2g} away.",
         measured=        f"|theta_hat - theta*| over the last 15 s: {distances[0]:.2g} to {spread[0]:.2g} at h = 1e-4 s, {distances[1]:.2g} to {spread[1]:.2g} at "
-        f"h = 1e-5 s, {distances[2]:.2g} to {spread[2]:.2g} for the robust MRAC: the gain alone keeps the estimates from converging in 60 s, "
-        "oscillation or not",
-        how="recorded instants of Figures 2, 3, 4",
+        f"h = 1e-5 s, {distances[2]:.2g} to {spread[2]:.2g} for the robust MRAC"
+        ": with this gain the estimates do not converge in 60 s, with or without oscillation",
+        how=f"recorded instants of Figures 2, 3, 4; Figure 2 has {MENDED}",
         listings=(_over_time({"L1-AC, h = 1e-4 s": coarse, "L1-AC, h = 1e-5 s": fine, "robust MRAC, h = 1e-4 s": robust}),),
-        would_change="estimates that converge in 60 s where the step resolves the gain, or at Figure 3's step",
+        would_change="estimates that converge in 60 s with a step that resolves the gain, or at Figure 3's step",
     )  # fmt: skip
 
 
@@ -50,9 +51,9 @@ def _over_time(runs: Mapping[str, Result]) -> Listing:
 
 
 FIGURES_INSTANTS = (0.0, 3.0, 15.0, 30.0, 45.0, 60.0)
-"""[s]: recorded ones of Figures 2, 3 and 4, which end at 60 s."""
+"""[s]: instants recorded for Figures 2, 3 and 4, which end at 60 s."""
 TOLD_INSTANTS = (60.0, 120.0, 240.0, 479.04)
-"""[s]: recorded ones, each about twice the one before, the last just before the end."""
+"""[s]: recorded instants, each about twice the previous one; the last is just before the end."""
 
 
 def exponential() -> Claim:
@@ -73,29 +74,31 @@ def exponential() -> Claim:
     keeps = {name: bool(rates[-1] > KEPT_RATE * rates[-2] > 0) for name, rates in late.items()}
     sentence = SENTENCES["exponential-convergence"]
     readings = (
-        sentence.reads(keeps["least squares"], f"|theta_hat - theta*| goes as t^{power:.2f}"),
+        sentence.reads(keeps["least squares"], f"|theta_hat - theta*| falls as t^{power:.2f}"),
         Reading(
-            "the law's gain does not vanish, as with the normalised gradient law in the place of (15)",
+            "with the normalised gradient law, whose gain does not vanish, in place of (15)",
             keeps["normalised gradient"],
-            f"exponential with {rate:.3f} per s",
+            f"it converges exponentially, at {rate:.3f} per s",
+            "beside",
         ),
     )
     return Claim(
         sentence=sentence,
         readings=readings,
         shows=f"Pure least squares (15) converges as t^{power:.2f}, the gradient law as exp(-{rate:.3f} t).",
-        measured=        f"|theta_hat - theta*| with pure least squares (15) goes as t^{power:.2f}: not exponential; with the normalised gradient "
+        measured=        f"|theta_hat - theta*| with pure least squares (15) falls as t^{power:.2f}: not exponential; with the normalised gradient "
         "law "
-        f"it falls exponentially, by {rate:.3f} per s; MRAC with Gamma = 1 has {distance['MRAC'][at][-1]:.3g} left after "
+        f"it falls exponentially, by {rate:.3f} per s; for the MRAC with Gamma = 1 it is still {distance['MRAC'][at][-1]:.3g} after "
         f"{TOLD_INSTANTS[-1]:g} s",
-        how="Section V with r = 10 sin 0.5t + 10 sin 1.7t, RK4, h = 1e-3 s, 480 s",
+        how=f"Section V with r = 10 sin 0.5t + 10 sin 1.7t, robust MRAC, {MENDED}, RK4, h = 1e-3 s, 480 s",
         listings=(_distances({name: values[at] for name, values in distance.items()}),),
-        would_change="for (15): a covariance kept from zero, by forgetting or resetting; for the gradient law: too little excitation",
+        would_change="for (15): forgetting or resetting, which keep the covariance away from zero; for the gradient law: too little excitation",
     )  # fmt: skip
 
 
 KEPT_RATE = 0.8
-"""Of the rate of decay from one interval to the next, twice as long: an exponential keeps all of it, an algebraic decay half."""
+"""The share of the decay rate that must remain from one interval to the next, which is twice as long: an exponential keeps
+all of it, an algebraic decay keeps half."""
 
 
 def _distances(at_instants: dict[str, Array]) -> Listing:

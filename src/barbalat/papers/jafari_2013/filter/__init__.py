@@ -1,1 +1,1 @@
-"""What the filter of L1 adaptive control does: its steady error, its condition, the margins, the control."""
+"""The effects of the filter of L1 adaptive control: steady error, stability condition, margins, control."""

@@ -1,7 +1,7 @@
-"""What the filter does to the exact margins of the loop that adapts, around constant commands.
+"""The filter's effect on the exact margins of the adapting loop, around constant commands.
 
 At the command r the estimates act through theta_hat' = Gamma x (...) with x proportional to r, and theta_hat'x: the loop
-depends on Gamma r^2 alone.
+depends only on Gamma r^2.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from barbalat.papers.jafari_2013 import section_v
 from barbalat.validate import Array, InputError
 
 GAINS = np.geomspace(1e-6, 1e8, 43)
-"""Gamma r^2, three in a decade: from where the adaptation is too slow to matter, beyond Gamma = 1e4 at r = 50."""
+"""Gamma r^2, three per decade: from adaptation too slow to matter to beyond Gamma = 1e4 at r = 50."""
 KAPPAS = np.geomspace(1e-3, 0.4, 12)
 """The last is too slow for Section V's plant: the filtered loop is unstable."""
 COMMAND_CREST = 50.0
@@ -32,14 +32,15 @@ COMMAND_CREST = 50.0
 FIGURE_3_GAIN = 1e4 * COMMAND_CREST**2
 """Gamma r^2 at Figure 3's gain and the crest of its command."""
 TOLD_GAINS = (0.01, 100.0, FIGURE_3_GAIN)
-"""Gamma r^2 at which the readings tell the margins: slow adaptation, where L1-AC's delay margin is near its least, Figure 3's."""
+"""Values of Gamma r^2 at which the readings state the margins: slow adaptation, the neighbourhood of L1-AC's least delay
+margin, and Figure 3's."""
 MODERATE_KAPPA = 0.1
-"""The filters up to here, twice what Theorem 1's condition admits, are those of which the gain margin is claimed to fall."""
-METHOD = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends on Gamma r^2 alone"
+"""The gain margin is claimed to fall with filters up to this one, twice the largest that Theorem 1's condition admits."""
+METHOD = "exact margins of the loops linearised with the law inside, Section V's plant at constant r; the loop depends only on Gamma r^2"
 
 
 class BorneMargins(NamedTuple):
-    """What a stable loop bears.
+    """The margins of a stable loop.
 
     small_gain  1/||T||_inf: a Delta_m of (11) that is smaller at every frequency cannot destabilise it
     """
@@ -56,12 +57,13 @@ MARGINS: dict[str, Callable[[BorneMargins], float]] = {
     "delay margin": lambda borne: borne.margins.delay,
     "small-gain margin 1/||T||_inf": lambda borne: borne.small_gain,
 }
-"""By name, each zero for a loop that bears nothing: k - 1 and 1 - k of the gain margins k, [rad], [s], the least size of Delta_m."""
+"""By name, each zero for a loop without margin: k - 1 and 1 - k of the gain margins k, [rad], [s], the least size of
+Delta_m."""
 
 
 @dataclass(frozen=True)
 class FilterEffect:
-    """What the filter does to the exact margins around constant commands: to each of ``MARGINS``, and drawn.
+    """The filter's effect on the exact margins around constant commands: on each of ``MARGINS``, and as maps.
 
     fall_at_every_gain, rise_at_high_gain  names of ``MARGINS``: lower in every cell with a moderate filter; higher in all at the largest gain
     """
@@ -92,20 +94,21 @@ def filter_effect() -> FilterEffect:
 
 
 def _upwards(ratios: Array, plain: float, filtered: float) -> Reading:
-    """The margin that every moderate filter lowers: the slow ones that do not are told one by one."""
+    """The margin that every moderate filter reduces; the slow filters that do not are listed one by one."""
     moderate = ratios[KAPPAS <= MODERATE_KAPPA]
     return Reading(
-        f"the {UPWARDS} of the loop that adapts: exact, around constant commands",
+        f"the filter lowers the {UPWARDS} of the adapting loop: exact, around constant commands",
         bool(moderate.max() < 1),
-        f"k = {plain:.4g} to {filtered:.4g} at Figure 3's gain, kappa = {section_v.KAPPA:g} s and r = 50; true of all {moderate.size} cells with "
-        f"kappa <= {MODERATE_KAPPA:g} s, twice what Theorem 1's condition admits, where k - 1 falls to {moderate.min():.2g} to {moderate.max():.2g} of what it is without "
-        f"the filter. Slower filters: {_slower(ratios)}",
+        f"k = {plain:.4g} to {filtered:.4g} at Figure 3's gain, kappa = {section_v.KAPPA:g} s and r = 50; this holds in all {moderate.size} cells with "
+        f"kappa <= {MODERATE_KAPPA:g} s, twice the limit of Theorem 1's condition; there k - 1 falls to {moderate.min():.2g} to {moderate.max():.2g} "
+        f"of its value without the filter. Slower filters: {_slower(ratios)}",
         "beside",
     )
 
 
 def _reading(name: str, moderate: Array) -> Reading:
-    """Another margin: in how many cells with a moderate filter it falls, and at which gains Section V's filter raises it."""
+    """Another margin: the number of cells with a moderate filter in which it falls, and the gains at which Section V's
+    filter raises it."""
     of, (without, filtered) = MARGINS[name], (scan(None), scan(section_v.KAPPA))
     raised = np.array([of(f) > of(m) for f, m in zip(filtered, without, strict=True) if f is not None and m is not None])
     said = f"the filter raises it at {int(raised.sum())} of {len(raised)} gains"
@@ -114,7 +117,7 @@ def _reading(name: str, moderate: Array) -> Reading:
         said += f", Gamma r^2 = {first:.2g} to {last:.2g}, that is Gamma = {first / COMMAND_CREST**2:.2g} to {last / COMMAND_CREST**2:.2g} at r = {COMMAND_CREST:g}"
     at = "; ".join(f"{changed(name, gain)} at Gamma r^2 = {gain:.3g}" for gain in TOLD_GAINS)
     return Reading(
-        f"the {name} of the loop that adapts: exact, around constant commands",
+        f"the filter lowers the {name} of the adapting loop: exact, around constant commands",
         bool((moderate < 1).all()),
         f"kappa = {section_v.KAPPA:g} s: {at}; {said}. It falls in {int((moderate < 1).sum())} of {moderate.size} cells with kappa <= {MODERATE_KAPPA:g} s",
         "beside",
@@ -122,7 +125,7 @@ def _reading(name: str, moderate: Array) -> Reading:
 
 
 def changed(name: str, gain: float) -> str:
-    """Without and with the filter; of the gain margin downwards the factor itself, which is better smaller."""
+    """The values without and with the filter; for the downward gain margin the factor itself, for which smaller is better."""
     plain, filtered = (bears(loop(kappa)(gain)) for kappa in (None, section_v.KAPPA))
     assert plain is not None and filtered is not None
     of = MARGINS[name] if name != DOWNWARDS else (lambda borne: borne.margins.gain_down)
@@ -130,7 +133,7 @@ def changed(name: str, gain: float) -> str:
 
 
 def _slower(ratios: Array) -> str:
-    """What the filters beyond ``MODERATE_KAPPA`` do to the gain margin, in every cell of theirs."""
+    """The effect of filters slower than ``MODERATE_KAPPA`` on the gain margin, in each of their cells."""
     said = []
     for kappa, row in zip(KAPPAS, ratios, strict=True):
         if kappa <= MODERATE_KAPPA:
@@ -139,7 +142,7 @@ def _slower(ratios: Array) -> str:
         text = f"kappa = {kappa:.3g} s falls in {int((row < 1).sum())} of {len(row)} cells"
         if raised.any():
             at = ", ".join(f"{gain:.2g}" for gain in GAINS[raised])
-            text += f", rises in {int(raised.sum())} (Gamma r^2 = {at}, to {row[raised].max():.3g} of what it is)"
+            text += f", rises in {int(raised.sum())} (Gamma r^2 = {at}, to {row[raised].max():.3g} times its value without the filter)"
         if lost.any():
             text += f", is unstable with the filter in {int(lost.sum())}"
         said.append(text)
@@ -149,11 +152,9 @@ def _slower(ratios: Array) -> str:
 def _delay_map(ratios: Array, line: Curve) -> Map:
     return Map(
         key="filter-delay-margin",
-        title="The filter's effect on the delay margin of the loop that adapts",
+        title="The filter's effect on the delay margin of the adapting loop",
         caption=(
-            "The delay margin of L1-AC's loop over that of MRAC's at the same gain, each linearised around a constant command r with its law "
-            "inside. To the left of the line the filter costs margin, to the right it raises it: MRAC's margin falls as 1/Γ, and L1-AC's returns to that of the limit of fast "
-            "adaptation (the step in the colours)."
+            "The delay margin of L1-AC's loop divided by that of MRAC's at the same gain; each loop is linearised around a constant command r, including its law. To the left of the line the filter reduces the margin, to the right it increases it: MRAC's margin falls as 1/Γ, and L1-AC's returns to that of the limit of fast adaptation (the step in the colours)."
         ),
         x=ChartAxis("Γr²", GAINS, logarithmic=True),
         y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
@@ -168,10 +169,9 @@ def _delay_map(ratios: Array, line: Curve) -> Map:
 def _gain_map(ratios: Array) -> Map:
     return Map(
         key="filter-gain-margin",
-        title="The filter's effect on the gain margin of the loop that adapts",
+        title="The filter's effect on the gain margin of the adapting loop",
         caption=(
-            "As for the delay margin: k - 1 with the filter over k - 1 without it, k the gain margin. The filter makes the loop's relative "
-            "degree larger, and the resonance of the adaptation bears less gain, however fast it is."
+            "The same for the gain margin k: k - 1 with the filter divided by k - 1 without it. The filter increases the loop's relative degree, and the resonance of the adaptation tolerates less gain, however fast the adaptation is."
         ),
         x=ChartAxis("Γr²", GAINS, logarithmic=True),
         y=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
@@ -190,9 +190,8 @@ def _section_v() -> Curve:
 
 @cache
 def loop(kappa: float | None) -> Callable[[float], StateSpace]:
-    """From Gamma r^2 to the adapting loop around a constant command; without a filter for ``None``.
-
-    Gamma is a factor of the law alone, so the loop's matrix is affine in it: two exact linearisations give all.
+    """A function from Gamma r^2 to the adapting loop around a constant command; without a filter for ``None``. Gamma only
+    multiplies the law, so the loop's matrix is affine in it, and two exact linearisations determine it.
     """
     one, two = (around_equilibrium(section_v.problem(), _controller(gamma, kappa), 1.0) for gamma in (1.0, 2.0))
     return lambda gamma: StateSpace(one.A + (gamma - 1) * (two.A - one.A), one.B, one.C, one.D)
@@ -204,16 +203,16 @@ def _controller(gamma: float, kappa: float | None) -> Mrac | L1Adaptive:
 
 @cache
 def scan(kappa: float | None) -> tuple[BorneMargins | None, ...]:
-    """Over ``GAINS``; ``None`` where the loop is unstable."""
+    """Over ``GAINS``; ``None`` if the loop is unstable."""
     at = loop(kappa)
     return tuple(bears(at(float(gamma))) for gamma in GAINS)
 
 
 def bears(loop: StateSpace) -> BorneMargins | None:
-    """What the loop bears; ``None`` where it is unstable."""
+    """The margins of the loop; ``None`` if it is unstable."""
     try:
         found = margins(loop)
-    except InputError:  # the loop is unstable, which is an answer here
+    except InputError:  # the loop is unstable, which is a valid result here
         return None
     return BorneMargins(found, 1 / peak_gain(complementary_sensitivity(loop)).gain)
 
@@ -221,13 +220,13 @@ def bears(loop: StateSpace) -> BorneMargins | None:
 def _ratios(
     with_filter: Sequence[BorneMargins | None], without: Sequence[BorneMargins | None], of: Callable[[BorneMargins], float]
 ) -> Array:
-    """NaN where one of the loops is unstable."""
+    """The ratios of the margins; NaN if one of the loops is unstable."""
     pairs = zip(with_filter, without, strict=True)
     return np.array([np.nan if f is None or m is None else of(f) / of(m) for f, m in pairs])
 
 
 def _equal_at(kappa: float, ratios: Array) -> float:
-    """The Gamma r^2 at which the filter leaves the delay margin as it was: the last crossing of the scan, refined."""
+    """The Gamma r^2 at which the filter does not change the delay margin: the last crossing of the scan, refined."""
     from scipy.optimize import brentq
 
     k = int(np.flatnonzero((ratios[:-1] < 1) & (ratios[1:] >= 1))[-1])

@@ -1,4 +1,5 @@
-"""The claim on where the condition of Section V holds: decided for every kappa by certified norms at a few of them."""
+"""The claim on the range of kappa in which the condition of Section V holds, decided for every kappa by certified norms at a
+few values."""
 
 from __future__ import annotations
 
@@ -15,38 +16,43 @@ from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.problem.state_feedback import Known
 
 THETA_MAX = 10.0
-"""Section V's, of |theta|_1 over the known set."""
+"""The largest |theta|_1 over Section V's known set."""
 PRINTED_KAPPA = 0.05
 """[s]: the paper's limit, with its two decimals."""
-BISECTION_WIDTH = 1e-6
-"""Relative width of the bisection."""
+LIMIT_WITHIN = 1e-6
+"""Relative distance between a kappa with a proof and one without."""
 TOLD_KAPPAS = (0.01, 0.02, 0.03, 0.04, PRINTED_KAPPA)
-"""[s]: beside the limit itself."""
+"""[s]: further values besides the limit itself."""
 
 
 def condition() -> Claim:
-    """Where the condition holds, and whether it fails between there and the printed limit."""
+    """The range in which the condition holds, and whether it fails between its end and the printed limit."""
     known = section_v.problem().known
-    largest = theorem_1.kappa_admissible(known, THETA_MAX, BISECTION_WIDTH)
+    largest = theorem_1.kappa_admissible(known, THETA_MAX, LIMIT_WITHIN)
     least = fails_down_to(known, PRINTED_KAPPA)
     proved = math.floor(1e6 * largest) / 1e6
     sentence, held = SENTENCES["kappa-0.05"], holds_up_to(known, largest)
     value = _value(known, PRINTED_KAPPA)[0]
     readings = (
         sentence.reads(
-            held and largest >= PRINTED_KAPPA, f"{value:.4f} on the left at {PRINTED_KAPPA:g} s, where less than 1 is asked for"
+            held and largest >= PRINTED_KAPPA, f"{value:.4f} on the left at {PRINTED_KAPPA:g} s, which must be less than 1"
         ),
-        Reading(f"kappa is at most {proved:.6f} s", held and round(largest, 2) >= PRINTED_KAPPA, f"proved up to {proved:.6f} s"),
+        Reading(
+            f"with the limit rounded to its safe side: kappa up to {proved:.6f} s",
+            held and round(largest, 2) >= PRINTED_KAPPA,
+            f"proved up to {proved:.6f} s, which rounds to the printed {PRINTED_KAPPA:g} s",
+            "mended",
+        ),
     )
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"At the printed {PRINTED_KAPPA:g} s the left side is {value:.4f}, where less than 1 is asked for.",
+        shows=f"The condition holds up to kappa = {proved:.4f} s, which the paper rounds up: at {PRINTED_KAPPA:g} s the left side is {value:.4f}, but must be less than 1.",
         measured=f"holds for every kappa up to {proved:.6f} s" + ("" if largest >= PRINTED_KAPPA else _refuted(known, least)),
-        how="certified enclosures of the norm, bisection to 1e-6; between the points N(k2)/k2 <= N(k1)/k1 and N(k1) <= (2 - k1/k2) N(k2) for "
-        "k1 < k2, N(k) = ||W_b (C - 1)||_1, and N(k) <= k ||s W_b||_1 near zero",
+        how="certified enclosures of the norm, the limit to 1e-6; between the points, N(k2)/k2 <= N(k1)/k1 and N(k1) <= (2 - k1/k2) N(k2) for "
+        "k1 < k2, where N(k) = ||W_b (C - 1)||_1; near zero, N(k) <= k ||s W_b||_1",
         listings=(_over_kappa(known, proved),),
-        would_change="nothing that is simulated: the range is proved on both sides",
+        would_change="no simulation can change it: the range is proved from both sides",
     )  # fmt: skip
 
 
@@ -54,7 +60,7 @@ def _over_kappa(known: Known, proved: float) -> Listing:
     kappas = sorted({*TOLD_KAPPAS, proved})
     bounds = [_value(known, kappa) for kappa in kappas]
     return table(
-        "||W_b (C - 1)||_1 theta_max over the filter's time constant, where less than 1 is asked for: guaranteed bounds",
+        "||W_b (C - 1)||_1 theta_max over the filter's time constant, where less than 1 is required: guaranteed bounds",
         {
             "kappa [s]": [f"{kappa:.6g}" for kappa in kappas],
             "at least": [down(lower, 6) for lower, _ in bounds],
@@ -65,10 +71,10 @@ def _over_kappa(known: Known, proved: float) -> Listing:
 
 def _refuted(known: Known, least: float) -> str:
     if not math.isfinite(least):
-        return f"; at {PRINTED_KAPPA:g} s it could not be decided"
+        return f"; at {PRINTED_KAPPA:g} s it is undecided"
     return (
         f"; from {math.ceil(1e6 * least) / 1e6:.6f} s to {PRINTED_KAPPA:g} s it provably fails, with {_value(known, PRINTED_KAPPA)[0]:.4f} "
-        "on the left at the end: a rounding in the paper"
+        "on the left at the end: a limit that was rounded to its unsafe side"
     )
 
 
@@ -94,15 +100,15 @@ def holds_up_to(known: Known, kappa: float) -> bool:
 
 
 def fails_down_to(known: Known, kappa: float) -> float:
-    """The least kappa' found for which the condition is refuted on [kappa', kappa]; infinite where it is not at kappa.
+    """The least kappa' found for which the condition is refuted on [kappa', kappa]; infinite if it is not refuted at kappa.
 
     For k1 < k2, 1 - C_k2 = (1 - C_k1) [1 + (k2/k1 - 1)/(k2 s + 1)], and the bracket's L1 norm is k2/k1: N(k)/k does not grow,
     so that a value v > 1 at k2 stays above one down to k2/v.
     """
     least = math.inf
-    while (value := _value(known, kappa)[0]) > 1 + BISECTION_WIDTH / 2:
+    while (value := _value(known, kappa)[0]) > 1 + LIMIT_WITHIN / 2:
         least = kappa = kappa / value * OUTWARD_FACTOR
     return least
 
 
-ROWS = (Measurement(condition, 0.4, {"kappa-0.05": "for which kappa the condition holds"}, place=100, quick=True),)
+ROWS = (Measurement(condition, 0.4, {"kappa-0.05": "the values of kappa for which the condition holds"}, place=100, quick=True),)

@@ -1,4 +1,4 @@
-"""What the filter does to the oscillations in the control: their frequency, and their size, with C and without."""
+"""The filter's effect on the oscillations in the control: their frequency and size with and without C."""
 
 from __future__ import annotations
 
@@ -19,31 +19,32 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 SLOWEST_OSCILLATION = 100.0
-"""[rad/s]: the command, the model and the projected estimates move below 10; the slowest ringing that is looked at is near 900."""
+"""[rad/s]: the command, the model and the projected estimates move below 10; the slowest ringing considered is near 900."""
 RECORDED_INSTANTS = 100_000
-"""Recorded of each run: every step of the coarse runs, every fifth of the fine ones, whose ringing is resolved so too."""
+"""The recorded instants of a run: every step of the coarse runs and every fifth step of the fine ones, which still resolves
+their ringing."""
 SEGMENT_INSTANTS = 8192
 """Instants of one periodogram of Welch's method: a resolution of a hundredth of the frequencies found."""
 NUMERICAL_SETTINGS = {1e-4: (3e3, 1e4, 1e5)}
 """Steps [s] and gains at which RK4 is unstable; the second is Figure 3's."""
 MORE_NUMERICAL_SETTINGS = {2e-4: (1e3, 3e3, 1e4, 1e5), 1e-4: (3e3, 1e4, 1e5, 1e6), 5e-5: (1e4, 3e4, 1e5)}
 RESOLVED_SETTINGS, MORE_RESOLVED_SETTINGS = {1e-5: (100.0,)}, {1e-5: (10.0, 100.0, 1000.0)}
-"""At which h omega_a stays below 0.1: the ringing is that of the equations."""
+"""Settings with h omega_a below 0.1: the ringing is that of the equations."""
 FIGURE_3 = (section_v.COARSE_STEP, 1e4)
 EQUAL_FREQUENCY_SHARE = 0.1
-"""Two mean frequencies within a tenth count as equal: they differ by as much from one quarter of a run to the next."""
+"""Two mean frequencies within a tenth count as equal: the frequency varies by as much from one quarter of a run to the next."""
 
 
 class Oscillation(NamedTuple):
     """The oscillation of u above SLOWEST_OSCILLATION, in the second half of a run."""
 
-    mean: float  # of the frequency, weighted by the power [rad/s]
-    peak: float  # where the power density is largest [rad/s]
+    mean: float  # mean of the frequency, weighted by the power [rad/s]
+    peak: float  # frequency of the largest power density [rad/s]
     rms: float  # unit of u
 
 
 class Pair(NamedTuple):
-    """At one step and gain, without C and with it."""
+    """The oscillations at one step and gain, without and with C."""
 
     h: float
     gamma: float
@@ -52,7 +53,7 @@ class Pair(NamedTuple):
 
     @property
     def frequency(self) -> float:
-        """The filtered control's mean frequency over the other's."""
+        """The filtered control's mean frequency divided by that of the unfiltered control."""
         return self.filtered.mean / self.without.mean
 
     @property
@@ -75,7 +76,7 @@ def oscillation(t: Array, u: Array) -> Oscillation:
 
 
 def measured(chosen: Mapping[float, tuple[float, ...]]) -> list[Pair]:
-    """Both schemes at each step and gain; the runs are as long as their record allows every step, or every fifth."""
+    """Both schemes at each step and gain; the record, of every step or every fifth, limits the length of the runs."""
     found = []
     for h, gains in chosen.items():
         simulation = Simulation(t_end=RECORDED_INSTANTS * max(h, 5e-5), dt=h, record_points=RECORDED_INSTANTS)
@@ -101,15 +102,15 @@ def claim(*, full: bool = False) -> Claim:
     return Claim(
         sentence=SENTENCES["filter-control-frequency"],
         readings=_readings(shown, numerical, resolved),
-        shows=f"With the filter the mean frequency of u falls from {shown.without.mean:.0f} to {shown.filtered.mean:.0f} rad/s in Figure 3, "
-        f"its strongest from {shown.without.peak:.0f} to {shown.filtered.peak:.0f}.",
+        shows=f"In Figure 3 the filter changes the mean frequency of u from {shown.without.mean:.0f} to {shown.filtered.mean:.0f} rad/s, "
+        f"its strongest frequency from {shown.without.peak:.0f} to {shown.filtered.peak:.0f}.",
         measured=f"at Figure 3's gain and step the mean frequency of u above {SLOWEST_OSCILLATION:g} rad/s goes from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s with the filter, a factor {shown.frequency:.2f}; it falls by more than a "
-        f"tenth in {len(falls)} of {count} settings. Their RMS value there: {shown.without.rms:.3g} without the filter, {shown.filtered.rms:.3g} with it",
+        f"tenth in {len(falls)} of {count} settings. The RMS value of the oscillations there is {shown.without.rms:.3g} without the filter and {shown.filtered.rms:.3g} with it",
         how=f"Section V, MRAC and L1-AC at the same Gamma, RK4, u at {RECORDED_INSTANTS} instants, second half of the run, Welch's method; h and Gamma as listed; a "
         f"difference below {EQUAL_FREQUENCY_SHARE:.0%} counts as none",
         listings=_listings(numerical, resolved),
-        would_change="another gain or step of the paper's; another definition of the frequency of what is no sine",
-        sharpened=f"h = 2e-4 and 5e-5 s as well and more gains, {sum(map(len, MORE_NUMERICAL_SETTINGS.values())) + len(MORE_RESOLVED_SETTINGS[1e-5])} settings in all",
+        would_change="another gain or step of the paper; another definition of the frequency of a signal that is not a sine",
+        sharpened=f"also h = 2e-4 and 5e-5 s, and more gains, {sum(map(len, MORE_NUMERICAL_SETTINGS.values())) + len(MORE_RESOLVED_SETTINGS[1e-5])} settings in all",
     )  # fmt: skip
 
 
@@ -123,29 +124,29 @@ def _readings(shown: Pair, numerical: list[Pair], resolved: list[Pair]) -> tuple
     mean = f"mean from {shown.without.mean:.3g} to {shown.filtered.mean:.3g} rad/s, a factor {shown.frequency:.2f}"
     return (
         SENTENCES["filter-control-frequency"].reads(mean_falls and peak < 1 - EQUAL_FREQUENCY_SHARE, f"{mean}; strongest times {peak:.2f}"),
-        Reading("frequency is the mean, weighted by the power, at Figure 3's gain and step", mean_falls, mean),
-        Reading("frequency is where they are strongest, at Figure 3's gain and step", peak < 1 - EQUAL_FREQUENCY_SHARE, f"times {peak:.2f}"),
+        Reading("the frequency is the mean weighted by power, at Figure 3's gain and step", mean_falls, mean),
+        Reading("the frequency is that of the strongest component, at Figure 3's gain and step", peak < 1 - EQUAL_FREQUENCY_SHARE, f"times {peak:.2f}"),
         Reading(
-            "the mean frequency falls at every gain at which there are some",
+            "the mean frequency falls at every gain with oscillations",
             all(pair.frequency < 1 - EQUAL_FREQUENCY_SHARE for pair in numerical),
             f"by the factors {span([pair.frequency for pair in numerical])}, strongest {span(peaks)}, in {len(numerical)} settings; without the filter the strongest is "
             f"{span([pair.without.peak * pair.h / (2 * np.pi) for pair in numerical])} cycles in a step of the solver",
             "beside",
         ),
         Reading(
-            "the ringing of the equations, resolved by the step, gets slower",
+            "the ringing of the equations, resolved by the step, becomes slower",
             all(ratio < 1 - EQUAL_FREQUENCY_SHARE for ratio in ringing),
-            f"mean times {span(ringing)}, strongest times {span(ringing_peak)}: it rings at sqrt(Gamma b'P b) |x|, on which C has no influence",
+            f"mean times {span(ringing)}, strongest times {span(ringing_peak)}: the ringing has the frequency sqrt(Gamma b'P b) |x|, which C does not influence",
             "beside",
         ),
         Reading(
-            "the numerical oscillations in the control get smaller, to less than a tenth (what a low-pass filter is for)",
+            "the numerical oscillations in the control shrink to less than a tenth (the purpose of a low-pass filter)",
             all(size < 0.1 for size in sizes),
-            f"RMS times {span(sizes)}, as 1/(kappa w) = {span(expected)} says",
+            f"RMS times {span(sizes)}; 1/(kappa w) predicts {span(expected)}",
             "beside",
         ),
         Reading(
-            "so does the ringing of the equations",
+            "the ringing of the equations shrinks in the same way",
             all(size < 0.1 for size in ringing_size),
             f"RMS times {span(ringing_size)} at Gamma = {span([pair.gamma for pair in resolved])}: without the filter u itself damps the ringing",
             "beside",
@@ -179,7 +180,7 @@ ROWS = (
     Measurement(
         claim,
         2.5,
-        {"filter-control-frequency": "what the filter does to the oscillations in the control"},
+        {"filter-control-frequency": "the filter's effect on the oscillations in the control"},
         place=320,
         sharper=partial(claim, full=True),
         sharper_seconds=7.5,

@@ -1,4 +1,4 @@
-"""The claim that the filter limits the size of the uncertainty: what is guaranteed, what is exact, and what is simulated."""
+"""The claim that the filter limits the size of the uncertainty: the guaranteed, the exact and the simulated limit."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ THETA_DIRECTION = np.array([4.0, -3.0])
 ADAPTIVE_GAIN = 100.0
 KAPPAS = np.geomspace(1e-3, 1.0, 25)
 THETA_SCALES = np.geomspace(0.5, 50, 17)
-"""Of theta: the paper's is 1."""
+"""Sizes of theta; the paper's is 1."""
 
 
 def filter_limits_theta() -> Claim:
@@ -40,10 +40,10 @@ def filter_limits_theta() -> Claim:
     readings = (
         sentence.reads(
             stays and goes and bounded,
-            f"lost beyond {exact:.2f} [4, -3] with the filter; MRAC bears {THETA_SCALES[-1]:g} [4, -3]",
+            f"with the filter the loop is lost beyond {exact:.2f} [4, -3]; the MRAC tolerates {THETA_SCALES[-1]:g} [4, -3]",
         ),
         Reading(
-            "of what Theorem 1 guarantees",
+            "Theorem 1's guarantee limits the size only with the filter",
             bool(np.isfinite(guaranteed)) and bounded,
             f"up to {_down(guaranteed)} [4, -3] with the filter; without it the theorem has no such condition",
             "beside",
@@ -52,19 +52,19 @@ def filter_limits_theta() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"With the filter the loop is lost beyond theta = {exact:.2f} [4, -3]; the MRAC bears {THETA_SCALES[-1]:g} [4, -3].",
+        shows=f"With the filter the loop is lost beyond theta = {exact:.2f} [4, -3]; the MRAC tolerates {THETA_SCALES[-1]:g} [4, -3].",
         measured=f"with kappa = 0.02 s Theorem 1 guarantees stability up to theta = {_down(guaranteed)} [4, -3], |theta|_1 = {_down(7 * guaranteed)}; the limit "
         f"loop is stable up to {exact:.2f} [4, -3], {exact / guaranteed:.1f} times that; simulated at 0.8 and 1.25 of it: tail error of L1-AC "
         f"{numbers(early)} over 30 s, {numbers(late)} over 60 s. MRAC, {len(THETA_SCALES)} sizes up to {THETA_SCALES[-1]:g} [4, -3]: tail error at most {unfiltered.max():.1g}",
         how="certified norms; bisection on the exact eigenvalues of the fast-adaptation loop; RK4, h = 1e-4 s, Gamma = 100, r = 1, no projection, "
-        "30 s (these keep h omega_a below 1 in what is stable)",
+        "30 s (h omega_a is below 1 in the stable runs)",
         maps=(_map(),),
-        would_change="a filtered loop that bears any theta, or an unfiltered one that a large theta takes, without modelling error",
+        would_change="a filtered loop that tolerates any theta, or an unfiltered loop that is lost with a large theta without modelling error",
     )  # fmt: skip
 
 
 def _down(value: float) -> str:
-    """A guaranteed limit: rounded to the safe side."""
+    """A guaranteed limit, rounded to the safe side."""
     return f"{np.floor(1000 * value) / 1000:.3f}"
 
 
@@ -77,7 +77,7 @@ def _l1(kappa: float) -> Controller:
 
 
 def _tail(members: list[tuple[Problem, Controller]], t_end: float = 30.0) -> Array:
-    """The tail error of each, NaN where it diverged."""
+    """The tail error of each run; NaN if it diverged."""
     return np.asarray(figures(members, t_end, 1e-4).tail_max_abs_e.max(axis=1))
 
 
@@ -89,7 +89,7 @@ def _guaranteed_scale(kappas: Array) -> Array:
 
 
 def _exact_scale(kappa: float) -> float:
-    """Where the limit of fast adaptation loses stability, by bisection."""
+    """The size at which the limit of fast adaptation loses stability, by bisection."""
     C = input_filter(kappa).realise()
 
     def is_stable(scale: float) -> bool:
@@ -104,11 +104,10 @@ def _map() -> Map:
     coarse = KAPPAS[::4]
     return Map(
         key="kappa-theta",
-        title="L1-AC: the uncertainty that a filter bears",
+        title="L1-AC: the uncertainty tolerated with a filter",
         caption=(
-            "Each cell is a run of L1-AC on theta = s [4, -3] with r = 1, Gamma = 100, no projection, h = 1e-4 s, 30 s. The unfiltered MRAC "
-            "is stable over the whole height of the map. Below the lower line Theorem 1's condition is certified; the upper one is where "
-            "the limit loop of fast adaptation loses stability."
+            "Each cell is a run of L1-AC with theta = s [4, -3], r = 1, Gamma = 100, no projection, h = 1e-4 s, 30 s. "
+            "The unfiltered MRAC is stable over the whole height of the map. Theorem 1's condition is certified below the lower line; the limit loop of fast adaptation loses stability at the upper line."
         ),
         x=ChartAxis("filter time constant κ [s]", KAPPAS, logarithmic=True),
         y=ChartAxis("size s of the parameters, θ = s [4, −3]", THETA_SCALES, logarithmic=True),

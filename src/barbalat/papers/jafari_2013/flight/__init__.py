@@ -1,1 +1,1 @@
-"""Stored flights of drawn vehicles: adaptive schemes beside linear designs."""
+"""Stored flights of random vehicles: adaptive schemes compared with linear designs."""

@@ -1,1 +1,1 @@
-"""Adaptive schemes beside linear robust designs."""
+"""Adaptive schemes compared with linear robust designs."""

@@ -1,4 +1,4 @@
-"""What the paper leaves out: the same plant family under linear robust design, adaptive schemes beside it."""
+"""A comparison that the paper omits: adaptive schemes and linear robust designs on the same plant family."""
 
 from __future__ import annotations
 
@@ -11,16 +11,15 @@ import numpy as np
 
 from barbalat.certificates.bounds import theorem_1
 from barbalat.certificates.certify import certify
-from barbalat.certificates.linear_loops.ideal import fast_adaptation
 from barbalat.controllers import L1Adaptive, LinearFeedback, Mrac
 from barbalat.design import hinf_feedback, pi_feedback
-from barbalat.linear.margins import margins
-from barbalat.linear.systems import TransferFunction, input_filter
+from barbalat.linear.systems import input_filter, two_slopes
 from barbalat.papers.claim import Chart, ChartAxis, Claim, Curve, Listing, Measurement, short, table
 from barbalat.papers.finding import Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import figures, variant
 from barbalat.papers.jafari_2013.sentences import SENTENCES
+from barbalat.papers.jafari_2013.statements import MENDED
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.state_feedback import Problem
@@ -29,17 +28,17 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array, InputError
 
 DELAY = 0.01
-"""[s] at the plant's input: a third of L1-AC's delay margin."""
+"""Delay at the plant's input [s]: a third of L1-AC's delay margin."""
 DELAYS = np.geomspace(2e-3, 0.1, 24)
 PI_DELAY, HINF_DELAY = 0.0118, 0.025
-"""Unmodelled delays for which the two designs get L1-AC's delay margin of 33 ms at Section V's theta, and no less."""
+"""Unmodelled delays that give the two designs at least L1-AC's delay margin of 33 ms at Section V's theta."""
 HINF_FAST_DELAY = 0.01
 UNFOLLOWED_SHARE = 0.2
-"""A controller that leaves a fifth of the model's amplitude as error no longer follows it."""
+"""A controller whose error is a fifth of the model's amplitude no longer follows the model."""
 
 
 UNSTABLE_ERROR_FACTOR = 10.0
-"""An error of so many times the model's amplitude is no tracking error any more: the loop is unstable."""
+"""A loop whose error exceeds this multiple of the model's amplitude is unstable."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ L1_NAME, PI_NAME = "L1-AC, Γ = 100, κ = 0.02 s", "PI"
 
 
 def claims() -> list[Claim]:
-    """Both rows; without the extra ``robust`` they are about the PI controller alone, and say so."""
+    """Both rows; without the extra ``robust`` they concern only the PI controller, and say so."""
     contestants, missing = _contestants()
     measured = {c.name: _measure(c.controller) for c in contestants}
     against_pi = claim(measured[L1_NAME].plain, measured[PI_NAME].plain)
@@ -92,18 +91,18 @@ def _non_adaptive(contestants: list[ComparedController], missing: str) -> Claim:
     following = [f"{name} {100 * share:.2g} %" for name, share in linear.items() if share < UNFOLLOWED_SHARE]
     return Claim(
         sentence=sentence,
-        readings=(sentence.reads(not following, f"the largest tail error over the set, of the model's amplitude: {', '.join(following) or 'none below a fifth'}"),),
-        shows=f"{best} leaves at most {100 * linear[best]:.2g} % of the model's amplitude over the set; L1-AC of Section V's kappa {100 * worst[L1_NAME]:.2g} %.",
-        measured=f"over {len(THETAS)} values of theta in the known set the largest tail error, of the model's amplitude {amplitude():.0f}: "
+        readings=(sentence.reads(not following, f"the largest tail error over the set, as a share of the model's amplitude: {', '.join(following) or 'none below a fifth'}"),),
+        shows=f"Over the set the tail error is at most {100 * linear[best]:.2g} % of the model's amplitude with {best}; with L1-AC at Section V's kappa it is {100 * worst[L1_NAME]:.2g} %.",
+        measured=f"over {len(THETAS)} values of theta in the known set the largest tail error, with the model's amplitude {amplitude():.0f}: "
         + "; ".join(f"{name} {100 * share:.2g} %" for name, share in worst.items()) + missing,
-        how=f"Section V's command and set, RK4, h = {STEP:g} s, {T_END:g} s, no modelling error; the designs as in adaptive-against-linear, fixed over the set",
+        how=f"Section V's command and set, RK4, h = {STEP:g} s, {T_END:g} s, no modelling error; robust MRAC with {MENDED}; the designs as in adaptive-against-linear, fixed over the set",
         listings=(
             table(
                 "The largest error in the tail, per cent of the model's amplitude",
                 {"theta": [f"[{a:g}, {b:g}]" for a, b in THETAS]} | {name: 100 * found for name, found in shares.items()},
             ),
         ),
-        would_change="an uncertainty for which no fixed design follows: over how large a one each does, adaptive-against-linear says",
+        would_change="an uncertainty with which no fixed design follows the model; adaptive-against-linear states how large an uncertainty each design tolerates",
     )  # fmt: skip
 
 
@@ -123,7 +122,7 @@ def _contestants() -> tuple[list[ComparedController], str]:
             hinf_feedback(known, unmodelled_delay=HINF_FAST_DELAY, name="H∞, for 10 ms"),
         ]
     except InputError as error:
-        missing = f". The H∞ designs are left out: {error}"
+        missing = f". The H∞ designs are omitted: {error}"
     return [ComparedController(controller) for controller in controllers], missing
 
 
@@ -163,14 +162,15 @@ def _adaptive_against_linear(contestants: list[ComparedController], measured: di
     return Claim(
         sentence=sentence,
         readings=(*literal, *beside["plain"], *beside["delayed"]),
-        shows=f"Least tail error at size 1: adaptive {least['plain']:.2g}, linear {best['plain']:.2g}; with {1e3 * DELAY:g} ms of delay {least['delayed']:.2g} and {best['delayed']:.2g}.",
+        shows=f"Settings chosen, not tuned. Least tail error at size 1: adaptive {least['plain']:.2g}, linear {best['plain']:.2g}; with {1e3 * DELAY:g} ms of delay {least['delayed']:.2g} and {best['delayed']:.2g}.",
         measured=        f"Tail error at the paper's theta, at the set's corner (5, 5), and there with an input delay of "
         f"{1e3 * DELAY:g} ms: {'; '.join(sentences)}. The model's amplitude is {amplitude():.0f}{missing}",
-        how=f"Section V's command, RK4, h = {STEP:g} s, {T_END:g} s, set and theta scaled together by {len(SIZES)} sizes; half the step changes the errors by "
-        f"{_step_effect(contestants, measured):.1g} of themselves (size 1, with the delay). PI and H∞ are designed to L1-AC's delay margin, H∞ for 10 ms to that delay",
+        how=f"Section V's command, RK4, h = {STEP:g} s, {T_END:g} s, set and theta scaled together by {len(SIZES)} sizes; halving the step changes the errors by "
+        f"{_step_effect(contestants, measured):.1g} of themselves (size 1, with the delay). PI and H∞ are designed to L1-AC's delay margin, H∞ for 10 ms to that delay. The adaptive schemes' settings are chosen, not tuned by a rule, and the robust MRAC has {MENDED}: "
+        "kappa and tau = 0.5 s are the paper's, tau = 0.02 s equals kappa, and the step resolves the gains",
         maps=(_chart("linear-design", contestants, measured, "plain"), _chart("linear-design-delay", contestants, measured, "delayed")),
         listings=(_table(contestants, measured),),
-        would_change="a linear design told more of the family, settings tuned to each size, another command or delay: all settings are fixed here",
+        would_change="a linear design with more knowledge of the family, settings tuned to each size, another command or delay: all settings are fixed here",
     )  # fmt: skip
 
 
@@ -181,13 +181,13 @@ def _ahead(readings: list[Reading]) -> str:
 
 
 def _best_linear(contestants: list[ComparedController], measured: dict[str, TailErrors], part: str) -> Array:
-    """The least error of a linear design at each size; infinite where all are lost."""
+    """The least error of a linear design at each size; infinite if all are lost."""
     errors = [getattr(measured[c.name], part) for c in contestants if c.linear]
     return np.min([np.where(np.isnan(e), np.inf, e) for e in errors], axis=0)
 
 
 def _against_the_best(name: str, words: str, errors: Array, linear: Array) -> Reading:
-    """At the sizes that some linear design bears."""
+    """The comparison at the sizes that some linear design tolerates."""
     alive = np.isfinite(linear)
     better = np.where(np.isnan(errors), np.inf, errors)[alive] < linear[alive]
     return Reading(
@@ -211,11 +211,11 @@ def _chart(key: str, contestants: list[ComparedController], measured: dict[str, 
     return Chart(
         key=key,
         title="Section V's family as its parameters grow" + (f", with an input delay of {1e3 * DELAY:g} ms" if delayed else ""),
-        caption="Set and true parameters scaled together, the parameters in the set's corner (5, 5), where mu finds the linear loops "
-        "weakest; fixed settings of all controllers. " + ("An exact delay at the input, which no controller knows" if delayed else "Without modelling errors"),
+        caption="Set and true parameters scaled together, the parameters in the set's corner (5, 5)"
+        ", the direction in which mu finds the linear loops weakest; all controllers have fixed settings. " + ("An exact delay at the input, unknown to all controllers" if delayed else "Without modelling errors"),
         x=ChartAxis("size of the parameters (1: Section V)", SIZES, logarithmic=True),
         quantity="max |e| in the tail",
-        lost=f"last size before |e| passes {UNSTABLE_ERROR_FACTOR:g} amplitudes",
+        lost=f"last size with |e| below {UNSTABLE_ERROR_FACTOR:g} amplitudes",
         curves=tuple(_until_lost(c.name, getattr(measured[c.name], part)) for c in contestants),
         levels=(level,),
     )  # fmt: skip
@@ -239,11 +239,9 @@ def _table(contestants: list[ComparedController], measured: dict[str, TailErrors
             short(1e3 * m.largest_delay), f"{m.at_paper:.2g}", _lost_from(m.plain), _lost_from(m.delayed),
         ))  # fmt: skip
     return Listing(
-        "Margins and peaks: exact, of the linear loop that the scheme is or becomes (MRAC and robust MRAC: estimates at rest on theta; L1-AC: "
-        "limit of fast adaptation). mu: exact at the frequencies tried. Bound: guaranteed, over the set. Simulated: the last four columns; "
-        f"a controller follows while its tail error stays below {UNFOLLOWED_SHARE:g} of the model's amplitude",
+        f"Margins and peaks: exact, for the linear loop that the scheme is or tends to (MRAC and robust MRAC: estimates fixed at theta; L1-AC: limit of fast adaptation). mu: exact at the frequencies tried. Bound: guaranteed, over the set. The last four columns are simulated; a controller follows while its tail error stays below {UNFOLLOWED_SHARE:g} of the model's amplitude",
         (
-            "controller", "delay margin [ms]", "Ms", "Mt", "set may grow by 1/mu", "bound of |e|", "delay borne [ms]",
+            "controller", "delay margin [ms]", "Ms", "Mt", "set may grow by 1/mu", "bound of |e|", "delay tolerated [ms]",
             "tail error", "follows below size", f"with {1e3 * DELAY:g} ms",
         ),
         tuple(rows),
@@ -251,7 +249,7 @@ def _table(contestants: list[ComparedController], measured: dict[str, TailErrors
 
 
 def _shown(value: Any, factor: float = 1.0, round_off: Callable[[float], float] = round) -> str:
-    """Three digits; a bound is rounded to its safe side, up or down."""
+    """Three digits; bounds are rounded to their safe side, up or down."""
     if value is None:
         return "-"
     unit = 10.0 ** (math.floor(math.log10(factor * value)) - 2)
@@ -278,25 +276,15 @@ ROWS = (
 
 
 GAMMA = 100.0
-"""As beside the linear designs: the loop moves as its limit of fast adaptation, and h = 1e-4 s resolves it."""
-SEARCHED_KAPPAS = (1e-3, 0.5)
-"""[s]: between these time constants of the second filter its delay margin rises past that of the first."""
+"""As in the comparison with linear designs: the loop behaves as its limit of fast adaptation, and h = 1e-4 s resolves it."""
 THETA_MAX = 10.0
-"""Section V's, of |theta|_1 over the known set."""
-
-
-def second_order_filter(kappa: float) -> TransferFunction:
-    """C = (2 kappa s + 1)/(kappa s + 1)^2: C(0) = 1 and C'(0) = 0, so that 1 - C = (kappa s)^2/(kappa s + 1)^2 has two slopes."""
-    return TransferFunction([2 * kappa, 1.0], [kappa**2, 2 * kappa, 1.0])
+"""The largest |theta|_1 over Section V's known set."""
 
 
 def claim(l1: Array, pi: Array) -> Claim:
     """From the tail errors of L1-AC with the first-order filter and of the PI over the sizes, (sizes,) each."""
-    from scipy.optimize import brentq
-
-    margin = _delay_margin(input_filter(section_v.KAPPA))
-    kappa = float(brentq(lambda value: _delay_margin(second_order_filter(value)) - margin, *SEARCHED_KAPPAS))
-    C = second_order_filter(kappa)
+    margin, kappa = section_v.limit_delay_margin(input_filter(section_v.KAPPA)), section_v.two_slopes_kappa()
+    C = two_slopes(kappa)
     second = over_sizes(L1Adaptive(gamma=GAMMA, filter=C, name="two slopes"))[:-1]
     condition = theorem_1.filter_condition(section_v.problem().known, C.realise(), THETA_MAX).value_upper
     sentence, (first_holds, first), (second_holds, second_said) = (
@@ -307,18 +295,19 @@ def claim(l1: Array, pi: Array) -> Claim:
     readings = (
         sentence.reads(first_holds, first),
         Reading(
-            f"1 - C has two slopes, C = (2 kappa s + 1)/(kappa s + 1)^2 with kappa = {kappa:.3g} s in the place of (6)",
+            f"1 - C has two slopes, C = (2 kappa s + 1)/(kappa s + 1)^2 with kappa = {kappa:.3g} s instead of (6)",
             second_holds,
             second_said,
+            "beside",
         ),
     )
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"Tail error over the PI's at size 1: {at_one(l1 / pi):.2g} with (6), {at_one(second / pi):.2g} with two slopes.",
+        shows=f"With filters chosen for equal delay margins and Gamma = {GAMMA:g}, L1-AC's tail error at size 1 is {at_one(l1 / pi):.2g} times the PI's with (6), {at_one(second / pi):.2g} times with two slopes.",
         measured=        "; ".join(f"{reading.says}: {reading.measured}" for reading in readings) + ". In the limit of fast adaptation L1-AC is a linear loop with "
-        f"S = 1 - C: one slope of rejection with (6), where the PI has two; two with C'(0) = 0, for which Theorem 1's condition has {condition:.2f} on its left",
-        how=f"as adaptive-against-linear, without a delay; all with a delay margin of {1e3 * margin:.0f} ms at Section V's theta",
+        f"S = 1 - C: one slope of rejection with (6), and two, as many as the PI, with C'(0) = 0; for this filter the left side of Theorem 1's condition is {condition:.2f}",
+        how=f"as in adaptive-against-linear, without a delay; all have a delay margin of {1e3 * margin:.0f} ms at Section V's theta",
         listings=(_over_sizes(l1, second, pi),),
         would_change="another C, as the readings show; another design of the PI, another delay margin or command",
     )  # fmt: skip
@@ -327,7 +316,7 @@ def claim(l1: Array, pi: Array) -> Claim:
 def _over_sizes(l1: Array, second: Array, pi: Array) -> Listing:
     told = slice(None, None, 3)  # a factor of two from row to row
     return table(
-        "Tail errors max |e| over the size of the uncertainty; a dash where a loop diverged",
+        "Tail errors max |e| over the size of the uncertainty; a dash marks a loop that diverged",
         {
             "size": SIZES[told],
             "L1-AC, C of first order": l1[told],
@@ -337,36 +326,32 @@ def _over_sizes(l1: Array, second: Array, pi: Array) -> Listing:
     )
 
 
-def _delay_margin(C: TransferFunction) -> float:
-    """Exact, of the limit of fast adaptation at Section V's theta [s]."""
-    return margins(fast_adaptation(section_v.problem().plant, C.realise())).delay
-
-
 def _compared(l1: Array, pi: Array) -> tuple[bool, str]:
-    """Whether its errors are smaller at every size that both bear; and by how much."""
+    """Whether its errors are smaller at every size that both tolerate, and by how much."""
     both = ~(np.isnan(l1) | np.isnan(pi))
     ratio = l1[both] / pi[both]
     return (
         bool((ratio < 1).all()),
-        f"its tail error is {ratio.min():.2g} to {ratio.max():.2g} times the PI's over the sizes that both bear, {at_one(l1 / pi):.2g} times at size 1",
+        f"its tail error is {ratio.min():.2g} to {ratio.max():.2g} times the PI's over the sizes that both tolerate, {at_one(l1 / pi):.2g} times at size 1",
     )
 
 
 T_END, STEP = 60.0, 1e-4
 CORNER = np.array([5.0, 5.0])
-"""Of Section V's set: the direction in which mu finds the linear loops weakest. It makes the plant unstable from size 0.2 on."""
+"""The corner of Section V's set in whose direction mu finds the linear loops weakest. It makes the plant unstable from size
+0.2 on."""
 SIZES = 0.25 * 2.0 ** (np.arange(24) / 3)
-"""Of the set and of theta in it, up to 51 times Section V's; a multiple of the kernel's lanes."""
+"""Sizes of the set and of theta in it, up to 51 times Section V's; their number is a multiple of the kernel's lanes."""
 
 
 def given(size: float, delay: float = 0.0) -> Problem:
-    """Set and true parameters so many times as large, the parameters in the set's corner."""
+    """The problem with the set and the true parameters scaled by this factor, and the parameters in the set's corner."""
     box = ParameterBox(lower=-size * np.array([5.0, 5.0]), upper=size * np.array([5.0, 5.0]))
     return variant(theta=size * CORNER, box=box, input=PlantInput(delay=delay) if delay else None)
 
 
 def tail(members: list[tuple[Problem, Controller]], step: float = STEP) -> Array:
-    """The tail error max |e| of each, NaN where it diverged."""
+    """The tail error max |e| of each run; NaN if it diverged."""
     return figures(members, T_END, step).tail_max_abs_e.max(axis=1)
 
 
@@ -376,5 +361,5 @@ def over_sizes(controller: Controller) -> Array:
 
 
 def at_one(values: Array) -> float:
-    """Return, of values over SIZES, the one at size 1."""
+    """Return the value at size 1 of values over SIZES."""
     return float(values[np.argmin(np.abs(SIZES - 1))])

@@ -1,1 +1,1 @@
-"""The oscillations of the estimates: whose they are, and which solver, step or gain removes them."""
+"""The oscillations of the estimates: their cause, and the solvers, steps and gains that remove them."""

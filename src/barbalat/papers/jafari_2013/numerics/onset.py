@@ -1,4 +1,4 @@
-"""The claim on where the oscillations begin: predicted and observed over the plane of gain and step."""
+"""The claim on the onset of the oscillations: predicted and observed over the plane of gain and step."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from barbalat.solvers import RK4
 from barbalat.validate import Array
 
 T_END = 30.0
-"""Its last quarter has a crest of |x|, where the adaptation is fastest."""
+"""The last quarter of the run contains a crest of |x|, at which the adaptation is fastest."""
 STEPS = (2e-4, 1e-4, 5e-5)
-"""[s]: the paper's coarse one, twice and half of it."""
+"""[s]: the paper's coarse step, twice it and half of it."""
 SWEEP_RATE = 20.0
-"""Variation of an estimate [1/s] that is worth one sweep of the box, there and back, per second; the command makes one in 12 s."""
+"""Variation of an estimate [1/s] equal to one sweep of the box, there and back, per second; the command causes one in 12 s."""
 
 MAP_GAINS = np.geomspace(10, 1e7, 73)
 MAP_STEPS = np.array([T_END / round(T_END / h) for h in np.geomspace(1e-5, 1e-3, 15)])
@@ -42,7 +42,7 @@ def boundary(runs: Runs) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(sentence.reads(as_predicted, f"L1-AC {span(ratios[0])}, MRAC {span(ratios[1])} times; as h^{exponent:.2f}"),),
-        shows=f"The gain at which they begin is {ratios.min():.2f} to {ratios.max():.2f} times the predicted one, at {len(steps)} steps of RK4, with and without filter.",
+        shows=f"The oscillations begin at {ratios.min():.2f} to {ratios.max():.2f} times the predicted gain, at {len(steps)} steps of RK4, with and without the filter.",
         measured=        f"observed gain / predicted: L1-AC {span(ratios[0])}, MRAC {span(ratios[1])}, at {len(steps)} steps; "
         f"the gain falls as h^{exponent:.2f}; {agree.sum()} of the map's {agree.size} cells are as predicted. The prediction is a little early: at the crest of |x| the loop has some damping",
         how=f"Section V, RK4, 61 gains around (2.83/h)^2/(max |x|^2 b'P b) for each h, {T_END:g} s; onset: the estimates vary by more than "
@@ -58,12 +58,12 @@ def boundary(runs: Runs) -> Claim:
                 },
             ),
         ),
-        would_change="an onset that does not go as h^-2, or is off by half and more",
+        would_change="an onset that does not vary as h^-2, or that differs from the prediction by half or more",
     )  # fmt: skip
 
 
 def _predicted_gain(smooth: Result, h: Array) -> Array:
-    """(beta/h)^2/(max |x|^2 b'P b); |x| from a run without oscillation, on which neither gain nor step has an influence."""
+    """(beta/h)^2/(max |x|^2 b'P b); |x| from a run without oscillation, which depends neither on the gain nor on the step."""
     known = section_v.problem().known
     return (RK4.imaginary_limit / h) ** 2 / (np.linalg.norm(smooth.x, axis=1).max() ** 2 * float(known.b @ known.P @ known.b))
 
@@ -96,11 +96,10 @@ def _map(smooth: Result, onset_of_mrac: Array) -> Map:
     }
     return Map(
         key="gain-step",
-        title="L1-AC in Section V: where the estimates oscillate",
+        title="L1-AC in Section V: oscillation of the estimates",
         caption=(
-            "Each cell is a run of L1-AC over 30 s with RK4 and kappa = 0.02 s. The estimates' variation jumps by decades across "
-            "the boundary; the line is drawn before any simulation of these cells, from the solver's limit and the largest |x|. "
-            "A cell darker than the rest: a short burst of oscillation has thrown the estimates close to theta, where they vary less."
+            "Each cell is a run of L1-AC over 30 s with RK4 and kappa = 0.02 s. "
+            "The estimates' variation jumps by decades across the boundary. The line follows from the solver's limit and the largest |x|, without any simulation of these cells. In a cell darker than its neighbours, a short burst of oscillation has thrown the estimates close to theta, and they vary less there."
         ),
         x=ChartAxis("adaptive gain Γ", MAP_GAINS, logarithmic=True),
         y=ChartAxis("step h [s]", MAP_STEPS, logarithmic=True),

@@ -1,4 +1,5 @@
-"""The sampled law that no gain destabilises numerically, against the sentence that no solver avoids the phenomenon; its delays."""
+"""A sampled law that no gain destabilises numerically, in contrast to the sentence that no solver avoids the phenomenon; its
+delays."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ def claim() -> Claim:
         readings=(
             sentence.reads(spread < 2, f"the largest variation is {spread:.3f} times the least"),
             Reading(
-                "so does the step of explicit Euler, MRAC",
+                "the same holds for the MRAC with explicit Euler steps",
                 bool(rough.max() < 2 * rough.min()),
                 f"{span(rough[:, 0])} per s",
                 "beside",
@@ -51,7 +52,7 @@ def claim() -> Claim:
                 {"Gamma": GAINS, "MRAC": smooth["MRAC"][:, 0], "L1-AC": smooth["L1"][:, 0], "MRAC, explicit Euler": rough[:, 0]},
             ),
         ),
-        would_change="estimates that chatter at some gain and sample time with this step, without a delay; with one see sampled-delay",
+        would_change="estimates that chatter with this step at some gain and sample time, without a delay; sampled-delay treats delays",
     )
 
 
@@ -68,10 +69,11 @@ def _rates(scheme: str, discretization: str) -> Array:
 
 SAMPLE_TIME = 1e-3
 DELAYS = (1e-3, 2e-3, 5e-3, 1e-2, 5e-2)
-"""[s], from one sample to fifty."""
+"""Delays [s], from one sample to fifty."""
 DELAY_GAINS = (1.0, 1e2, 1e4, 1e6)
 CHATTER_FACTOR = 30.0
-"""Estimates that vary by no more than this factor above their variation without delay don't chatter; the others do a thousandfold."""
+"""Estimates do not chatter if they vary by at most this factor more than without delay; the others vary a thousand times
+more."""
 
 
 def delays() -> Claim:
@@ -88,7 +90,7 @@ def delays() -> Claim:
     readings = (
         sentence.reads(borne_by_l1 > borne, f"{borne:g} T without the filter, {borne_by_l1:g} T with it"),
         Reading(
-            "by the tracking error: without the filter it is the larger one under every delay",
+            "the tracking error is larger without the filter under every delay",
             len(larger) == len(DELAYS),
             f"larger at {len(larger)} of {len(DELAYS)} delays; |e| goes from {errors[-1, 1]:.3g} at {1e3 * DELAYS[0]:g} ms to "
             f"{errors[-1, -1]:.3g} at {1e3 * DELAYS[-1]:g} ms without the filter, from {filtered_errors[-1, 1]:.3g} to {filtered_errors[-1, -1]:.3g} with it",
@@ -98,14 +100,14 @@ def delays() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet under a delay of {borne:g} T without the filter, {borne_by_l1:g} T with it.",
+        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {borne:g} samples of {SAMPLE_TIME:g} s without the filter, {borne_by_l1:g} with it.",
         measured=f"at Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {borne:g} T with MRAC by the midpoint "
-        f"form, {borne_by_l1:g} T with L1-AC; beyond it those of MRAC run between their bounds, and |e| is at most {ratio:.2f} times that "
+        f"form, {borne_by_l1:g} T with L1-AC; beyond it those of MRAC swing between their bounds, and |e| is at most {ratio:.2f} times that "
         "of the Euler form, at any gain and delay",
         how=f"T = {SAMPLE_TIME:g} s, h = T/2, RK4, 20 s, kappa = {section_v.KAPPA:g} s; quiet: a variation of the estimates of at most "
         f"{CHATTER_FACTOR:g} times that without delay",
         listings=(_listing(found, quiet),),
-        would_change="an unfiltered fast sampled law that stays quiet under two samples of delay, or a filter that does not help there",
+        would_change="an unfiltered fast sampled law that stays quiet under two samples of delay, or a filter that does not help under such a delay",
     )
 
 
@@ -129,7 +131,7 @@ def _listing(found: dict[str, tuple[Array, Array]], quiet: float) -> Listing:
         for gamma, errors, rates in zip(DELAY_GAINS, *measured, strict=False)
     ]
     return Listing(
-        caption="Largest |e| of the tail under a delay at the plant's input; * where the estimates are not quiet",
+        caption="Largest |e| of the tail under a delay at the plant's input; * marks estimates that are not quiet",
         columns=("form", "Gamma", "no delay", *(f"{1e3 * delay:g} ms" for delay in DELAYS)),
         rows=tuple(rows),
     )
@@ -148,7 +150,8 @@ def _each_sample(controller: Controller, discretization: str) -> Sampled:
 
 
 def _under_delays(controllers: Sequence[Controller], dt: float) -> tuple[Array, Array]:
-    """For each controller and delay, the first none: the largest |e| of the tail, and the variation of the estimates [1/s]."""
+    """The largest |e| of the tail and the variation of the estimates [1/s], for each controller and delay; the first delay
+    is zero."""
     given = variant()
     delayed = [replace(given, plant=replace(given.plant, input=PlantInput(delay=delay))) for delay in DELAYS]
     runs = [
@@ -161,6 +164,6 @@ def _under_delays(controllers: Sequence[Controller], dt: float) -> tuple[Array, 
 
 
 ROWS = (
-    Measurement(claim, 1.6, {"sampled-midpoint": "a sampled law that no gain destabilises"}, place=190),
+    Measurement(claim, 1.6, {"sampled-midpoint": "a sampled law that is stable at every gain"}, place=190),
     Measurement(delays, 0.9, {"sampled-delay": "sampled controllers and delays"}, place=200),
 )

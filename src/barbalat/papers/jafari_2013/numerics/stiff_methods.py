@@ -1,9 +1,9 @@
 """Solvers for stiff problems on one closed loop: implicit steps compiled as a kernel, SciPy's codes, SUNDIALS' CVODES.
 
-The projection makes the right-hand side jump. An implicit step is made without it and its estimate limited at the step's
-end, the nearest point of the known set: Lie splitting, of first order, as the catching-up method of sweeping processes.
-The codes with automatic steps get the limited right-hand side itself, that of every stage of our own solvers, and find the jumps
-by their step control, as far as they do; their Jacobian is that of the side on which they are.
+The projection makes the right-hand side jump. An implicit step is made without the projection, and the estimate is then
+replaced by the nearest point of the known set: Lie splitting, of first order, as the catching-up method of sweeping
+processes. The codes with automatic steps get the limited right-hand side itself, as in every stage of our own solvers, and
+locate the jumps by their step control, with limited success; their Jacobian is that of the side on which the state is.
 """
 
 from __future__ import annotations
@@ -35,26 +35,27 @@ if TYPE_CHECKING:
 SciPyMethod = Literal["Radau", "BDF", "LSODA"]
 """SciPy's solvers for stiff problems."""
 NEWTON_STEPS = 3
-"""From the last step's state as the guess; the residual after them is checked."""
+"""Newton steps, starting from the last step's state; the residual after them is checked."""
 LARGEST_RESIDUAL = 1e-6
-"""Of the method's own equation; from a window on that exceeds it a run has no numbers."""
+"""Largest residual of the method's equation; after a window that exceeds it, a run has no numbers."""
 DIVERGED_ESTIMATE = 1e3
-"""An estimate as large as that has diverged: the converged ones stay below 9, their bounds are 5."""
+"""An estimate of this size has diverged: the converged estimates stay below 9, and their bounds are 5."""
 RINGING_WINDOW = 0.01
-"""[s]: dozens of periods of the adaptation, and little of the command's motion."""
+"""[s]: dozens of periods of the adaptation, during which the command changes little."""
 STEPS_UNDISTURBED = 200
-"""Between two looks whether Ctrl-C was pressed: a look takes as long as a step, and so many of the slowest code 0.1 s."""
+"""Steps between two checks for Ctrl-C: a check takes as long as a step, and this number of steps of the slowest code takes
+0.1 s."""
 REPORT_STEP = 5e-5
-"""[s] between the points at which CVODES reports: 15 or more in a period of the adaptation."""
+"""[s] between the output points of CVODES: 15 or more per period of the adaptation."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SolverPath:
-    """What a solver made of the estimates, and what it cost.
+    """The estimates that a solver computed, and the cost.
 
-    least, greatest  (windows, n): over each WINDOW from t = 0 on, NaN where the solver had no point in it
-    final            (n,): the estimates where it ended
-    reached          [s]: where it ended: at the end, lost, or because its evaluations were spent
+    least, greatest  (windows, n): over each WINDOW from t = 0 on, NaN if the solver had no point in it
+    final            (n,): the estimates at its end
+    reached          [s]: the time at its end: the horizon, a loss, or the limit of evaluations
     lost             whether it diverged, or could not solve its own equation
     evaluations      of the right-hand side; of an implicit method its Newton steps
     seconds          of one core of this computer, compilation included
@@ -69,9 +70,13 @@ class SolverPath:
     seconds: float
 
     def ringing(self, start: float, end: float) -> Array:
-        """Half the largest swing of each estimate within one WINDOW of [start, end] s: (n,), NaN where nothing is known."""
+        """Half the largest swing of each estimate within one WINDOW of [start, end] s, its drift removed: (n,), NaN if unknown.
+
+        The drift is the motion of the swing's middle from one window to the next.
+        """
         chosen = slice(round(start / RINGING_WINDOW), round(end / RINGING_WINDOW))
-        swings = (self.greatest - self.least)[chosen]
+        drift = np.abs(np.gradient((self.least + self.greatest) / 2, axis=0))
+        swings = np.maximum(self.greatest - self.least - drift, 0.0)[chosen]
         return np.asarray(np.where(np.isfinite(swings).any(axis=0), np.nanmax(swings, axis=0, initial=0.0) / 2, np.nan))
 
 
@@ -81,7 +86,7 @@ def implicit(
     """Take implicit steps without projection and with it, side by side in two lanes; ``loop`` is the one without.
 
     The slope is taken at (1 - weight) old + weight new: 1/2 is the midpoint rule, 1 is Euler's implicit method.
-    Where the method's own equation is not solved to LARGEST_RESIDUAL the windows from there on are NaN.
+    If the method's equation is not solved to LARGEST_RESIDUAL, all later windows are NaN.
     """
     started = time.process_time()
     rows, size = loop.theta_hat_rows, loop.size
@@ -116,7 +121,7 @@ def implicit(
 
 
 def _implicit_step(loop: ClosedLoop, h: float, weight: float) -> ca.Function:
-    """The step as the kernel wants it: accumulators are the extrema of the estimates and the largest residual."""
+    """The step in the kernel's form: accumulators are the extrema of the estimates and the largest residual."""
     import casadi as ca
 
     rows = loop.theta_hat_rows
@@ -142,7 +147,8 @@ def _implicit_step(loop: ClosedLoop, h: float, weight: float) -> ca.Function:
 def scipy_path(
     loop: ClosedLoop, problem: Problem, method: SciPyMethod, *, tolerance: float, t_end: float, evaluations: int
 ) -> SolverPath:
-    """One of SciPy's solvers, relative tolerance and a hundredth of it absolute, until t_end or the evaluations are spent."""
+    """One of SciPy's solvers, with a relative tolerance and a hundredth of it as the absolute one, until t_end or the limit
+    of evaluations."""
     import casadi as ca
     from scipy.integrate import BDF, LSODA, Radau
 
@@ -182,7 +188,7 @@ def cvodes(loop: ClosedLoop, problem: Problem, *, tolerance: float, t_end: float
     options = {"reltol": tolerance, "abstol": tolerance / 100, "max_num_steps": 10**9}
     instants = np.linspace(0, t_end, round(t_end / REPORT_STEP) + 1)
     solver = ca.integrator("solver", "cvodes", {"x": state, "t": t, "ode": slope}, 0.0, instants, options)
-    with contextlib.redirect_stderr(io.StringIO()):  # what fails is raised; of an interrupt it would report a slope that failed
+    with contextlib.redirect_stderr(io.StringIO()):  # failures are raised; after an interrupt it would report a failed slope
         states = np.array(solver(x0=loop.initial())["xf"])
     seconds = time.process_time() - started
     return _path(instants, states[loop.theta_hat_rows].T, t_end, int(solver.stats()["nfevals"]), seconds)
@@ -202,7 +208,7 @@ def _right_hand_side(loop: ClosedLoop, problem: Problem) -> tuple[ca.SX, ca.SX, 
 
 
 def _path(t: Array, theta_hat: Array, t_end: float, evaluations: int, seconds: float, *, lost: bool = False) -> SolverPath:
-    """Extrema over the windows from the points (K,), (K, n) that a solver gave."""
+    """Extrema over the windows from the points (K,), (K, n) of a solver."""
     windows = round(t_end / RINGING_WINDOW)
     place = np.minimum((t / RINGING_WINDOW * (1 + 1e-12)).astype(int), windows - 1)  # t_end belongs to the last
     filled, first = np.unique(place, return_index=True)

@@ -1,4 +1,5 @@
-"""The claim that a high gain makes the loop stiff: the eigenvalues of its exact Jacobian where the adaptation is fastest, over the gain."""
+"""The claim that a high gain makes the loop stiff: the eigenvalues of its exact Jacobian at the fastest adaptation, over the
+gain."""
 
 from __future__ import annotations
 
@@ -16,9 +17,10 @@ from barbalat.validate import Array
 
 GAINS = (1e2, 1e3, 1e4, 1e5, 1e6)
 GROWTH = 1.5
-"""A decay that grows by less than that for each decade of the gain does not grow with it; with sqrt(Gamma) it would grow by 3.2."""
+"""A decay rate that grows by less than this factor per decade of the gain counts as independent of the gain; sqrt(Gamma)
+would give a factor of 3.2."""
 SMOOTH_GAIN = 100.0
-"""Of the run whose crest of |x| is taken: the gain moves x little, and at h = 1e-4 s this one is smooth."""
+"""Gain of the run that provides the crest of |x|: x depends little on the gain, and this run is smooth at h = 1e-4 s."""
 
 
 def stiffness() -> Claim:
@@ -31,7 +33,7 @@ def stiffness() -> Claim:
     readings = (
         sentence.reads(bool((decay[1:] > GROWTH * decay[:-1]).all()), f"the fastest decay is {decay[0]:.3g} 1/s at Gamma = {GAINS[0]:g} and {decay[-1]:.3g} 1/s at {GAINS[-1]:g}"),
         Reading(
-            "stiff is meant as by Hairer and Wanner: stability, here by a frequency, limits an explicit step",
+            "stiff in the sense of Hairer and Wanner: stability limits an explicit step, here because of a frequency",
             bool((size[1:] > GROWTH * size[:-1]).all()),
             f"the largest |lambda| goes from {size[0]:.3g} to {size[-1]:.3g} rad/s, as Gamma^{exponents[1]:.2f}",
         ),
@@ -40,17 +42,17 @@ def stiffness() -> Claim:
         sentence=sentence,
         readings=readings,
         shows=f"Over four decades of gain the fastest decay goes from {decay[0]:.3g} to {decay[-1]:.3g} 1/s, the frequency from {size[0]:.1e} to {size[-1]:.1e} rad/s.",
-        measured=f"at the crest of |x| the fastest decay of the loop goes as Gamma^{exponents[0]:.2f}, the largest |lambda| as Gamma^{exponents[1]:.2f}: what is fast oscillates",
-        how=f"L1-AC of Section V, kappa = {section_v.KAPPA:g} s, exact Jacobian at the state of a run with Gamma = {SMOOTH_GAIN:g} where |x| is largest, projection at rest",
+        measured=f"at the crest of |x| the fastest decay rate of the loop varies as Gamma^{exponents[0]:.2f}, the largest |lambda| as Gamma^{exponents[1]:.2f}: the fast modes oscillate",
+        how=f"L1-AC of Section V, kappa = {section_v.KAPPA:g} s, exact Jacobian at the state of a run with Gamma = {SMOOTH_GAIN:g} at the largest |x|, with the projection inactive",
         listings=(
             table("The loop's eigenvalues at the crest of |x|", {"Gamma": GAINS, "fastest decay [1/s]": decay, "largest |lambda| [rad/s]": size}),
         ),
-        would_change="a loop whose decay rates grow apart as the gain rises",
+        would_change="a loop with decay rates that grow apart as the gain rises",
     )  # fmt: skip
 
 
 def _at_crest(gamma: float) -> Array:
-    """The eigenvalues of the loop with this gain, where |x| of the smooth run is largest [1/s]."""
+    """The eigenvalues [1/s] of the loop with this gain at the largest |x| of the smooth run."""
     given = section_v.problem()
     (run,) = simulate(given, [section_v.l1("L1", SMOOTH_GAIN, projection=False)], Simulation(t_end=20.0, dt=1e-4)).values()
     crest = int(np.linalg.norm(run.x, axis=1).argmax())

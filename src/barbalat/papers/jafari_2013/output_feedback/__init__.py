@@ -1,1 +1,1 @@
-"""Output feedback: what its L1 controllers are, and the robust MRAC for any relative degree."""
+"""Output feedback: the nature of its L1 controllers, and the robust MRAC for any relative degree."""

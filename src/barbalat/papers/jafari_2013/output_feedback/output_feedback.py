@@ -1,4 +1,4 @@
-"""Claims on output feedback: what the L1 controller is, what the SISO scheme reaches, Rohrs' counterexample."""
+"""Claims on output feedback: the nature of the L1 controller, the SISO scheme, and Rohrs' counterexample."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from barbalat.validate import Array
 
 
 def l1_is_linear() -> Claim:
-    """The controller beside its equivalent; a constant disturbance; saturation with and without the bound on sigma."""
+    """The controller compared with its equivalent; a constant disturbance; saturation with and without the bound on sigma."""
     case = load_case("l1-output")
     assert isinstance(case.problem, OutputProblem)
     controller = next(c for c in case.controllers if isinstance(c, L1Output))
@@ -51,10 +51,10 @@ def l1_is_linear() -> Claim:
         measured=f"its control differs from that of the linear equivalent by {difference:.1g} of the largest |u| while sigma is inside "
         f"its bounds; a constant disturbance leaves |e| = {left:.1g}; after 5 s of saturation the mean |e| of the next 8 s is "
         f"{late[0]:.2g} with the projection and {late[1]:.2g} without",
-        how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation), RK4; the equivalent is "
-        "multiplied out and integrated in a realisation of its own",
+        how="plant 2/(s + 1) with 0.5 sin y, m = 3, C = 30/(s + 30), gamma = 1e4 (50 under saturation)"
+        ", RK4; the equivalent is multiplied out and integrated in a separate realisation",
         listings=(_beside_equivalent(runs[controller.name], runs["equivalent"]),),
-        would_change="an input for which the two differ while sigma is inside its bounds; other L1 controllers are not meant",
+        would_change="an input for which the two differ while sigma is inside its bounds; the row does not concern other L1 controllers",
     )
 
 
@@ -62,17 +62,17 @@ def _beside_equivalent(adaptive: Result, linear: Result) -> Listing:
     at = at_instants(adaptive.t, TOLD_INSTANTS)
     u, difference = adaptive.u[at], adaptive.u[at] - linear.u[at]
     return table(
-        "The control beside that of the linear equivalent",
+        "The control compared with that of the linear equivalent",
         {"t [s]": TOLD_INSTANTS, "u": u, "u - u of the equivalent": difference},
     )
 
 
 TOLD_INSTANTS = (0.0, 1.0, 2.0, 5.0, 10.0, 20.0)
-"""[s]: of the comparison of both, which ends at 20 s."""
+"""[s]: instants of the comparison of both, which ends at 20 s."""
 
 
 def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[float, float]:
-    """Mean |e| in the 8 s after a disturbance that saturated the input is gone, with sigma bounded and free."""
+    """Mean |e| in the 8 s after the end of a disturbance that saturated the input, with sigma bounded and free."""
     plant = replace(problem.plant, input=PlantInput(saturation=(-1.0, 1.0)), nonlinear=None)
     hit = replace(problem, plant=plant, reference=Step(amplitude=1.0), disturbance=Step(amplitude=4.0, start=6.0, constant=-4.0))
     pair = [replace(controller, gamma=50.0, sigma_bound=bound, name=name) for name, bound in (("bounded", 3.0), ("free", None))]
@@ -82,13 +82,13 @@ def _after_saturation(problem: OutputProblem, controller: L1Output) -> tuple[flo
 
 
 DEAD_ZONES = (0.1, 0.2, 0.3, 0.34, 0.38, 0.42)
-"""Half widths of the dead zone that are tried beside the case's own."""
+"""Half widths of the dead zone that are tried in addition to the case's own."""
 LEAST_PATH = 0.1
-"""Of the estimates, all of the order of one: what moves less in 80 s does not adapt."""
+"""Least path of the estimates, all of order one: an estimate that moves less in 80 s does not adapt."""
 
 
 def rohrs() -> Claim:
-    """The classical law and its remedies on one plant, and what each of them still adapts."""
+    """The classical law and its remedies on one plant, and how far each of them still adapts."""
     case = load_case("rohrs")
     runs = simulate(case.problem, case.controllers, case.simulation)
     classical, resting = runs.pop("Classical"), runs.pop("Not adapting")
@@ -105,54 +105,53 @@ def rohrs() -> Claim:
             sentence.reads(classical.diverged_at is not None, f"it {falls}"),
             sentence.reads(len(bounded) == len(runs), f"{len(bounded)} of {len(runs)} do over {case.simulation.t_end:g} s", 1),
             Reading(
-                "a dead zone bears it whatever its width",
+                "a dead zone of any width keeps the loop bounded",
                 not lost,
-                f"of {len(DEAD_ZONES)} more dead zones {len(lost)} diverge",
+                f"with {len(lost)} of {len(DEAD_ZONES)} further dead zones the loop diverges",
                 "beside",
             ),
             Reading(
-                "the modified laws go on adapting",
+                "the modified laws continue to adapt",
                 len(adapting) == len(bounded),
-                f"{', '.join(adapting) or 'none'}: estimates that move by more than {LEAST_PATH:g} in all",
+                f"{', '.join(adapting) or 'none'}: their estimates move by more than {LEAST_PATH:g} in total",
                 "beside",
             ),
         ),
         shows=f"The classical law {falls}; of {len(runs)} modified ones {len(bounded)} stay bounded.",
-        measured=f"the classical law {falls}, {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the others over {case.simulation.t_end:g} s is {span(heights)}, without "
-        "adapting at all "
-        f"{resting.figures['max_abs_y']:.3g}. The dead zone bears it by not adapting: of {len(DEAD_ZONES)} more, g_0 = {span(DEAD_ZONES)}, "
+        measured=f"the classical law {falls}, {len(bounded)} of {len(runs)} modified laws stay bounded; max |y| of the other laws over {case.simulation.t_end:g} s is {span(heights)}, "
+        f"without adaptation {resting.figures['max_abs_y']:.3g}. The dead zone keeps the loop bounded by stopping the adaptation: of {len(DEAD_ZONES)} further ones, g_0 = {span(DEAD_ZONES)}, "
         f"{len(lost)} diverge" + (f", those of {span(lost)}" if lost else ""),
         how="Rohrs' plant and command 0.3 + 1.85 sin 16.1 t, RK4, h = 1e-4 s; dead zones at h = 1e-3 s",
         listings=(
             _motions(bounded, case.simulation.t_end),
             table(
-                "Narrower and wider dead zones: when the run diverges; -: it does not",
+                "Narrower and wider dead zones: the time at which the run diverges; -: it does not",
                 {"g_0": DEAD_ZONES, "diverges at [s]": ended},
             ),
         ),
-        would_change="a run of the classical law that stays bounded, or of sigma-modification, normalisation or the robust law that does not",
+        would_change="a bounded run of the classical law, or an unbounded run of sigma-modification, normalisation or the robust law",
     )
 
 
 def _heights(runs: dict[str, Result]) -> Array:
-    """The largest |y| of each."""
+    """The largest |y| of each law."""
     return np.array([run.figures["max_abs_y"] for run in runs.values()], dtype=float)
 
 
 def _motions(runs: dict[str, Result], t_end: float) -> Listing:
     return table(
-        f"What the modified laws do over {t_end:g} s: the largest |y|, and how far their estimates moved in all",
+        f"The modified laws over {t_end:g} s: the largest |y|, and the total path of their estimates",
         {"law": list(runs), "max |y|": _heights(runs), "path": [_moved(run) for run in runs.values()]},
     )
 
 
 def _moved(run: Result) -> float:
-    """The path of all estimates."""
+    """The length of the path of all estimates."""
     return float(np.linalg.norm(run.envelope.theta_hat_path.sum(axis=0)))
 
 
 def _dead_zones(case: Case) -> Array:
-    """For each of ``DEAD_ZONES`` when the classical law diverges with it [s]; NaN where it does not."""
+    """The time [s] at which the classical law diverges with each of ``DEAD_ZONES``; NaN if it does not."""
     classical = next(c for c in case.controllers if isinstance(c, MracOutput) and c.name == "Classical")
     assert isinstance(classical.law, LyapunovLaw)
     tried = [replace(classical, law=replace(classical.law, dead_zone=DeadZone(g_0=g_0))) for g_0 in DEAD_ZONES]

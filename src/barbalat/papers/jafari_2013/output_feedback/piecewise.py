@@ -1,4 +1,4 @@
-"""The L1 law that flies against what Section IV says of the output-feedback one: that it is a linear controller."""
+"""The L1 law used in flight, tested on Section IV's statement about the output-feedback law: that it is a linear controller."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ from barbalat.solvers.simulation import Simulation
 
 STEPS_A_SAMPLE = 2
 ROUNDING_SHARE = 1e-9
-"""Of the largest |u|: sums in another order, divided by the sample time."""
+"""Share of the largest |u|: the rounding of sums in another order, divided by the sample time."""
 TRIED_POLES = (-10.0, -5.0, -1.0, 0.0)
-"""a of the predictor as flown [1/s]."""
+"""The flown predictor's a [1/s]."""
 
 
 def is_linear() -> Claim:
-    """Both forms beside their realisations; what a constant disturbance leaves, by the predictor's poles; the limit."""
+    """Both forms compared with their realisations; the remaining effect of a constant disturbance, by the predictor's poles;
+    the limit."""
     problem, laws = _case()
     differences = {law.name: _difference(problem, law) for law in laws}
     difference = max(differences.values())
@@ -37,18 +38,18 @@ def is_linear() -> Claim:
         sentence=sentence,
         readings=(
             sentence.reads(difference < ROUNDING_SHARE, f"it differs by {difference:.1g} of the largest |u|, in both forms"),
-            sentence.reads(max(left) < ROUNDING_SHARE, f"|e_1| = {left[1]:.2g} is left with a = {TRIED_POLES[1]:g}/s, {left[-1]:.1g} with a = 0", 1),
+            sentence.reads(max(left) < ROUNDING_SHARE, f"|e_1| = {left[1]:.2g} remains with a = {TRIED_POLES[1]:g}/s, {left[-1]:.1g} with a = 0", 1),
         ),
         shows=f"It differs from a linear controller by {difference:.0e} of the largest |u|; a constant disturbance leaves |e_1| = {left[1]:.1g} with a = {TRIED_POLES[1]:g}/s, {left[-1]:.0e} with a = 0.",
         measured=f"its control differs from that of its realisation by {difference:.1g} of the largest |u|. Its estimate is a difference of "
         f"two measurements; {100 * -np.expm1(TRIED_POLES[1] * flown.sample_time):.3g} % of a constant disturbance are never estimated with "
-        f"a = {TRIED_POLES[1]:g}/s at {1 / flown.sample_time:g} Hz, none with a = 0. As for any linear controller its margins are exact: it bears "
+        f"a = {TRIED_POLES[1]:g}/s at {1 / flown.sample_time:g} Hz, none with a = 0. As for any linear controller its margins are exact: it tolerates "
         f"{' and '.join(f'{1e3 * margin:.1f} ms' for margin in margins)} of further delay",
-        how="bundled case quadrotor-pitch without its limits: motor lag 0.04 s, delay 2.5 ms; exact form, and as flown; RK4, two steps a sample; the "
-        "realisation is multiplied out and run on what was measured",
+        how="bundled case quadrotor-pitch without its limits: motor lag 0.04 s, delay 2.5 ms"
+        "; exact form, and as flown; RK4, two steps per sample; the realisation is multiplied out and run on the same measurements",
         listings=(
             table(
-                "As flown, by the predictor's poles: what a constant disturbance of 0.05 N m leaves",
+                "As flown, by the predictor's poles: the remaining effect of a constant disturbance of 0.05 N m",
                 {"a [1/s]": TRIED_POLES, "|e_1| [rad]": left},
             ),
         ),
@@ -72,7 +73,7 @@ def _simulation(law: L1PiecewiseConstant, t_end: float = 12.0) -> Simulation:
 
 
 def _difference(problem: Problem, law: L1PiecewiseConstant) -> float:
-    """Largest difference of u, of the largest |u|."""
+    """The largest difference of u, relative to the largest |u|."""
     run = simulate(problem, [law], _simulation(law))[law.name]
     x, r, u = (values[::STEPS_A_SAMPLE] for values in (run.x, run.r, run.u))
     equations = law.bind(problem.known)
@@ -91,4 +92,4 @@ def _left(problem: Problem, law: L1PiecewiseConstant, a: float) -> float:
     return float(np.abs(simulate(constant, [tried], _simulation(law, 40.0))[law.name].e[-1, 0]))
 
 
-ROWS = (Measurement(is_linear, 2.5, {"l1-piecewise-is-lti": "the L1 controller that flies is linear"}, place=360),)
+ROWS = (Measurement(is_linear, 2.5, {"l1-piecewise-is-lti": "the L1 controller used in flight is linear"}, place=360),)

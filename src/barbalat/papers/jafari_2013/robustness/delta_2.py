@@ -1,8 +1,8 @@
-"""(17)'s second term: what a modelling error adds to the robust MRAC's error at a fixed tau.
+"""(17)'s second term: the effect of a modelling error on the robust MRAC's error at a fixed tau.
 
-Two frequencies in the command: with one, two estimates can match the plant with its modelling error exactly at that frequency,
-and nothing of the term stays. Delta_2 is the L1 norm of Delta(s) = W_m Delta_m for Delta_m = -mu s, which bounds that of an input
-delay mu and of -mu s/(T s + 1) too: (1 - e^(-mu s))/(mu s) and 1/(T s + 1) have the L1 norm 1.
+Two frequencies in the command: with one, two estimates can match the plant with its modelling error exactly at that
+frequency, and the term vanishes. Delta_2 is the L1 norm of Delta(s) = W_m Delta_m for Delta_m = -mu s, which also bounds
+that of an input delay mu and of -mu s/(T s + 1): (1 - e^(-mu s))/(mu s) and 1/(T s + 1) have the L1 norm 1.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from barbalat.papers.finding import PROPORTIONAL_SHARE, Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.section_v import figures, local_exponents, variant
 from barbalat.papers.jafari_2013.sentences import SENTENCES
+from barbalat.papers.jafari_2013.statements import MENDED
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
 from barbalat.protocols import Signal
@@ -28,22 +29,24 @@ from barbalat.signals import Sine, Sines
 from barbalat.validate import Array
 
 TAUS = np.array([0.5, 0.25, 0.125, 0.0625])
-"""[s]: Section V's, and halved three times."""
+"""[s]: Section V's value, halved three times."""
 SIZES = np.array([0.002, 0.004, 0.008, 0.016, 0.032])
-"""mu, or the delay [s]: up to half of the smallest tau, of which every pair is borne."""
+"""mu, or the delay [s]: up to half of the smallest tau; the robust MRAC tolerates every pair."""
 STEP = 1e-3
 """[s]: a sixtieth of the smallest tau."""
 T_END, LONGER_T_END = 200.0, 800.0
-"""[s], by the plain command and by ``--full``: the last quarter of the shorter one has four periods of the slower sine."""
+"""Horizons [s] of the plain command and of ``--full``: the last quarter of the shorter run has four periods of the slower
+sine."""
 COMMAND, ONE_SINE = Sines((30.0, 20.0), (0.5, 1.7)), Sine(50.0, 0.5)
 DERIVATIVE_POLE = 2e-3
 """Time constant of the realisation of -mu s [s], as in the rows on Theorem 2's boundary."""
 DELTA_0, ALPHA_0 = 0.5, 0.05
-"""Of (16): 1/delta_0 = 2 s is above every tau, Delta(s) is analytic right of -0.25; n_d is a third of phi'phi or less."""
+"""Constants of (16): 1/delta_0 = 2 s exceeds every tau, Delta(s) is analytic to the right of -0.25, and n_d is at most a
+third of phi'phi."""
 
 
 def families() -> dict[str, ModellingError]:
-    """Both that the paper names."""
+    """The two modelling errors that the paper names."""
     derivative = ScaledError(TransferFunction([-1.0, 0.0], [DERIVATIVE_POLE, 1.0]))
     return {"Delta_m = -mu s/(0.002 s + 1)": derivative, "input delay": DelayError()}
 
@@ -69,7 +72,7 @@ class Errors:
 
 
 def controller(tau: float, alpha_0: float) -> RobustMrac:
-    """Figure 2's with (16)'s dynamic normalising signal; alpha_0 = 0 is Section V's own."""
+    """Figure 2's with (16)'s dynamic normalising signal; alpha_0 = 0 in Section V."""
     return replace(section_v.robust_mrac("r", tau), normalization=Normalization(alpha_0=alpha_0, delta_0=DELTA_0))
 
 
@@ -101,7 +104,7 @@ def constants(errors: Errors) -> Array:
 
 
 def claim(*, full: bool = False) -> Claim:
-    """The exponent of what stays in the size of Delta, and whether one nu serves all tau and sizes."""
+    """The exponent of the remaining error in the size of Delta, and whether one nu serves all tau and sizes."""
     t_end = LONGER_T_END if full else T_END
     found = {
         f"{name}, alpha_0 = {alpha_0:g}": measure(error, alpha_0, t_end)
@@ -115,15 +118,15 @@ def claim(*, full: bool = False) -> Claim:
     return Claim(
         sentence=SENTENCES["delta-2-term"],
         readings=readings,
-        shows=f"One nu = {nu.max():.3g} serves every tau and size tried; it falls to {nu[:, -1].max():.3g} as tau falls to {TAUS[-1]:g} s.",
-        measured=        f"what stays of |e| at fixed tau goes as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one nu = {nu.max():.3g} serves every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
+        shows=f"One nu = {nu.max():.3g} is sufficient for every tau and size tried; the least nu falls to {nu[:, -1].max():.3g} as tau falls to {TAUS[-1]:g} s.",
+        measured=        f"the remaining |e| at fixed tau varies as mu^{exponents.min():.3f} to mu^{exponents.max():.3f}; one nu = {nu.max():.3g} is sufficient for every run, Delta_2 = {norm_per_size():.3g} mu. {_of_tau(found, with_tau)}. "
         f"With Section V's own command, one sine, {_one_frequency()}",
-        how=f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, RK4, h = {STEP:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
+        how=f"Section V with r = 30 sin 0.5t + 20 sin 1.7t, robust MRAC, {MENDED}, RK4, h = {STEP:g} s, {t_end:g} s, tau = {span(TAUS)} s, mu = "
         f"{span(SIZES)} s, as Delta_m = -mu s and as "
         f"a delay; with Section V's alpha_0 = 0 and with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}; every step, tail: the last quarter",
         listings=_listings(found, nu),
-        would_change="fails: a nu that grows as tau falls, or a run that no nu bounds",
-        sharpened=f"runs of {LONGER_T_END:g} s, in which learning has removed more of the rest",
+        would_change="fails: a nu that grows as tau falls, or an unbounded run",
+        sharpened=f"runs of {LONGER_T_END:g} s, in which learning has further reduced the remaining error",
     )  # fmt: skip
 
 
@@ -137,9 +140,9 @@ def _one_constant(nu: Array) -> Reading:
 def _proportional(found: dict[str, Errors]) -> Reading:
     ratios = np.concatenate([(errors.tail[:, 1:] / errors.tail[:, :-1]).ravel() for errors in found.values()])
     return Reading(
-        "the error that stays at fixed tau is proportional to Delta_2",
+        "the error that remains at fixed tau is proportional to Delta_2",
         bool((np.abs(ratios / 2 - 1) < PROPORTIONAL_SHARE).all()),
-        f"{ratios.size} times twice the size: {span(ratios)} times the error",
+        f"in {ratios.size} pairs, doubling the size multiplies the error by {span(ratios)}",
         "beside",
     )
 
@@ -148,8 +151,8 @@ def _of_tau(found: dict[str, Errors], with_tau: Array) -> str:
     """(17) is a bound: its term need not shrink with tau, but it does."""
     slopes = next(iter(found.values())).slopes
     return (
-        f"What stays per mu is {slopes[0]:.3g} 1/s for tau = {TAUS[0]:g} s and {slopes[-1]:.3g} 1/s for {TAUS[-1]:g} s: "
-        f"it goes with tau too, as tau^{with_tau.min():.2f} to tau^{with_tau.max():.2f}"
+        f"The remaining error per mu is {slopes[0]:.3g} 1/s for tau = {TAUS[0]:g} s and {slopes[-1]:.3g} 1/s for {TAUS[-1]:g} s"
+        f"; it also varies with tau, as tau^{with_tau.min():.2f} to tau^{with_tau.max():.2f}"
     )
 
 
@@ -169,16 +172,16 @@ def _peak(found: dict[str, Errors]) -> Reading:
     errors = next(iter(found.values()))
     exponents = np.array([local_exponents(row, SIZES) for row in errors.peak - errors.peak_without[:, None]])
     return Reading(
-        "the peak of the transient grows in proportion to Delta_2 too, up to the largest Delta that is borne",
+        "the peak of the transient also grows in proportion to Delta_2, up to the largest Delta that is tolerated",
         bool((np.abs(2.0 ** (exponents - 1) - 1) < PROPORTIONAL_SHARE).all()),
-        f"what mu adds to the largest |e| goes as mu to the power {span(exponents[0])} at tau = {TAUS[0]:g} s and "
+        f"the part of the largest |e| due to mu varies as mu to the power {span(exponents[0])} at tau = {TAUS[0]:g} s and "
         f"{span(exponents[-1])} at {TAUS[-1]:g} s",
         "beside",
     )  # fmt: skip
 
 
 def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
-    """A row for each size, a column for each tau; and what the first two readings sum up."""
+    """A row for each size and a column for each tau, and the values behind the first two readings."""
     by_size = [
         table(
             f"{name}: the largest |e| of {part}, by tau [s] and by mu or the delay [s]",
@@ -193,8 +196,7 @@ def _listings(found: dict[str, Errors], nu: Array) -> tuple[Listing, ...]:
     ]
     slopes = np.array([errors.slopes for errors in found.values()])
     by_tau = table(
-        "The least nu of |e| <= (tau + Delta_2) nu, and what stays of |e| per second of mu [1/s], the largest of the modelling "
-        "errors",
+        "The least nu in |e| <= (tau + Delta_2) nu, and the remaining |e| per second of mu [1/s], the largest over the modelling errors",
         {"tau [s]": TAUS, "nu": nu.max(axis=0), "tail's |e| per mu": slopes.max(axis=0)},
     )
     return *by_size, by_tau
@@ -204,7 +206,7 @@ ROWS = (
     Measurement(
         claim,
         2.0,
-        {"delta-2-term": "what a modelling error adds to the robust MRAC's error at a fixed tau"},
+        {"delta-2-term": "the effect of a modelling error on the robust MRAC's error at a fixed tau"},
         place=290,
         sharper=partial(claim, full=True),
         sharper_seconds=3.5,

@@ -1,16 +1,16 @@
 """Lemma 1 along runs: the adaptive law (15) with and without a modelling error eta.
 
-With V = theta_tilde'P^-1 theta_tilde, (13) and (15) give V' = -(epsilon m_s)^2 + eta^2/m_s^2 between the projection's bounds, and
-no more than that at them. So the integral of (epsilon m_s)^2 from 0 is at most V(0) plus that of eta^2/m_s^2: the constant of
-S(eta^2/m_s^2) is at most max(1, V(0)) for intervals that begin at 0, and max(1, V(t)) for those that begin at t. Pure least squares
-sets no bound on V(t) under an error that lasts: there the constants are measured, and ``scalar_lemma`` shows that none serves
-all signals.
+With V = theta_tilde'P^-1 theta_tilde, (13) and (15) give V' = -(epsilon m_s)^2 + eta^2/m_s^2 between the projection's
+bounds, and at most this at the bounds. So the integral of (epsilon m_s)^2 from 0 is at most V(0) plus that of eta^2/m_s^2:
+the constant of S(eta^2/m_s^2) is at most max(1, V(0)) for intervals that begin at 0, and max(1, V(t)) for those that begin
+at t. Pure least squares does not bound V(t) under a lasting error: the constants are measured, and ``scalar_lemma`` shows
+that none serves all signals.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.robustness import scalar_lemma
 from barbalat.papers.jafari_2013.section_v import variant
 from barbalat.papers.jafari_2013.sentences import SENTENCES
+from barbalat.papers.jafari_2013.statements import MENDED
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.protocols import Value
@@ -34,20 +35,20 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 MUS = (0.0, 0.005, 0.02, 0.1)
-"""Of Delta_m = -mu s/(0.001 s + 1): none, and three that tau = 0.5 s bears."""
+"""mu in Delta_m = -mu s/(0.001 s + 1): zero, and three values that are tolerated with tau = 0.5 s."""
 LARGEST_GROWTH = 1.05
-"""Of a supremum from the first half of a run to the second."""
-METHOD = "robust MRAC of Figure 2 with {}, RK4, h = 1e-4 s, 60 s; {}"
+"""Admissible growth of a supremum from the first half of a run to the second."""
+METHOD = f"robust MRAC of Figure 2, {MENDED}, with {{}}, RK4, h = 1e-4 s, 60 s; {{}}"
 
 
 def claims() -> list[Claim]:
-    """All of this group."""
+    """All rows of this group."""
     runs = {mu: _run(mu) for mu in MUS}
     return [bounded(runs), without_error(runs[0.0]), with_error(runs)]
 
 
 def bounded(runs: dict[float, Along]) -> Claim:
-    """(i): a finite run shows no more than that the suprema were reached early."""
+    """(i): a finite run can only show that the suprema are reached early."""
     names = ("epsilon", "error", "theta_hat", "rate")
     halves = {name: np.array([_half_suprema(getattr(run, name)) for run in runs.values()]) for name in names}
     growth = {name: float((v[:, 1] / v[:, 0]).max()) for name, v in halves.items()}
@@ -57,7 +58,7 @@ def bounded(runs: dict[float, Along]) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(sentence.reads(bounded, f"in the second half of a run the suprema are at most {grown:.3g} times those of the first"),),
-        shows=f"Along runs with mu up to {max(runs):g} s the suprema of the second half are at most {grown:.3g} times those of the first.",
+        shows=f"Along runs with mu up to {max(runs):g} s the suprema of the second half are at most {grown:.2f} times those of the first.",
         measured=        f"for mu up to {max(runs):g} s the largest |epsilon| is {halves['epsilon'].max():.3g}, |epsilon m_s| "
         f"{halves['error'].max():.3g}, "
         f"|theta_hat_i| {halves['theta_hat'].max():.3g}, |theta_hat'| {halves['rate'].max():.3g}; in the second half of a run "
@@ -66,12 +67,12 @@ def bounded(runs: dict[float, Along]) -> Claim:
         "(the others) times those of the first",
         how=METHOD.format("Delta_m = -mu s/(0.001 s + 1)", "3000 instants; reading: none of the suprema grows in the second half"),
         listings=(_suprema(tuple(runs), halves),),
-        would_change="a supremum that keeps growing along a run; a finite run can show no more",
+        would_change="a supremum that keeps growing along a run, which is all that a finite run can show",
     )  # fmt: skip
 
 
 def without_error(run: Along) -> Claim:
-    """eta = 0: V falls, and by exactly the integral."""
+    """eta = 0: V falls, exactly by the integral."""
     V, spent = run.V, run.integrals["error"]
     gap = np.abs(V + spent - V[0]).max() / V[0]
     late = {name: 1 - part[3 * len(part) // 4] / part[-1] for name, part in run.integrals.items() if name != "eta"}
@@ -80,14 +81,14 @@ def without_error(run: Along) -> Claim:
     return Claim(
         sentence=sentence,
         readings=(sentence.reads(falls, f"V from {V[0]:.3g} to {V[-1]:.2g}; the integral of (epsilon m_s)^2 is {spent[-1]:.4g}; the last quarter adds at most {max(late.values()):.0e} of each integral"),),
-        shows=f"V falls from {V[0]:.3g} to {V[-1]:.1g}; the integral of (epsilon m_s)^2 is what V loses, within {gap:.0e}.",
+        shows=f"V falls from {V[0]:.3g} to {V[-1]:.1g}; the integral of (epsilon m_s)^2 equals the decrease of V within {gap:.0e}.",
         measured=        f"V falls from {V[0]:.3g} to {V[-1]:.2g} and never rises; V + integral of (epsilon m_s)^2 is V(0) within {gap:.0e} of it; the integrals "
-        f"of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g}, {run.integrals['rate'][-1]:.3g}, "
-        f"the last quarter adding at most {max(late.values()):.0e} of each",
-        how=METHOD.format("Delta_m = 0", "the integrals are integrated with the loop; V at 3000 instants"),
+        f"of epsilon^2, (epsilon m_s)^2, |theta_hat'|^2 reach {run.integrals['epsilon'][-1]:.3g}, {spent[-1]:.4g}, {run.integrals['rate'][-1]:.3g}"
+        f", and the last quarter adds at most {max(late.values()):.0e} of each",
+        how=METHOD.format("Delta_m = 0", "the integrals are computed with the loop; V at 3000 instants"),
         listings=(
             table(
-                "Integrals over the run, and what its last quarter adds to each",
+                "Integrals over the run, and the share that its last quarter adds",
                 {
                     "of": ("epsilon^2", "(epsilon m_s)^2", "|theta_hat'|^2"),
                     "at the end": [run.integrals[name][-1] for name in ("epsilon", "error", "rate")],
@@ -100,7 +101,7 @@ def without_error(run: Along) -> Claim:
 
 
 def with_error(runs: dict[float, Along]) -> Claim:
-    """eta not 0: the constants of S(eta^2/m_s^2)."""
+    """eta nonzero: the constants of S(eta^2/m_s^2)."""
     mus = np.array([mu for mu in runs if mu])
     some = [runs[mu] for mu in mus]
     constants = {name: np.array([run.constant(name) for run in some]) for name in ("epsilon", "error", "rate")}
@@ -111,41 +112,43 @@ def with_error(runs: dict[float, Along]) -> Claim:
     taught, left = scalar_lemma.readings()
     readings = (
         taught,
-        _along_runs("the signals are those of Section V's loop with these sizes of mu", by_definition),
-        _along_runs("along these runs, with the integral of eta^2/m_s^2 over the same interval", constants, "beside"),
+        _along_runs("along Section V's runs with these sizes of mu, each with a nu of its own", by_definition),
+        _along_runs("along these runs, with the integral of eta^2/m_s^2 over the same interval", constants),
         left,
     )
     return Claim(
         sentence=SENTENCES["lemma-1-small"],
         readings=readings,
-        shows=f"nu for epsilon m_s: {by_definition['error'].max():.2g} along the runs; for any signals {scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.0f} with (15), "
+        shows=f"The least nu for epsilon m_s is {by_definition['error'].max():.2g} along the runs; for any signals it reaches {scalar_lemma.constants(scalar_lemma.ScalarLeastSquares()).max():.0f} with (15) and "
         f"{scalar_lemma.constants(scalar_lemma.ScalarGradient()).max():.2g} with the gradient law.",
         measured=        f"for mu = {span(mus)} s, |eta|/m_s up to {eta.max():.3g}: by the paper's definition {_at_most(by_definition)}; with the integral "
         f"of eta^2/m_s^2 {_at_most(constants)}. By V' = -(epsilon m_s)^2 + eta^2/m_s^2 the latter are "
         f"at most max(1, V) = 1, and |P(0)|^2 = {section_v.COVARIANCE0**2:g} for theta_hat'; it holds within {gap:.0e} "
-        f"of V(0), so V may rise: up to {risen.max():.3g} V(0). For any signals: see the readings",
+        f"of V(0), so V may rise, by up to {risen.max():.3g} V(0). For any signals: see the readings",
         how=METHOD.format(
             "Delta_m = -mu s/(0.001 s + 1), alpha_0 = 1",
             "nu: integral over [t, t + T] <= nu (mu T + 1), or nu (that of eta^2/m_s^2 + 1), over every pair of 3000 instants",
         )
-        + "; any signals: one parameter, phi and eta constant in pieces, closed form",
+        + "; for arbitrary signals: one parameter, piecewise constant phi and eta, closed form",
         listings=(
             _constants("with the paper's constant mu, the largest eta^2/m_s^2 of the run", mus, by_definition),
             _constants("with the integral of eta^2/m_s^2 over the same interval", mus, constants),
             table(
-                "The modelling error along the runs, and how far V rises",
+                "The modelling error along the runs, and the rise of V",
                 {"mu [s]": mus, "largest |eta|/m_s": eta, "largest V/V(0)": risen},
             ),
             *scalar_lemma.listings(),
         ),
-        would_change="a law whose gain is kept from zero: with the gradient law both readings hold for any signals",
+        would_change="a law whose gain is kept away from zero: with the gradient law both readings hold for any signals",
     )  # fmt: skip
 
 
-def _along_runs(what: str, constants: dict[str, Array], role: Literal["weaker", "beside"] = "weaker") -> Reading:
-    """Whether they are at most those that V' bounds."""
+def _along_runs(what: str, constants: dict[str, Array]) -> Reading:
+    """Whether they are at most the bounds that follow from V'; for each run there is some constant."""
     bounds = {"epsilon": 1.0, "error": 1.0, "rate": section_v.COVARIANCE0**2}
-    return Reading(what, all(bool((constants[name] <= bound).all()) for name, bound in bounds.items()), _at_most(constants), role)
+    return Reading(
+        what, all(bool((constants[name] <= bound).all()) for name, bound in bounds.items()), _at_most(constants), "beside"
+    )
 
 
 def _suprema(mus: tuple[float, ...], halves: dict[str, Array]) -> Listing:
@@ -183,7 +186,7 @@ def _half_suprema(values: Array) -> tuple[float, float]:
 
 
 def _run(mu: float) -> Along:
-    """Section V with the robust MRAC of Figure 2, the dynamic normalising signal on where there is a modelling error."""
+    """Section V with the robust MRAC of Figure 2, with the dynamic normalising signal if there is a modelling error."""
     dynamics = TransferFunction([-mu, 0.0], [1e-3, 1.0])
     scheme = RobustMrac(
         c_0=section_v.C_0,
@@ -225,7 +228,7 @@ class LemmaState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LemmaEquations:
-    """The robust MRAC's equations, and the integrals of Lemma 1; theta, which no controller knows, enters these alone."""
+    """The robust MRAC's equations, and the integrals of Lemma 1; theta, which no controller knows, enters only these."""
 
     scheme: RobustEquations
     theta: Array
@@ -275,7 +278,7 @@ class Observed:
 
 @dataclass(frozen=True, eq=False)
 class Along:
-    """What Lemma 1 speaks of, at K instants of a run, (K, ...); the integrals run from 0."""
+    """The quantities of Lemma 1 at K instants of a run, (K, ...); the integrals start at 0."""
 
     t: Array
     epsilon: Array

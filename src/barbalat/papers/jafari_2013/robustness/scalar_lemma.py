@@ -1,7 +1,8 @@
-"""Lemma 1 (ii) without a plant: one parameter, phi and eta constant in pieces, m^2 = 1 + phi^2, everything in closed form.
+"""Lemma 1 (ii) without a plant: one parameter, piecewise constant phi and eta, m^2 = 1 + phi^2, all in closed form.
 
 Least squares: p = 1/P and q = p theta_tilde are integrals, p' = phi^2/m^2 and q' = phi eta/m^2, and V = q^2/p spends
-V' = -(epsilon m)^2 + eta^2/m^2. Gradient: theta_tilde goes to eta/phi as exp(-gamma phi^2/m^2 t). No bound of a known set is met.
+V' = -(epsilon m)^2 + eta^2/m^2. Gradient: theta_tilde goes to eta/phi as exp(-gamma phi^2/m^2 t). The estimates stay inside
+the known set.
 """
 
 from __future__ import annotations
@@ -18,18 +19,19 @@ from barbalat.papers.jafari_2013.sentences import SENTENCES
 from barbalat.validate import Array
 
 BIASED_TIMES = (10.0, 100.0, 1000.0)
-"""[s]: as long eta = 1 lasts beside phi = 1 before it is gone."""
+"""Durations [s] of eta = 1 with phi = 1; eta is zero afterwards."""
 WEAK_REGRESSORS = (0.3, 0.1, 0.03)
-"""phi, beside which eta = phi LEARNT_BIAS teaches a wrong estimate before phi = 1 shows it to be wrong."""
+"""Values of phi with which eta = phi LEARNT_BIAS teaches a wrong estimate, before phi = 1 reveals the error."""
 LEARNT_BIAS = 5.0
-"""Inside the width of Section V's set."""
+"""Less than the width of Section V's set."""
 GRADIENT_GAIN = 10.0
 BOUNDED_GROWTH = 1.5
-"""Constants that grow by no more from one signal to the next have a bound; those of pure least squares grow tenfold."""
+"""Constants count as bounded if they grow by at most this factor from one signal to the next; those of pure least squares
+grow tenfold."""
 
 
 class Piece(NamedTuple):
-    """Signals that are constant for a while [s]."""
+    """Constant signals over an interval [s]."""
 
     duration: float
     phi: float
@@ -41,7 +43,7 @@ class Piece(NamedTuple):
 
 
 class ScalarLaw(Protocol):
-    """One law: its state at the start, and what a piece does to it."""
+    """One law: its initial state, and the effect of a piece on it."""
 
     def initial(self) -> tuple[float, float]: ...
 
@@ -66,7 +68,7 @@ class ScalarLeastSquares(NamedTuple):
 
 
 class ScalarGradient(NamedTuple):
-    """theta_hat' = gamma epsilon phi; the state is theta_tilde, from 0, and nothing."""
+    """theta_hat' = gamma epsilon phi; the state is theta_tilde, from 0, and an unused entry."""
 
     gamma: float = GRADIENT_GAIN
 
@@ -89,15 +91,15 @@ def spent_in_the_last(law: ScalarLaw, pieces: tuple[Piece, ...]) -> float:
 
 
 def biased(duration: float) -> tuple[Piece, Piece]:
-    """A modelling error that lasts, then none, for so long that nothing is left to unlearn."""
+    """A lasting modelling error, then no error until the estimate has converged."""
     return Piece(duration, 1.0, 1.0), Piece(1e6 * duration, 1.0, 0.0)
 
 
 def weakly_taught(phi: float) -> tuple[tuple[Piece, Piece], float]:
     """A bias learnt from a weak regressor, then a strong one without error, and mu, the largest eta^2/m^2 of both.
 
-    The second piece lasts T = 1/mu, the first so long that phi^2/m^2 times it is T/2, as the second's: then least squares has T/2 of
-    evidence for the bias, and spends LEARNT_BIAS^2 T/4 on it, where mu T + 1 = 2.
+    The second piece lasts T = 1/mu, and the first is long enough for phi^2/m^2 times it to be T/2, as in the second: then
+    least squares has T/2 of evidence for the bias, and spends LEARNT_BIAS^2 T/4 on it, where mu T + 1 = 2.
     """
     first = Piece(1.0, phi, phi * LEARNT_BIAS)
     mu = first.eta**2 / first.m_squared
@@ -117,7 +119,7 @@ def readings() -> tuple[Reading, Reading]:
     return (
         SENTENCES["lemma-1-small"].reads(
             _bounded(taught[0]),
-            f"a bias of {LEARNT_BIAS:g} learnt beside phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, then phi = 1: pure least squares (15) "
+            f"a bias of {LEARNT_BIAS:g} learnt with phi = {WEAK_REGRESSORS[0]:g} down to {WEAK_REGRESSORS[-1]:g}, then phi = 1: pure least squares (15) "
             f"needs nu = {taught[0][0]:.3g} to {taught[0][-1]:.3g} for epsilon m_s, the gradient law {span(taught[1])}",
         ),
         Reading(
@@ -131,17 +133,17 @@ def readings() -> tuple[Reading, Reading]:
 
 
 def listings() -> tuple[Listing, Listing]:
-    """What the two readings sum up, signal by signal."""
+    """The values behind the two readings, signal by signal."""
     taught, left = _of_both(constants), _of_both(_left)
     mus = [weakly_taught(phi)[1] for phi in WEAK_REGRESSORS]
     return (
         table(
-            f"The least nu for epsilon m_s with the paper's constant mu, after a bias of {LEARNT_BIAS:g} was learnt beside a "
-            "weak regressor phi",
+            f"The least nu for epsilon m_s with the paper's constant mu, after a bias of {LEARNT_BIAS:g} "
+            "was learnt with a weak regressor phi",
             {"phi": WEAK_REGRESSORS, "mu": mus, "least squares (15)": taught[0], "gradient": taught[1]},
         ),
         table(
-            "What is left of the integral of (epsilon m_s)^2 after a modelling error eta = 1 that lasted until T_1",
+            "The integral of (epsilon m_s)^2 from T_1 on, after a modelling error eta = 1 that lasted until T_1",
             {"T_1 [s]": BIASED_TIMES, "least squares (15)": left[0], "gradient": left[1]},
         ),
     )

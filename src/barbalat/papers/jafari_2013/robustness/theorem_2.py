@@ -1,4 +1,5 @@
-"""Theorem 2's trade-off: tau against the modelling error, the boundary that is observed, what linear loops say, the error along it."""
+"""Theorem 2's trade-off: tau against the modelling error, the observed boundary, its prediction from linear loops, the error
+along it."""
 
 from __future__ import annotations
 
@@ -18,6 +19,7 @@ from barbalat.papers.finding import PROPORTIONAL_SHARE, Reading
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.papers.jafari_2013.robustness.delta_2 import ALPHA_0, DELTA_0
 from barbalat.papers.jafari_2013.sentences import SENTENCES
+from barbalat.papers.jafari_2013.statements import MENDED
 from barbalat.problem.modelling_error import DelayError, ModellingError, ScaledError
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.tau_limit import Grown, TauLimits, TauStudy
@@ -26,24 +28,28 @@ from barbalat.validate import Array
 TAUS = np.geomspace(2.5e-3, 2.0, 20)
 SIZES = np.geomspace(5e-3, 0.7, 12)
 T_END, BOUNDARY_RUN_FACTOR, STEP = 100.0, 4, 1e-3
-"""A quarter of the run is two periods of the command; at and along the boundary the runs are four times as long."""
+"""A quarter of the run contains two periods of the command; the runs at and along the boundary are four times as long."""
 TAU_MULTIPLES = {1.05: "τ 5 % above the boundary", 2.0: "twice the boundary's τ", 4.0: "four times the boundary's τ"}
-"""Of the boundary's tau: where the error is measured. On the boundary itself what is left of an oscillation hides it."""
+"""Multiples of the boundary's tau at which the error is measured. On the boundary itself a remaining oscillation hides it."""
 FROZEN_TAUS = np.concatenate([np.geomspace(TAUS[0], 0.1, 5), np.geomspace(0.13, 0.36, 6), [0.6, 1.0, TAUS[-1]]])
 THEOREM_SIZES = np.array([0.01, 0.05, 0.1])
-"""[s]: the delays, and the mu, at which the boundary is found with (16), alpha_0 > 0."""
+"""[s]: the delays and the values of mu for which the boundary is found with (16), alpha_0 > 0."""
+RANGE_TAUS = np.append(np.geomspace(0.01, 0.95 / DELTA_0, 8), np.array([1.5, 3.0, 10.0]) / DELTA_0)
+"""[s]: values over most of the interval that Theorem 2 admits, and some above 1/delta_0."""
+RANGE_DELAY = 2e-3
+"""[s]: a small modelling error, an input delay of two steps."""
 DERIVATIVE_POLE = 2e-3
 """Time constant of the realisation of -mu s [s]."""
 
 
 def claims() -> list[Claim]:
-    """For an input delay, and for Delta_m = -mu s."""
+    """The rows for an input delay and for Delta_m = -mu s."""
     derivative = ScaledError(TransferFunction([-1.0, 0.0], [DERIVATIVE_POLE, 1.0]))
     realised = f"-mu s/({DERIVATIVE_POLE} s + 1)"
     delay = TauTradeOff("delay", "delay", "delay at the plant's input [s]", "an input delay", "exact delay", DelayError())
     shown = "Δₘ = " + realised.replace("mu ", "μ")
     mu = TauTradeOff("mu", "mu", "μ [s]", shown, f"Delta_m = {realised}, a proper realisation", derivative)
-    return [delay.claim(), mu.claim(), _minus_mu_s(delay, mu)]
+    return [delay.claim(), mu.claim(), _range_of_tau(delay), _minus_mu_s(delay, mu)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,12 +74,12 @@ class TauTradeOff:
 
     @cached_property
     def bounded(self) -> Array:
-        """Indices of the sizes that have a boundary: borne by some tau of the scan, and lost below it."""
+        """Indices of the sizes that have a boundary: tolerated by some tau of the scan, and lost below it."""
         return np.flatnonzero(np.isfinite(self.limits.bears) & (self.limits.loses > 0))
 
     @cached_property
     def along(self) -> Array:
-        """(MULTIPLES, bounded) max |e| in the tail of the longer runs at multiples of the boundary's tau; NaN where lost."""
+        """(MULTIPLES, bounded) max |e| in the tail of the longer runs at multiples of the boundary's tau; NaN if lost."""
         sizes, taus = SIZES[self.bounded], self.limits.bears[self.bounded]
         pairs = np.tile(sizes, len(TAU_MULTIPLES)), np.concatenate([multiple * taus for multiple in TAU_MULTIPLES])
         return self.study.tail_errors(*pairs, Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)).reshape(
@@ -82,25 +88,29 @@ class TauTradeOff:
 
     @cached_property
     def frozen(self) -> list[BorneSizes]:
-        """What the linear loops bear, for ``FROZEN_TAUS``."""
+        """The sizes tolerated by the linear loops, for ``FROZEN_TAUS``."""
         return [borne(frozen_loops(float(tau)), self.error) for tau in FROZEN_TAUS]
 
     @cached_property
     def normalised(self) -> TauLimits:
-        """The same at ``THEOREM_SIZES`` with the normalising signal (16) that Theorem 2 asks for."""
-        controller = replace(section_v.robust_mrac("r"), normalization=Normalization(alpha_0=ALPHA_0, delta_0=DELTA_0))
+        """The study at ``THEOREM_SIZES`` with (16)."""
         near = Simulation(t_end=BOUNDARY_RUN_FACTOR * T_END, dt=STEP)
-        study = TauStudy(problem=section_v.problem(), controller=controller, error=self.error)
-        return study.limits(THEOREM_SIZES, TAUS, Simulation(t_end=T_END, dt=STEP), near=near)
+        return self.with_16.limits(THEOREM_SIZES, TAUS, Simulation(t_end=T_END, dt=STEP), near=near)
+
+    @cached_property
+    def with_16(self) -> TauStudy:
+        """The study with the normalising signal (16), as Theorem 2 requires."""
+        controller = replace(section_v.robust_mrac("r"), normalization=Normalization(alpha_0=ALPHA_0, delta_0=DELTA_0))
+        return TauStudy(problem=section_v.problem(), controller=controller, error=self.error)
 
     @property
     def literal(self) -> tuple[Reading, str]:
-        """Theorem 2's own setting, and what was found."""
+        """Theorem 2's own setting, and the results."""
         bears, loses = self.normalised.bears, self.normalised.loses
         said = ", ".join(f"{tau:.3g} s for {size:g} s" for tau, size in zip(bears, THEOREM_SIZES, strict=True))
         holds = bool(np.isfinite(bears).all() and (loses > 0).all() and (np.diff(bears) > 0).all())
         return SENTENCES[f"tau-limit-{self.key}"].reads(
-            holds, f"smallest tau borne: {said}; alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}"
+            holds, f"smallest tau tolerated: {said}; alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}"
         ), said
 
     def claim(self) -> Claim:
@@ -119,22 +129,22 @@ class TauTradeOff:
         return Claim(
             sentence=SENTENCES[f"tau-limit-{self.key}"],
             readings=(literal, beside),
-            shows=f"Smallest tau borne, by the {self.word}: {said}.",
-            measured=            f"smallest tau borne: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s to {taus[-1]:.3g} s for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to "
-            f"{(taus / sizes).max():.2f} times the {self.word}; no tau bears {self._nothing_borne()}. At these tau the linear loop with the "
-            f"estimates frozen at theta loses stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; "
+            shows=f"Smallest tau tolerated: {said} of {self.word}.",
+            measured=            f"smallest tau tolerated: {taus[0]:.3g} s for {self.word} {sizes[0]:.3g} s to {taus[-1]:.3g} s for {sizes[-1]:.3g} s, {(taus / sizes).min():.2f} to "
+            f"{(taus / sizes).max():.2f} times the {self.word}; no tau tolerates {self._nothing_borne()}. "
+            f"At these values of tau the linear loop with the estimates frozen at theta loses stability at {linear.min():.3f} to {linear.max():.3f} times the {self.word}{_agree(linear, sizes)}; "
             f"the small-gain theorem shows it stable up to {gain.min():.2f} to {gain.max():.2f} of its limit. The tail's error grows along the "
             f"boundary, 5 % above it, from {along[0, 0]:.2g} to {np.nanmax(along[0]):.2g}; at twice its tau it is {doubled.min():.2f} to {doubled.max():.2f} times that",
-            how=f"Section V, robust MRAC, {self.what}, RK4, h = {STEP:g} s, {T_END:g} s, {len(SIZES)} sizes x {len(TAUS)} values of tau, then bisection "
-            f"to 1 % over {BOUNDARY_RUN_FACTOR * T_END:g} s: {limits.runs} runs. {LOSS_CRITERION}. The frozen loop is taken from the scheme's equations by exact "
-            "Jacobians; it is no guarantee for the loop that adapts",
+            how=f"Section V, robust MRAC, {MENDED}, {self.what}, RK4, h = {STEP:g} s, {T_END:g} s, {len(SIZES)} sizes x {len(TAUS)} values of tau, then bisection "
+            f"to 1 % over {BOUNDARY_RUN_FACTOR * T_END:g} s: {limits.runs} runs. {LOSS_CRITERION}. "
+            "The frozen loop follows from the scheme's equations by exact Jacobians; it does not guarantee anything for the adapting loop",
             maps=(self._map(), self._chart()),
-            would_change="a tau that bears every size, or a boundary that does not rise with it; the theorem's own Delta* is not computed",
+            would_change="a tau that tolerates every size, or a boundary that does not rise with the size; the theorem's own Delta* is not computed",
         )  # fmt: skip
 
     def _nothing_borne(self) -> str:
         none = SIZES[np.isnan(self.limits.bears)]
-        return f"{none[0]:.3g} s" if len(none) else "more than was tried"
+        return f"{none[0]:.3g} s" if len(none) else "more than the largest value tried"
 
     def _map(self) -> Map:
         at, limit, gain = self.bounded, *np.array([(each.limit, each.small_gain) for each in self.frozen]).T
@@ -144,12 +154,8 @@ class TauTradeOff:
             key=f"tau-{self.key}",
             title=f"Theorem 2's trade-off: τ against {self.title}",
             caption=f"Each cell is a run of the robust MRAC on Section V with {self.title}, over {T_END:g} s with RK4, h = {STEP * 1e3:g} ms. {LOSS_CRITERION}. "
-            f"Marks: the smallest τ that is borne over {BOUNDARY_RUN_FACTOR * T_END:g} s, bisected to 1 %; "
-            "growth too slow for the cells' shorter runs is seen there. Cells lost at large τ and large errors are so by a transient of the learning "
-            "that outlasts the first quarter. The lines are of the linear loop that is left when the estimates are frozen: "
-            "where it loses stability exactly, with θ̂ = θ; up to where the small-gain theorem shows it stable, with θ̂ = θ, and with the worst "
-            "θ̂ of the known set that was found (an estimate; above its end the frozen loop is unstable with some θ̂ even without modelling "
-            "error). None of them is a guarantee for the loop that adapts, whose estimates move.",
+            f"Marks: the smallest τ tolerated over {BOUNDARY_RUN_FACTOR * T_END:g} "
+            "s, bisected to 1 %; these longer runs show growth that is too slow for the cells' shorter runs. Cells at large τ and large modelling errors are lost because a transient of the learning outlasts the first quarter. The lines refer to the linear loop with frozen estimates: its exact stability limit with θ̂ = θ, and the limit up to which the small-gain theorem shows it stable, with θ̂ = θ and with the worst θ̂ found in the known set (an estimate; above the end of this line the frozen loop is unstable with some θ̂ even without modelling error). None of them is a guarantee for the adapting loop, whose estimates move.",
             x=ChartAxis(self.axis, SIZES, logarithmic=True),
             y=ChartAxis("τ [s]", TAUS, logarithmic=True),
             values=self.limits.tail.T,
@@ -173,17 +179,37 @@ class TauTradeOff:
         return Chart(
             key=f"tau-error-{self.key}",
             title=f"The error along the boundary: {self.title}",
-            caption=f"What the smallest τ costs: the largest |e| in the last quarter of runs over {BOUNDARY_RUN_FACTOR * T_END:g} s, at multiples of the τ of "
+            caption=f"The cost of the smallest τ: the largest |e| in the last quarter of runs over {BOUNDARY_RUN_FACTOR * T_END:g} s, at multiples of the τ of "
             "the observed boundary, below which runs are lost. Away from the largest sizes the error is proportional to τ.",
             x=ChartAxis(self.axis, SIZES, logarithmic=True),
             quantity="max |e| in the last quarter",
             curves=tuple(curves),
-            lost="lost beyond, or no τ is borne",
+            lost="lost beyond, or no τ is tolerated",
         )
 
 
+def _range_of_tau(delay: TauTradeOff) -> Claim:
+    """Whether one delay is tolerated at every tau that Theorem 2 admits, and at larger ones."""
+    sentence, t_end = SENTENCES["tau-range"], BOUNDARY_RUN_FACTOR * T_END
+    tails = delay.with_16.tail_errors(np.full(len(RANGE_TAUS), RANGE_DELAY), RANGE_TAUS, Simulation(t_end=t_end, dt=STEP))
+    admitted = RANGE_TAUS < 1 / DELTA_0
+    inside, beyond = (np.isfinite(tails[which]) for which in (admitted, ~admitted))
+    return Claim(
+        sentence=sentence,
+        readings=(
+            sentence.reads(bool(inside.all()), f"{inside.sum()} of {len(inside)} values of tau from {RANGE_TAUS[0]:g} to {RANGE_TAUS[admitted][-1]:.3g} s tolerate {RANGE_DELAY:g} s"),
+            Reading("the upper limit is needed: no tau above 1/delta_0 tolerates it", not beyond.any(), f"{beyond.sum()} of {len(beyond)} values from {RANGE_TAUS[~admitted][0]:g} to {RANGE_TAUS[-1]:g} s tolerate it", "beside"),
+        ),
+        shows=f"A delay of {RANGE_DELAY:g} s is tolerated at {inside.sum()} of {len(inside)} values of tau below 1/delta_0 = {1 / DELTA_0:g} s, and at {beyond.sum()} of {len(beyond)} above it.",
+        measured=f"the tail's largest |e| is {span(tails[admitted])} below 1/delta_0 and {span(tails[~admitted])} above it",
+        how=f"Section V, robust MRAC, {MENDED}, with (16), alpha_0 = {ALPHA_0:g}, delta_0 = {DELTA_0:g}, exact delay of {RANGE_DELAY:g} s, RK4, h = {STEP:g} s, {t_end:g} s. {LOSS_CRITERION}",
+        listings=(table(f"The robust MRAC with a delay of {RANGE_DELAY:g} s", {"tau [s]": RANGE_TAUS, "max |e|, tail": tails}),),
+        would_change="a longer delay, with which the run is lost below some tau (tau-limit-delay). Theorem 2 itself has no row, since it does not give Delta*",
+    )  # fmt: skip
+
+
 def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
-    """The sizes that loops bear, of a delay and of -mu s: with theta known, and the robust MRAC's frozen ones."""
+    """The sizes of a delay and of -mu s that loops tolerate: with theta known, and the robust MRAC's frozen loops."""
     sentence, limits = SENTENCES["minus-mu-s"], [np.array([each.limit for each in of.frozen]) for of in (delay, mu)]
     ratios, plant = limits[1] / limits[0], section_v.problem().plant
     known = known_parameters(plant, plant.theta)
@@ -194,18 +220,18 @@ def _minus_mu_s(delay: TauTradeOff, mu: TauTradeOff) -> Claim:
         readings=(
             sentence.reads(abs(ratio - 1) < PROPORTIONAL_SHARE, f"{borne_mu:.4g} s as -mu s, {margin:.4g} s as a delay"),
             Reading(
-                "so do the robust MRAC's loops with frozen estimates, for every tau",
+                "the same holds for the robust MRAC's loops with frozen estimates, for every tau",
                 bool((np.abs(ratios - 1) < PROPORTIONAL_SHARE).all()),
-                f"{span(ratios)} times the delay, for delays of {span(limits[0])} s: where |L| = 1 lies at high frequency, mu times that frequency is no small number",
+                f"{span(ratios)} times the delay, for delays of {span(limits[0])} s: if |L| = 1 at a high frequency, mu times that frequency is not small",
                 "beside",
             ),
         ),
-        shows=f"With theta known the loop bears {borne_mu:.3g} s as -mu s and {margin:.3g} s as a delay; robust MRACs bear {ratios.min():.2g} to {ratios.max():.3g} times the delay.",
-        measured=f"the loop with theta known bears mu = {borne_mu:.4g} s, {ratio:.3f} times its delay margin; of {len(FROZEN_TAUS)} values of tau the frozen loop of the robust MRAC bears delays of "
+        shows=f"With theta known the loop tolerates {borne_mu:.3g} s as -mu s and {margin:.3g} s as a delay; robust MRACs tolerate {ratios.min():.2g} to {ratios.max():.3g} times the delay.",
+        measured=f"the loop with theta known tolerates mu = {borne_mu:.4g} s, {ratio:.3f} times its delay margin; of {len(FROZEN_TAUS)} values of tau the frozen loop of the robust MRAC tolerates delays of "
         f"{span(limits[0])} s, and mu of {span(limits[1])} s",
-        how=f"theta known: characteristic roots of 1 + L (1 - mu s), exact; frozen loops: -mu s realised as -mu s/({DERIVATIVE_POLE} s + 1)",
-        listings=(table("What the frozen loop bears", {"tau [s]": FROZEN_TAUS, "delay [s]": limits[0], "mu [s]": limits[1], "mu/delay": ratios}),),
-        would_change="a loop with theta known that crosses |L| = 1 at a frequency at which the delay margin is no small phase",
+        how=f"theta known: characteristic roots of 1 + L (1 - mu s), exact; frozen loops of the robust MRAC, {MENDED}: -mu s realised as -mu s/({DERIVATIVE_POLE} s + 1)",
+        listings=(table("Tolerated by the frozen loop", {"tau [s]": FROZEN_TAUS, "delay [s]": limits[0], "mu [s]": limits[1], "mu/delay": ratios}),),
+        would_change="a loop with theta known that crosses |L| = 1 at a frequency at which the delay margin is not a small phase",
     )  # fmt: skip
 
 
@@ -220,7 +246,7 @@ def _largest_mu(loop: StateSpace) -> float:
 
 
 AGREEMENT_SHARE = 0.02
-"""Of the size: within that the linear limit and the observed boundary agree, which is resolved to 1 % of tau."""
+"""Share of the size within which the linear limit and the observed boundary agree; the boundary is resolved to 1 % of tau."""
 
 
 @cache
@@ -230,14 +256,14 @@ def frozen_loops(tau: float) -> FrozenLoops:
 
 
 def _agree(linear: Array, sizes: Array) -> str:
-    """Up to which size the linear limit, relative to the observed boundary, is the same."""
+    """The size up to which the linear limit agrees with the observed boundary."""
     differs = np.append(np.abs(linear - 1) > AGREEMENT_SHARE, True)
     first = int(np.argmax(differs))
     return f" (within {AGREEMENT_SHARE:.0%} of it up to {sizes[first - 1]:.3g} s)" if first else ""
 
 
 LOSS_CRITERION = (
-    f"Lost: diverged, or the largest |e| of the last quarter is more than {Grown().growth:g} times that of the best quarter before, or "
+    f"Lost: diverged, or the largest |e| of the last quarter is more than {Grown().growth:g} times that of the best earlier quarter, or "
     "|e| exceeds the largest |x_m| after the first quarter"
 )
 
@@ -249,7 +275,8 @@ ROWS = (
         {
             "tau-limit-delay": "the lower limit of tau with an input delay",
             "tau-limit-mu": "the lower limit of tau with Delta_m = -mu s",
-            "minus-mu-s": "-mu s in the place of an input delay",
+            "tau-range": "one delay at the values of tau that Theorem 2 admits",
+            "minus-mu-s": "-mu s instead of an input delay",
         },
         place=240,
     ),

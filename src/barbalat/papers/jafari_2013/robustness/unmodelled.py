@@ -1,7 +1,7 @@
-"""The projected MRAC (3)-(4) and L1-AC (5)-(8) beside unmodelled dynamics: where they cease to be bounded.
+"""The projected MRAC (3)-(4) and L1-AC (5)-(8) with unmodelled dynamics: the limits of boundedness.
 
-Projection bounds the estimates, not the state: some estimates of the known set do not stabilise the plant, and it is the law that
-has to move on from them in time. Where a run grows without end, no proof of boundedness can exist. Exact for both schemes:
+Projection bounds the estimates, not the state: some estimates of the known set do not stabilise the plant, and the law must
+leave them in time. If a run grows without bound, no proof of boundedness can exist. For both schemes the following is exact:
 (x, r, x(0)) times c and Gamma divided by c^2 is the same motion, scaled: no gain, however small, is reasonable for all commands.
 """
 
@@ -36,16 +36,16 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.study.reference_motion import ReferenceMotion
 from barbalat.validate import Array
 
-# His model -3 x_m + 3 r makes it x' = -3 x + 2 (theta x + v) with theta = 1 and k_0 = 1.5. With theta_hat at rest the loop is
+# His model -3 x_m + 3 r makes it x' = -3 x + 2 (theta x + v) with theta = 1 and k_0 = 1.5. With theta_hat fixed the loop is
 # (s + 1)(s^2 + 30 s + 229) + 458 C theta_hat: stable between -0.5 and 17.03 without filter.
 
 UNMODELLED = TransferFunction([229.0], [1.0, 30.0, 229.0])
 COMMANDS: dict[str, Signal] = {"r = 0.3 + 1.85 sin 16.1t": Sines((1.85,), (16.1,), constant=0.3), "r = 2": Constant(2.0)}
 ROHRS_GAINS = (1.0, 10.0, 100.0, 1000.0)
 WIDE_BOUND, NARROW_BOUND = 20.0, 5.0
-"""Known sets |theta| <= 20, which holds gains that the plant does not bear, and |theta| <= 5."""
+"""Known sets |theta| <= 20, which contains gains that make the plant unstable, and |theta| <= 5."""
 KAPPAS = (0.02, 0.1)
-"""Section V's filter, and one of about a third of the plant's own bandwidth."""
+"""Section V's filter, and one with about a third of the plant's bandwidth."""
 ROHRS_T_END, ROHRS_STEP = 200.0, 1e-3
 """[s]: two hundred time constants of the plant; h times the unmodelled modes' 15 rad/s is 0.015."""
 
@@ -66,13 +66,13 @@ def scheme(kappa: float | None, gamma: float) -> Controller:
 
 
 def diverged_at(kappa: float | None, command: Signal) -> Array:
-    """(2, gains) when the run diverged [s], NaN where it did not, with the wide known set and the narrow one."""
+    """(2, gains) the time [s] at which the run diverged, NaN if it did not, with the wide known set and the narrow one."""
     pairs = [(problem(width, command), scheme(kappa, gamma)) for width in (WIDE_BOUND, NARROW_BOUND) for gamma in ROHRS_GAINS]
     return np.asarray(figures(pairs, ROHRS_T_END, ROHRS_STEP).diverged_at.reshape(2, -1))
 
 
 def largest_gain(kappa: float | None) -> float:
-    """The largest theta_hat that the frozen loop bears, by its characteristic roots."""
+    """The largest theta_hat with a stable frozen loop, by its characteristic roots."""
     nominal = (
         np.polymul([1.0, 1.0], UNMODELLED.den)
         if kappa is None
@@ -86,23 +86,23 @@ def largest_gain(kappa: float | None) -> float:
 
 
 def beside_rohrs() -> tuple[tuple[Reading, ...], Listing]:
-    """With a known set that holds gains the plant does not bear, and with one that does not; when each run is lost."""
+    """The times of loss with a known set that contains destabilising gains, and with one that does not."""
     at = {kappa: {name: diverged_at(kappa, command) for name, command in COMMANDS.items()} for kappa in (None, *KAPPAS)}
     wide = {kappa: np.array([each[0] for each in found.values()]) for kappa, found in at.items()}
     narrow = {kappa: np.array([each[1] for each in found.values()]) for kappa, found in at.items()}
     lost, kept = partial(_text, wide), KAPPAS[1]
     readings = (
         Reading(
-            "they can diverge on Rohrs' plant too (not named by the paper), |theta| <= 20",
+            "they can also diverge on Rohrs' plant (which the paper does not name), |theta| <= 20",
             bool(np.isfinite(wide[None]).any() and np.isfinite(wide[KAPPAS[0]]).any()),
-            f"{lost(None)}; {lost(KAPPAS[0])}; the frozen loops bear theta_hat up to {largest_gain(None):.3g} and {largest_gain(KAPPAS[0]):.3g}; with |theta| <= {NARROW_BOUND:g} "
+            f"{lost(None)}; {lost(KAPPAS[0])}; the frozen loops are stable with theta_hat up to {largest_gain(None):.3g} and {largest_gain(KAPPAS[0]):.3g}; with |theta| <= {NARROW_BOUND:g} "
             f"{sum(int(np.isfinite(each).sum()) for each in narrow.values())} of {sum(each.size for each in narrow.values())} runs diverge",
             "beside",
         ),
         Reading(
-            "... there L1-AC with any filter",
+            "on the same plant, L1-AC can also diverge with the slower filter",
             bool(np.isfinite(wide[kept]).any()),
-            f"{lost(kept)}: over these runs the slower filter keeps it bounded where MRAC is lost",
+            f"{lost(kept)}: in these runs the slower filter keeps L1-AC bounded although MRAC is lost",
             "beside",
         ),
     )  # fmt: skip
@@ -111,7 +111,7 @@ def beside_rohrs() -> tuple[tuple[Reading, ...], Listing]:
 
 def _listing(at: dict[float | None, dict[str, Array]]) -> Listing:
     """A row for each scheme and known set."""
-    earliest = {kappa: np.fmin(*found.values()) for kappa, found in at.items()}  # NaN where no command's run is lost
+    earliest = {kappa: np.fmin(*found.values()) for kappa, found in at.items()}  # NaN if no command's run is lost
     schemes: dict[str, Sequence[str] | Array] = {
         "scheme": [_name(kappa) for kappa in at for _ in (WIDE_BOUND, NARROW_BOUND)],
         "known set": [f"|theta| <= {width:g}" for width in (WIDE_BOUND, NARROW_BOUND)] * len(at),
@@ -120,7 +120,7 @@ def _listing(at: dict[float | None, dict[str, Array]]) -> Listing:
         f"Gamma = {gain:g}": np.concatenate([found[:, i] for found in earliest.values()]) for i, gain in enumerate(ROHRS_GAINS)
     }
     return table(
-        f"Rohrs' plant: when the first of the runs with {len(COMMANDS)} commands diverges [s], of {ROHRS_T_END:g} s; -: none does",
+        f"Rohrs' plant: when the first of the runs with {len(COMMANDS)} commands diverges [s], of {ROHRS_T_END:g} s; -: none diverges",
         schemes | by_gain,
     )
 
@@ -130,7 +130,7 @@ def _name(kappa: float | None) -> str:
 
 
 def _text(wide: dict[float | None, Array], kappa: float | None) -> str:
-    """At which gains the runs are lost, for either command."""
+    """The gains at which the runs are lost, for either command."""
     gone = np.isfinite(wide[kappa]).any(axis=0)
     tried = f"of the {len(ROHRS_GAINS)} gains from {ROHRS_GAINS[0]:g} to {ROHRS_GAINS[-1]:g}"
     if not gone.any():
@@ -139,16 +139,16 @@ def _text(wide: dict[float | None, Array], kappa: float | None) -> str:
 
 
 THETAS = ((4.0, -3.0), (0.0, 0.0), (5.0, 5.0), (-5.0, 5.0), (5.0, -5.0), (-5.0, -5.0))
-"""Section V's, the centre of its known set, and the four corners."""
+"""Section V's theta, the centre of its known set, and the four corners."""
 GAINS, MORE_GAINS = (1.0, 100.0), (1e-2, 1.0, 100.0, 1e4)
 DELAYS = np.round(np.geomspace(0.02, 1.0, 14), 3)
-"""[s]; Delta_m = e^(-s d) - 1, of which the paper's -mu s is the first term."""
+"""[s]; Delta_m = e^(-s d) - 1; the paper's -mu s is its first term."""
 T_END, STEP = 120.0, 1e-3
-"""Ten periods of the command: a growth of 15 % in each second passes the bound below in that time."""
+"""Ten periods of the command: growth of 15 % per second exceeds the bound below in that time."""
 UNBOUNDED_RATIO = 100.0
-"""Times the largest |x_m|, in the last quarter; what stays bounded stays below 20 times, as the listing shows."""
+"""Multiple of the largest |x_m| in the last quarter; bounded runs stay below 20, as the listing shows."""
 PROVEN_DELAY = 0.1
-"""For which the small-gain theorem is asked [s]."""
+"""Largest delay [s] to which the small-gain theorem is applied."""
 SCHEMES: dict[str, Callable[[float], Controller]] = {
     "MRAC (3)-(4)": lambda gamma: Mrac(gamma=gamma),
     "L1-AC (5)-(8)": lambda gamma: section_v.l1("L1", gamma),
@@ -157,7 +157,8 @@ SCHEMES: dict[str, Callable[[float], Controller]] = {
 
 @dataclass(frozen=True, eq=False)
 class Loss:
-    """For each theta and gain, (6, gains): the largest delay below the first that is lost, that one, and the largest tail there."""
+    """For each theta and gain, (6, gains): the largest delay below the first with a lost run, that first delay, and the
+    largest tail error."""
 
     bears: Array
     loses: Array
@@ -169,7 +170,7 @@ class Loss:
 
 
 def lost(members: Sequence[tuple[tuple[float, ...], float, float]], scheme: str, h: float = STEP) -> tuple[Array, Array]:
-    """Which (theta, gain, delay) end beyond every bound, and max |e| in their last quarter over the largest |x_m|."""
+    """Which combinations (theta, gain, delay) are unbounded, and max |e| in their last quarter over the largest |x_m|."""
     pairs = [(variant(theta=theta, input=PlantInput(delay=delay)), SCHEMES[scheme](gain)) for theta, gain, delay in members]
     largest = ReferenceMotion.of(section_v.problem(), Simulation(t_end=T_END, dt=STEP)).largest
     tail = figures(pairs, T_END, h).tail_max_abs_e.max(axis=1) / largest
@@ -186,14 +187,15 @@ def search(scheme: str, gains: tuple[float, ...], h: float = STEP) -> Loss:
 
 
 def ideal_margins(kappa: float | None) -> Array:
-    """(6,) the delay that the loop bears with theta known, exactly [s]: u = -C theta'x."""
+    """(6,) the exact delay margin [s] of the loop with theta known: u = -C theta'x."""
     C = None if kappa is None else input_filter(kappa).realise()
     plants = [variant(theta=theta).plant for theta in THETAS]
     return np.array([margins(known_parameters(plant, plant.theta, C)).delay for plant in plants])
 
 
 def certain_size(kappa: float | None, delay: float = PROVEN_DELAY) -> float:
-    """The largest s for which every |theta_i|, |theta_hat_i| <= s keeps x bounded whatever moves theta_hat, by the small-gain theorem.
+    """The largest s for which every |theta_i|, |theta_hat_i| <= s keeps x bounded for any motion of theta_hat, by the
+    small-gain theorem.
 
     x = W_b[(theta - theta_hat)'x] + W_b (1 - C e^(-s d))[theta_hat'x] + bounded, and ||W_b (1 - C e^(-s d))||_1 is at most
     ||W_b (1 - C)||_1 + d ||s W_b||_1 ||C||_1; with |theta - theta_hat|_1 <= 4 s and |theta_hat|_1 <= 2 s. ||C||_1 = 1.
@@ -218,22 +220,22 @@ def claim(*, full: bool = False) -> Claim:
     return Claim(
         sentence=SENTENCES["unmodelled-unbounded"],
         readings=readings,
-        shows=f"Runs grow without end beside a delay of {firsts.min():g} s that the loop bears with theta known; with every gain tried.",
-        measured=        f"first delay with growth without end, at any gain that was tried: {_of_section_v(found, ideal)}. At every gain, in {len(below['MRAC (3)-(4)'])} and {len(below['L1-AC (5)-(8)'])} of {len(THETAS)} values of theta in the known set the delay "
-        f"that does it, {firsts.min():g} s to {firsts.max():g} s, is one that the same loop bears with theta known; theta = 0: {_of_the_centre(found, ideal)}",
+        shows=f"With a delay of {firsts.min():g} s, which the loop tolerates if theta is known, runs grow without bound at every gain tried.",
+        measured=        f"shortest delay with unbounded growth, at any gain tried: {_of_section_v(found, ideal)}. At every gain, for {len(below['MRAC (3)-(4)'])} (MRAC) and {len(below['L1-AC (5)-(8)'])} (L1-AC) of {len(THETAS)} values of theta in the known set, "
+        f"the same loop tolerates this delay, {firsts.min():g} s to {firsts.max():g} s, if theta is known; theta = 0: {_of_the_centre(found, ideal)}",
         how=f"Section V, theta over its known set, Gamma = {numbers(gains)}, {len(DELAYS)} exact delays from {DELAYS[0]:g} to "
         f"{DELAYS[-1]:g} s, RK4, h = {STEP / 4 if full else STEP:g} s, {T_END:g} s. Unbounded: diverged, or |e| in the last "
-        f"quarter beyond {UNBOUNDED_RATIO:g} times the largest |x_m|; what is counted as bounded stays below {max(float(each.tail.max()) for each in found.values()):.2g} times",
+        f"quarter beyond {UNBOUNDED_RATIO:g} times the largest |x_m|; runs counted as bounded stay below {max(float(each.tail.max()) for each in found.values()):.2g} times",
         listings=(*_listings(found, ideal, gains), at_rohrs_plant),
-        would_change="a bound on x beside Delta_m for Section V's known set, with (4) and (7) as they stand; a gain at which no run grows without end",
-        sharpened=f"{len(MORE_GAINS)} gains, Gamma = {span(MORE_GAINS)}, all of it at a quarter of the step",
+        would_change="a bound on x with Delta_m for Section V's known set and unchanged laws (4) and (7); a gain at which no run grows without bound",
+        sharpened=f"{len(MORE_GAINS)} gains, Gamma = {span(MORE_GAINS)}, all at a quarter of the step",
     )  # fmt: skip
 
 
 def _of_section_v(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
     parts = [f"{name} {each.loses[0].min():g} s" for name, each in found.items()]
     known = ", ".join(_borne(values[0]) for values in ideal.values())
-    return f"Section V's theta, {', '.join(parts)} (with theta known the loops bear {known})"
+    return f"Section V's theta, {', '.join(parts)} (with theta known the loops tolerate {known})"
 
 
 def _lost_at(delay: float) -> str:
@@ -247,13 +249,14 @@ def _borne(delay: float) -> str:
 def _of_the_centre(found: dict[str, Loss], ideal: dict[str, Array]) -> str:
     delays = " and ".join(f"{each.loses[1].max():g} s" for each in found.values())
     known = "any delay" if all(np.isinf(values[1]) for values in ideal.values()) else "less"
-    return f"{delays}, where u = k_0 r alone bears {known}. For L1-AC: {_below_the_limit(found['L1-AC (5)-(8)'])}"
+    return f"{delays}, and u = k_0 r without feedback tolerates {known}. For L1-AC: {_below_the_limit(found['L1-AC (5)-(8)'])}"
 
 
 def _readings(found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, list[int]]) -> tuple[Reading, ...]:
     def shown(i: int) -> str:
         return "; ".join(
-            f"{name} {_lost_at(each.loses[i].max())}, theta known: bears {_borne(ideal[name][i])}" for name, each in found.items()
+            f"{name} {_lost_at(each.loses[i].max())}, theta known: tolerates {_borne(ideal[name][i])}"
+            for name, each in found.items()
         )
 
     same = all(bool((each.loses == each.loses[:, :1]).all()) for each in found.values())
@@ -264,7 +267,7 @@ def _readings(found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, 
         sentence.reads(all(below.values()), f"theta = [5, 5]: {shown(2)}; theta = [4, -3]: {shown(0)}; theta = 0: {shown(1)}"),
         sentence.reads(
             all(below.values()) and at_every,
-            f"the delay with which they are lost is {'the same' if same else 'not the same'} for every Gamma that was tried; exactly, Gamma/c^2 with c times the command is the same motion",
+            f"the delay at which they are lost is {'the same' if same else 'not the same'} for every Gamma tried; exactly, Gamma/c^2 with c times the command gives the same motion",
             1,
         ),
         Reading(
@@ -277,7 +280,7 @@ def _readings(found: dict[str, Loss], ideal: dict[str, Array], below: dict[str, 
 
 
 def _below_the_limit(found: Loss) -> str:
-    """What L1-AC's authors rest their robustness on: the margin of the linear loop that it tends to for fast adaptation."""
+    """The robustness measure of L1-AC's authors: the margin of the linear loop to which it tends with fast adaptation."""
     C = input_filter(section_v.KAPPA).realise()
     limits = np.array([margins(fast_adaptation(variant(theta=theta).plant, C)).delay for theta in THETAS])
     tried = sum(int((limit > DELAYS).sum()) for limit in limits) * found.loses.shape[1]
@@ -292,9 +295,9 @@ def _down(value: float) -> str:
 def _listings(found: dict[str, Loss], ideal: dict[str, Array], gains: tuple[float, ...]) -> tuple[Listing, ...]:
     return tuple(
         table(
-            f"{name}: the largest delay [s] that stays bounded below the first that does not, that one (inf: none up to "
-            f"{DELAYS[-1]:g} s), what the loop bears with "
-            "theta known, and the largest |e| of the bounded runs' last quarter over the largest |x_m|",
+            f"{name}: the largest delay [s] with a bounded run, the next one tried, which is unbounded (inf: none up to "
+            f"{DELAYS[-1]:g} s)"
+            ", the delay tolerated with theta known, and the largest |e| in the bounded runs' last quarter over the largest |x_m|",
             {
                 "theta": [f"[{theta[0]:g}, {theta[1]:g}]" for theta in THETAS for _ in gains],
                 "Gamma": gains * len(THETAS),
@@ -312,7 +315,7 @@ ROWS = (
     Measurement(
         claim,
         2.0,
-        {"unmodelled-unbounded": "projected MRAC and L1-AC beside unmodelled dynamics"},
+        {"unmodelled-unbounded": "projected MRAC and L1-AC with unmodelled dynamics"},
         place=310,
         sharper=partial(claim, full=True),
         sharper_seconds=4.0,

@@ -22,16 +22,18 @@ from barbalat.solvers.simulation import Simulation
 from barbalat.validate import Array
 
 STEPS = {1e2: 2e-5, 1e3: 1e-5, 1e4: 5e-6}
-"""By gain: h [s], a fifth or less of the step at which RK4 begins to ring; twenty steps or more in a period of the ringing."""
+"""The step h [s] for each gain, at most a fifth of the step at which RK4 begins to ring, with at least twenty steps per
+period of the ringing."""
 MORE_STEPS = STEPS | {1e5: 2e-6, 1e6: 1e-6}
 T_END = 12.0
 """One period of the command [s]."""
 COMPARED_INSTANTS = 40_000
-"""At which the two systems are compared: every 0.3 ms, so that the ringing is met at thousands of its phases."""
+"""Number of instants at which the two systems are compared: every 0.3 ms, at thousands of phases of the ringing."""
 THETA_MAX = 10.0
-"""Section V's, of |theta|_1 over the known set."""
+"""The largest |theta|_1 over Section V's known set."""
 RESTING_GAIN = 1e-9
-"""Gain of the run that serves as the reference system: with theta_hat = theta its x_tilde is zero, and nothing moves."""
+"""Gain of the run that serves as the reference system: with theta_hat = theta its x_tilde is zero, and the estimates do not
+move."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,7 @@ def run_pair(gamma: float, h: float, t_end: float = T_END) -> tuple[Result, Resu
 
 
 def distances(steps: dict[float, float]) -> Distances:
-    """At each gain with its step."""
+    """The runs at each gain with its step."""
     pairs = [run_pair(gamma, h) for gamma, h in steps.items()]
     return Distances(
         gains=np.array(list(steps)),
@@ -101,7 +103,8 @@ def distances(steps: dict[float, float]) -> Distances:
 
 
 def claim(*, full: bool = False) -> Claim:
-    """The bound's assumption on this case, the measured distance, the exponent, and what the reference system itself leaves."""
+    """The bound's assumption on this case, the measured distance, the exponent, and the error of the reference system
+    itself."""
     steps, bound = MORE_STEPS if full else STEPS, bounds()
     found = distances(steps)
     root = np.sqrt(found.gains)
@@ -110,17 +113,17 @@ def claim(*, full: bool = False) -> Claim:
     return Claim(
         sentence=SENTENCES["l1-reference-system"],
         readings=readings,
-        shows=f"|x - x_ref| is at most {share.max():.2g} of gamma_1/sqrt(Gamma); the reference system itself stays up to {found.model:.3g} from the model.",
+        shows=f"|x - x_ref| is at most {share.max():.2g} of gamma_1/sqrt(Gamma); the reference system itself is up to {found.model:.3g} away from the model.",
         measured=        f"||W_b (1 - C)||_1 theta_max <= {bound.condition.value_upper:.4f} < 1, so gamma_1 = {bound.case:.4g} for the case's initial error ({bound.book:.4g} for the worst of the known set, {bound.exact:.4g} for "
         f"the case's theta without the small-gain theorem). Measured: |x - x_ref| goes from {found.state[0]:.3g} at Gamma = "
         f"{found.gains[0]:g} to {found.state[-1]:.3g} at {found.gains[-1]:g}, {share.min():.2g} to "
-        f"{share.max():.2g} of the bound, with local exponents of {span(exponents)} (the bound's is -1/2). The reference system "
-        f"itself stays up to {found.model:.3g} away from the model x_m, whatever Gamma is",
+        f"{share.max():.2g} of the bound, with local exponents of {span(exponents)} (the bound's is -1/2). "
+        f"The reference system itself is up to {found.model:.3g} away from the model x_m, at every Gamma",
         how=f"Section V, kappa = {section_v.KAPPA:g} s, RK4, h = {span(list(steps.values()))} s, {T_END:g} s, {COMPARED_INSTANTS} instants; "
         "certified L1 norms. Assumptions checked: the condition, theta in the known set, C and the "
         "predictor at rest, no modelling error, no disturbance",
         listings=_listings(found, bound, steps),
-        would_change="a resolved run that leaves a bound, or an assumption that fails on this case",
+        would_change="a resolved run that exceeds a bound, or an assumption that fails for this case",
         sharpened=f"Gamma up to {max(MORE_STEPS):g}, at steps down to {min(MORE_STEPS.values()):g} s",
     )  # fmt: skip
 
@@ -142,9 +145,9 @@ def _readings(found: Distances, bound: ReferenceBounds) -> tuple[Reading, ...]:
             1,
         ),
         Reading(
-            "the state, in Figure 3's simulation at h = 1e-4 s, which does not resolve the ringing",
+            "the bound also holds for the state in Figure 3's simulation at h = 1e-4 s, which does not resolve the ringing",
             numerical <= bound.case / 100,
-            f"|x - x_ref| reaches {numerical:.3g} there, the bound is {bound.case / 100:.3g}; resolved it is {float(found.state[found.gains == 1e4][0]):.2g}",
+            f"|x - x_ref| reaches {numerical:.3g} in that simulation, and the bound is {bound.case / 100:.3g}; with a resolving step it is {float(found.state[found.gains == 1e4][0]):.2g}",
             "beside",
         ),
     )  # fmt: skip

@@ -6,13 +6,13 @@ import { gestures } from "./zoom.js";
 
 const HEIGHT = 220;
 
-function colours() {
+export function colours() {
   const style = getComputedStyle(document.documentElement);
   const of = (name) => style.getPropertyValue(name).trim();
   return { lines: [0, 1, 2, 3, 4, 5].map((i) => of(`--line-${i}`)), ink: of("--ink"), quiet: of("--quiet"), rule: of("--rule") };
 }
 
-function inked(theme, name) {
+export function inked(theme, name) {
   return typeof name === "number" ? theme.lines[name % theme.lines.length] : theme[name];
 }
 
@@ -64,18 +64,24 @@ function sameTimes(one, two) {
 const BESIDE = 0.25; // of what the bounded runs need, above and below it, where another one diverges
 const LARGEST_SHOWN = 20; // times their largest value, on a logarithmic axis
 
-// A panel's scale: of the runs that stay bounded, as in barbalat run's pictures; of none that does, logarithmic beyond 1.
+// A panel's scale: its own limits; else of the runs that stay bounded; of none that does, logarithmic beyond 1.
 export function scaleOf(panel) {
+  if (panel.limits) return { distr: panel.log ? 3 : panel.signed ? 4 : 1, range: () => panel.limits };
+  if (panel.signed) return { distr: 4 };
   const columns = panel.series.flatMap((one) => (one.high ? [one.gone, one.gone] : [one.gone]));
   const runs = panel.series.filter(({ gone }) => gone !== undefined);
   const lost = runs.filter(({ gone }) => gone);
-  if (!lost.length) return panel.log ? { distr: 3 } : {};
-  if (lost.length === runs.length) return panel.log ? { distr: 3 } : { distr: 4 };
-  return { distr: panel.log ? 3 : 1, range: (plot) => rangeOf(plot, columns, panel.log) };
+  if (!lost.length || lost.length === runs.length) {
+    const all = columns.map(() => false);
+    if (panel.log) return { distr: 3, range: (plot) => rangeOf(plot, all, true, 2) }; // an error of zero has no place on it
+    return lost.length ? { distr: 4 } : {};
+  }
+  return { distr: panel.log ? 3 : 1, range: (plot) => rangeOf(plot, columns, panel.log, LARGEST_SHOWN) };
 }
 
-// Of the columns that belong to no run that diverges, over the interval that is shown.
-function rangeOf(plot, columns, log) {
+// The range of the columns that belong to no run that diverges, over the interval that is shown; a logarithmic one reaches
+// `beyond` times as far as the largest value.
+function rangeOf(plot, columns, log, beyond) {
   const [from, to] = plot.series[0].idxs ?? [0, plot.data[0].length - 1];
   let [low, high] = [Infinity, -Infinity];
   columns.forEach((gone, k) => {
@@ -87,7 +93,7 @@ function rangeOf(plot, columns, log) {
     }
   });
   if (!(high >= low)) return log ? [1e-3, 1] : [-1, 1];
-  if (log) return [low / 2, LARGEST_SHOWN * high];
+  if (log) return [low / 2, beyond * high];
   const room = BESIDE * (high - low) || 0.1 * Math.max(Math.abs(high), 1e-3);
   return [low - room, high + room];
 }
@@ -95,7 +101,7 @@ function rangeOf(plot, columns, log) {
 // What a panel looks like but for its numbers.
 function lookOf(panel, theme) {
   const series = panel.series.map((one) => [one.label, one.colour, one.dash, Boolean(one.high), one.gone]);
-  return JSON.stringify([panel.title, panel.log, series, theme]);
+  return JSON.stringify([panel.title, panel.note, panel.log, series, theme]);
 }
 
 // Which of the runs in a panel are lost, in words.
@@ -107,10 +113,12 @@ function goneFrom(panel) {
   return `lost, beyond the edge: ${[...new Set(lost.map(({ label, name }) => name ?? label))].join(", ")}`;
 }
 
+// Panels over time, or over frequency on a logarithmic axis; what they show of it is then told in decades.
 export class Charts {
-  constructor(root, onZoom) {
+  constructor(root, onZoom = () => {}, overFrequency = false) {
     this.root = root;
     this.onZoom = onZoom;
+    this.overFrequency = overFrequency;
     this.plots = [];
     this.looks = [];
     this.window = null;
@@ -124,9 +132,12 @@ export class Charts {
     if (looks.join() === this.looks.join()) panels.forEach((panel, i) => this.plots[i].setData(columnsOf(panel), !this.window));
     else this.rebuild(panels, theme);
     this.looks = looks;
-    if (this.window) for (const plot of this.plots) plot.setScale("x", { min: this.window[0], max: this.window[1] });
+    if (this.window) {
+      const [min, max] = this.back(this.window);
+      for (const plot of this.plots) plot.setScale("x", { min, max });
+    }
     this.zooming = false;
-    if (!this.window && this.plots[0]) this.told(this.plots[0]);
+    if (!this.window) this.told();
   }
 
   rebuild(panels, theme) {
@@ -148,6 +159,8 @@ export class Charts {
     box.setAttribute("role", "group");
     box.setAttribute("aria-label", `${panel.title}; its figures stand in the table. Plus and minus zoom, arrows move, 0 shows the whole run`);
     gestures(box, this);
+    if (panel.note) title.append(Object.assign(document.createElement("small"), { textContent: ` (${panel.note})` }));
+    if (panel.whole) figure.className = "whole";
     figure.append(title, box, legendOf(panel, theme));
     this.root.append(figure);
     return box;
@@ -157,7 +170,9 @@ export class Charts {
     const series = [{ label: "t, s" }];
     const bands = [];
     for (const one of panel.series) {
-      const style = { stroke: inked(theme, one.colour), dash: one.dash || undefined, width: 1.4, points: { show: false }, spanGaps: true };
+      const style = {
+        stroke: inked(theme, one.colour), dash: one.dash || undefined, width: one.width ?? 1.4, points: { show: false }, spanGaps: true,
+      };
       series.push({ label: one.label || "", ...style });
       if (one.high) {
         bands.push({ series: [series.length - 1, series.length], fill: `${inked(theme, one.colour)}55` });
@@ -167,11 +182,13 @@ export class Charts {
     const axis = { stroke: theme.ink, grid: { stroke: theme.rule, width: 1 }, ticks: { stroke: theme.rule } };
     const scale = scaleOf(panel);
     const splits = { 3: decades, 4: signedDecades }[scale.distr];
-    const byDecades = { splits, filter: (_, at) => at, values: (_, at) => at.map((v) => (v === 0 ? "0" : v.toExponential(0))) };
+    const values = (_, at) => at.map((v) => (v === 0 ? "0" : v.toExponential(0)));
+    const byDecades = { splits, filter: (_, at) => at, values };
+    const along = this.overFrequency ? { ...axis, splits: decades, filter: (_, at) => at, values } : axis;
     return new uPlot({
       width: Math.max(box.clientWidth, 200), height: HEIGHT, legend: { show: false },
-      scales: { x: { time: false }, y: scale },
-      axes: [axis, { ...axis, size: 64, ...(splits ? byDecades : {}) }], cursor: { drag: { x: true, y: false } }, series, bands,
+      scales: { x: { time: false, distr: this.overFrequency ? 3 : 1 }, y: scale },
+      axes: [{ ...along, ...(panel.x ? { label: panel.x, size: 32, labelSize: 16, labelGap: 0 } : {}) }, { ...axis, size: 64, label: panel.y, labelSize: 20, ...(splits ? byDecades : {}) }], cursor: { drag: { x: true, y: false } }, series, bands,
       hooks: { setScale: [(self, key) => key === "x" && this.zoomed(self)] },
     }, columnsOf(panel), box);
   }
@@ -180,38 +197,51 @@ export class Charts {
   zoomed(from) {
     if (this.zooming) return;
     const { min, max } = from.scales.x;
-    if (min !== null && max !== null) this.zoom(min, max);
+    if (min !== null && max !== null) this.zoom(...this.along([min, max]));
+  }
+
+  // From the axis to what is even on it, and back.
+  along(ends) {
+    return this.overFrequency ? ends.map(Math.log10) : ends;
+  }
+
+  back(ends) {
+    return this.overFrequency ? ends.map((end) => 10 ** end) : ends;
+  }
+
+  // The ends of all that can be shown.
+  ends() {
+    const whole = this.plots[0]?.data[0];
+    return whole?.length ? this.along([whole[0], whole[whole.length - 1]]) : null;
   }
 
   // What all panels show, within the run.
   zoom(min, max) {
-    const whole = this.plots[0]?.data[0];
-    if (!whole?.length || !(max > min)) return;
-    const [first, last] = [whole[0], whole[whole.length - 1]];
-    const [low, high] = [Math.max(min, first), Math.min(max, last)];
+    const ends = this.ends();
+    if (!ends || !(max > min)) return;
+    const [low, high] = [Math.max(min, ends[0]), Math.min(max, ends[1])];
     if (!(high > low)) return;
-    this.window = low <= first && high >= last ? null : [low, high];
+    this.window = low <= ends[0] && high >= ends[1] ? null : [low, high];
+    const [from, to] = this.back([low, high]);
     this.zooming = true;
-    for (const plot of this.plots) plot.batch(() => plot.setScale("x", { min: low, max: high }));
+    for (const plot of this.plots) plot.batch(() => plot.setScale("x", { min: from, max: to }));
     this.zooming = false;
     this.onZoom(low, high);
   }
 
-  told(plot) {
-    const whole = plot.data[0];
-    if (!whole.length) return; // a run that diverges within its first interval has no instants to show
-    this.onZoom(whole[0], whole[whole.length - 1]);
+  told() {
+    const ends = this.ends();
+    if (ends) this.onZoom(...ends); // a run that diverges within its first interval has no instants to show
   }
 
   // The interval that is shown.
   shown() {
-    const whole = this.plots[0]?.data[0] ?? [];
-    return this.window ?? [whole[0] ?? 0, whole[whole.length - 1] ?? 1];
+    return this.window ?? this.ends() ?? [0, 1];
   }
 
   whole() {
-    const all = this.plots[0]?.data[0];
-    if (all?.length) this.zoom(all[0], all[all.length - 1]);
+    const ends = this.ends();
+    if (ends) this.zoom(...ends);
   }
 
   resized() {

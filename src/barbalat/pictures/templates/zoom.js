@@ -3,7 +3,7 @@
 const CLOSER = 0.7; // of the interval that a press of + leaves
 const MOVED = 0.2; // of the interval that an arrow moves it
 
-// charts: shown() is the interval [min, max], zoom(min, max) sets it, whole() shows all.
+// charts: shown() is the interval [min, max], zoom(min, max) sets it, ends() are those of all, whole() shows it.
 export function gestures(box, charts) {
   box.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
@@ -24,8 +24,8 @@ export function gestures(box, charts) {
 // Along by so much, but not beyond the run.
 function moved(charts, by) {
   const [min, max] = charts.shown();
-  const whole = charts.plots[0].data[0];
-  const free = Math.min(Math.max(by, whole[0] - min), whole[whole.length - 1] - max);
+  const [first, last] = charts.ends();
+  const free = Math.min(Math.max(by, first - min), last - max);
   if (free) charts.zoom(min + free, max + free);
 }
 

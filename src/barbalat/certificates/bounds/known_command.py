@@ -1,0 +1,213 @@
+"""A bound of e for the case's own command and every theta in the known set: docs/theorem-1.md, "The known command".
+
+A loop that equals the model for theta = origin has e = G[(theta - origin)'x - k r] + w, with G from a matched disturbance to x, k
+the factor with which the command passes G, and w due to adaptation. Over a cell |theta_i - c_i| <= rho_i, with H = (I - G (c -
+origin)')^-1 G,
+
+    e_c = H[(c - origin)'x_m - k r],  x_c = x_m + e_c,  s_i = H[x_c,i],  N = ||G||_1,  q = N |rho|_1/(1 - N |c - origin|_1),
+
+e is within q/(1 - q) sup |sum_i rho_i |s_i|| of e_c + sum_i (theta_i - c_i) s_i, in addition to w. e_c and s_i follow from the
+command: they are enclosed along it up to t_end. Cells are halved until the remaining uncertainty is small.
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+
+from barbalat.certificates.bounds import laws
+from barbalat.certificates.bounds.command_generator import generator
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Assumption
+from barbalat.certificates.rows import up
+from barbalat.linear.conditions import exact_matrix, smallest_eigenvalue
+from barbalat.linear.enclosure import OUTWARD_FACTOR, float_above
+from barbalat.linear.followed import MOST_BITS, Generator, Motion, followed
+from barbalat.problem.known_set import KnownSet, ParameterBox
+from barbalat.problem.state_feedback import Known, Problem
+from barbalat.validate import Array, InputError
+
+KEY = "error_bound_command"
+MOST_CELLS, MOST_WORK = 16, 250_000
+"""Largest number of cells, and of cells times steps times the square of the loop's states: a second or two on one core."""
+NEGLIGIBLE_REST = 0.05
+"""Share of a cell's bound that its size may contribute; below it no cell is halved again."""
+MOST_STATES = 40
+"""Largest number of states of the loop with its variations."""
+
+
+@dataclass(frozen=True, eq=False)
+class KnownLoop:
+    """G = (A, B, C = the first n states), from v = (theta - origin)'x - k r to e without adaptation.
+
+    passes  k, the factor with which the command passes G in addition to the plant
+    norm    N, at least ||G||_1
+    added   sup |w|, due to adaptation, if theta is the origin: for other theta it is divided by 1 - N |theta - origin|_1
+    """
+
+    A: Array
+    B: Array
+    origin: Array
+    passes: float
+    norm: float
+    added: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Cell:
+    """low <= theta <= high with its bound, and the contribution of the cell's size."""
+
+    low: Array
+    high: Array
+    bound: float
+    rest: float
+    along: Array  # sup |rho_i s_i|, (n,)
+    steps: int
+
+    @property
+    def center(self) -> Array:
+        return np.asarray(self.low + (self.high - self.low) / 2)
+
+
+def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end: float) -> float:
+    """The bound over the known set; InputError, with the reason, if there is none."""
+    if not isinstance(known_set, ParameterBox):
+        raise InputError("the known set is a ball, and the command is followed over cells of a box")
+    states = _states(problem, loop)
+    if states > MOST_STATES:
+        raise InputError(f"the loop has {states} states with its variations, and the limit is {MOST_STATES}")
+    [command] = problem.commands
+    signal, order = generator(command, t_end), itertools.count()
+
+    def entered(low: Array, high: Array) -> tuple[float, int, Cell]:
+        cell = _cell(problem, loop, signal, low, high)
+        return -cell.bound, next(order), cell
+
+    cells = [entered(known_set.lower, known_set.upper)]
+    most = min(MOST_CELLS, MOST_WORK // (states**2 * cells[0][2].steps))
+    while len(cells) < most and cells[0][2].rest > NEGLIGIBLE_REST * cells[0][2].bound:
+        _, _, widest = heapq.heappop(cells)
+        side = int(np.argmax(widest.along))
+        middle = np.where(np.arange(len(widest.low)) == side, widest.center, np.nan)
+        for low, high in ((widest.low, middle), (middle, widest.high)):
+            heapq.heappush(cells, entered(np.where(np.isnan(low), widest.low, low), np.where(np.isnan(high), widest.high, high)))
+    if not math.isfinite(cells[0][2].bound):
+        raise InputError("the small gain over a cell of the known set is not below 1")
+    return cells[0][2].bound
+
+
+def _states(problem: Problem, loop: KnownLoop) -> int:
+    return problem.known.n + (1 + problem.known.n) * len(loop.A)
+
+
+def _cell(problem: Problem, loop: KnownLoop, signal: Generator, low: Array, high: Array) -> Cell:
+    center = low + (high - low) / 2
+    rho = np.nextafter(np.maximum(high - center, center - low), np.inf)
+    response = followed(motion(problem, loop, signal, center))
+    n = problem.known.n
+    sizes = np.array(response).reshape(len(response), n + 1, n, -1)  # bounds of e_c, s_1 ... s_n on each step
+    varied = rho[None, :, None, None] * sizes[:, 1:]
+    first = float((sizes[:, 0] + varied.sum(axis=1)).max()) * OUTWARD_FACTOR
+    of_size = float(varied.sum(axis=1).max()) * OUTWARD_FACTOR
+    away = float(np.abs(center - loop.origin).sum()) * OUTWARD_FACTOR
+    wide = float(rho.sum()) * OUTWARD_FACTOR
+    left = 1 - loop.norm * (away + wide) * OUTWARD_FACTOR**2
+    if not left > 0:
+        return Cell(low, high, math.inf, math.inf, varied.max(axis=(0, 2, 3)), len(response))
+    rest = loop.norm * wide / left * of_size * OUTWARD_FACTOR**2  # q/(1 - q) = N |rho|/(1 - N |c| - N |rho|)
+    bound = (first + rest + loop.added / left) * OUTWARD_FACTOR**2
+    return Cell(low, high, bound, rest, varied.max(axis=(0, 2, 3)), len(response))
+
+
+def motion(problem: Problem, loop: KnownLoop, signal: Generator, center: Array) -> Motion:
+    """(w, x_m, e_c, s_1 ... s_n) with w of the command's generator; outputs are e_c and the s_i."""
+    n, k, m = problem.known.n, len(signal.S), len(loop.A)
+    A_m, b_r, _ = problem.model.matrices
+    with ctx.workprec(MOST_BITS):
+        A = _Blocks(k + n + (n + 1) * m)
+        off = [arb(one) - arb(origin) for one, origin in zip(center.tolist(), loop.origin.tolist(), strict=True)]
+        B = [arb(float(one)) for one in loop.B]
+        command = [arb(float(one)) for one in signal.c]
+        A.add(0, 0, signal.S)
+        A.add(k, k, A_m)
+        A.add_product(k, 0, [arb(float(one)) for one in b_r[:, 0]], command)
+        for j in range(n + 1):
+            at = k + n + j * m
+            A.add(at, at, loop.A)
+            A.add_product(at, at, B, off)
+        A.add_product(k + n, k, B, off)
+        A.add_product(k + n, 0, B, [-arb(loop.passes) * one for one in command])
+        outputs = np.zeros(((n + 1) * n, len(A.rows)))
+        for j in range(n + 1):
+            at = k + n + j * m
+            outputs[j * n : (j + 1) * n, at : at + n] = np.eye(n)
+            if j:  # driven by x_c,j = x_m,j + e_c,j
+                unit = [arb(int(i == j - 1)) for i in range(n)]
+                A.add_product(at, k, B, unit)
+                A.add_product(at, k + n, B, unit)
+        start = [arb(float(one)) for one in problem.known.x0] + [arb(0)] * ((n + 1) * m)
+        return Motion(arb_mat(A.rows), arb_mat(outputs.tolist()), signal, start)
+
+
+class _Blocks:
+    """A square matrix of balls to which blocks are added."""
+
+    def __init__(self, size: int) -> None:
+        self.rows = [[arb(0)] * size for _ in range(size)]
+
+    def add(self, row: int, column: int, block: Array) -> None:
+        for i, line in enumerate(np.asarray(block, dtype=float).tolist()):
+            for j, one in enumerate(line):
+                self.rows[row + i][column + j] += arb(one)
+
+    def add_product(self, row: int, column: int, left: Sequence[arb], right: Sequence[arb]) -> None:
+        for i, a in enumerate(left):
+            for j, b in enumerate(right):
+                self.rows[row + i][column + j] += a * b
+
+
+def add(draft: Draft, problem: Problem, loop: KnownLoop, t_end: float, rests_on: tuple[Assumption, ...]) -> None:
+    """Add the bound of a loop for the known command, or the reason why there is none."""
+    known_set = problem.uncertainty
+    if known_set is None:
+        return
+    with draft.part(KEY):
+        try:
+            found = command_bound(problem, loop, known_set, t_end)
+        except InputError as error:
+            draft.missing(KEY, str(error))
+            return
+        draft.guarantee(KEY, found, *rests_on)
+
+
+def told(certificate: Certificate) -> str:
+    """The text of a cell of Table 1 on this bound, which follows the bound for all commands."""
+    entry = certificate.entry(KEY)
+    given = entry is not None and entry.applies and entry.value is not None
+    return f"; {up(entry.value)} under the case's command up to t_end" if entry is not None and given else ""
+
+
+def of_adapting(problem: Problem, closed: Known, gamma: float | Array, theta_hat0: Array) -> float:
+    """sup |x_tilde_i| over the known set for any command: V decreases, so that x_tilde_i^2 <= (P^-1)_ii V(0), with P of
+    ``closed``."""
+    known_set = problem.uncertainty
+    assert known_set is not None
+    single = np.ndim(gamma) < 2
+    weights = 1 / np.broadcast_to(gamma, theta_hat0.shape) if single else 1 / laws.least_gain(gamma)
+    least = smallest_eigenvalue(closed.P)
+    level = known_set.farthest(theta_hat0, weights) / math.sqrt(least) * OUTWARD_FACTOR**3
+    return level * largest_component(closed.P, least) * OUTWARD_FACTOR
+
+
+def largest_component(P: Array, least: float) -> float:
+    """max_i sqrt((P^-1)_ii lambda_min), at most 1: the ratio of the bound of |e_i| to the bound of |e|_2 from V, rounded up."""
+    inverse = exact_matrix(P).inv()
+    widest = max((inverse[i, i] for i in range(len(P))), key=float)
+    found = float_above((widest * arb(least)).sqrt()) * OUTWARD_FACTOR
+    return min(found, 1.0)

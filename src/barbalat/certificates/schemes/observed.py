@@ -1,0 +1,79 @@
+"""The certificate of any controller with an observer: margins and steps of its loop including the observer.
+
+Proofs of a scheme assume a measured state, and x_hat is another signal: no entry of the scheme's own certificate applies. The
+loop is linearised by the exact Jacobians of all equations, including the observer's. A controller that is linear from sample to
+sample has the bounds of that loop; no bound is known of an adaptive one.
+"""
+
+from __future__ import annotations
+
+from barbalat.certificates import theorems
+from barbalat.certificates.cells import advice, estimate, limits_text, margins_cell, nothing
+from barbalat.certificates.certificate import Certificate, Draft
+from barbalat.certificates.entry import Entry
+from barbalat.certificates.linear_loops import over_known_set
+from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
+from barbalat.certificates.schemes import LinearFile, bounded_response, sampled_margins, scheme_file
+from barbalat.certificates.schemes.sampled_loop import LINEAR_CONTROLLER, OF_SAMPLED_LOOPS, add_loop
+from barbalat.certificates.schemes.unregistered import add_linearised
+from barbalat.controllers import Sampled
+from barbalat.controllers.l1_piecewise import L1PiecewiseConstant
+from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.problem.state_feedback import Problem
+from barbalat.protocols import Controller
+from barbalat.solvers.simulation import Simulation
+
+NO_THEOREM = "no theorem covers adaptation with an observer"
+NO_BOUND = "with an observer a bound is computed only for controllers with a sample_time"
+
+
+def certificate(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:
+    """Margins of the loop including the observer, and the step that its modes tolerate."""
+    draft, linear = Draft(own=OF_SAMPLED_LOOPS | bounded_response.OF_RESPONSES), _linear_when(problem, controller)
+    if linear is None:
+        why = _why(problem, controller)
+        theorem = theorems.OBSERVER if why == NO_THEOREM else theorems.CONTINUOUS_OBSERVER
+        draft.note(f"{why}: margins are those of linear loops that include the observer, and no error is bounded")
+        draft.missing("error_bound", why, theorem=theorem)
+    loop = ClosedLoop.of(problem, controller)
+    if problem.delay and not loop.sampled and loop.observer is not None and loop.observer.B.any():
+        draft.note(
+            "the observer of a continuous controller does not contain the delay of the input; that of a sampled controller does: "
+            "give it a sample_time"
+        )
+    if linear is not None:
+        bounded_response.add(draft, problem, controller, simulation.t_end)
+        found = linearised(problem, controller)
+        if add_loop(draft, problem, found, linear) and problem.plant.inputs == 1:
+            over_known_set.add_sampled(draft, problem, found)
+    elif isinstance(controller, Sampled):
+        draft.note(f"the controller runs sampled every {controller.sample_time:g} s ({controller.discretization})")
+        sampled_margins.add(draft, problem, controller, simulation.t_end)
+    else:
+        add_linearised(draft, problem, controller, simulation)
+    return draft.finish()
+
+
+def _why(problem: Problem, controller: Controller) -> str:
+    return NO_THEOREM if ClosedLoop.of(problem, controller).parameters else NO_BOUND
+
+
+def _linear_when(problem: Problem, controller: Controller) -> str | None:
+    """What makes a sampled controller linear; None if it is not, or not sampled."""
+    if isinstance(controller, L1PiecewiseConstant):
+        return LINEAR_CONTROLLER
+    if not isinstance(controller, Sampled):
+        return None
+    file = scheme_file(controller.controller)
+    return file.linear_when(problem, controller.controller) if isinstance(file, LinearFile) else None
+
+
+def column(problem: Problem, controller: Controller, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
+    """The class's name, and cells that claim only what was computed."""
+    inner, why = controller.controller if isinstance(controller, Sampled) else controller, _why(problem, controller)
+    cells = {key: nothing(key, why) for key in ("stability", "tracking", "transient", "estimates", "modelling_error")}
+    if not ClosedLoop.of(problem, controller).parameters:
+        cells["estimates"] = advice("estimates", "it estimates nothing")
+    cells |= {"tuning": estimate("tuning", limits_text(certificate)), "margins": margins_cell(certificate)}
+    cells |= bounded_response.cells(certificate)
+    return f"{type(inner).__name__} with an observer", cells

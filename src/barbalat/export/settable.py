@@ -1,0 +1,85 @@
+"""The C of parameters that can be set while the controller runs: which there are, their bounds, the function that sets one."""
+
+from __future__ import annotations
+
+import re
+
+from barbalat.export.parameters import Parameter
+from barbalat.export.texts import Printed, comment, filled, indented
+
+
+def settable(printed: Printed) -> dict[str, str]:
+    """What stands in the places of ``controller.h`` and ``controller.c`` that are the parameters'; empty texts without any."""
+    names = ("parameter_macros", "parameter_declared", "parameter_functions", "parameter_set")
+    if not printed.contents.parameters:
+        return dict.fromkeys(names, "")
+    given = {
+        "name": printed.name,
+        "macro": printed.macro,
+        "real": printed.real,
+        "count": len(printed.contents.parameters),
+        "range": printed.number(printed.contents.parameter_range),
+        "each": "".join(f"#define {_macro(printed, one)} {i} /* {_about(printed, i)} */\n" for i, one in _numbered(printed)),
+        "tests": "\n        && ".join([f"in_range_of_parameters(c->parameter, {printed.macro}_PARAMETERS)", *_tests(printed)]),
+        "moves": "\n            && ".join(
+            ["samples > 0L", f"c->{printed.contents.layout.started.name}[0] > 0", *_not_at_start(printed)]
+        ),
+    }
+    return {name: filled(f"{name}.txt", **given) for name in names}
+
+
+def parameter_names(printed: Printed) -> list[str]:
+    """The macros of all parameters, in their order."""
+    return [_macro(printed, one) for one in printed.contents.parameters]
+
+
+def _numbered(printed: Printed) -> list[tuple[int, Parameter]]:
+    return list(enumerate(printed.contents.parameters))
+
+
+def _macro(printed: Printed, one: Parameter) -> str:
+    """Of a path: L1_SET_GAMMA of controller[0].gamma; the export has one controller."""
+    keys = one.path.keys[2:] if one.path.keys[0] == "controller" else one.path.keys
+    return f"{printed.macro}_SET_{re.sub(r'[^A-Z0-9]+', '_', '_'.join(map(str, keys)).upper())}"
+
+
+def _about(printed: Printed, i: int) -> str:
+    """The path, what it is, its value in the case, and what is taken."""
+    one, contents = printed.contents.parameters[i], printed.contents
+    names = [other.name for other in contents.parameters]
+    bounds = [one.bound] if one.bound else []
+    for low, high, strict in contents.ordered:
+        if i in (low, high):
+            relation = ("<" if i == low else ">") + ("" if strict else "=")
+            bounds.append(f"{relation} {names[high if i == low else low]}")
+    first = "; takes effect at the next reset" if _only_starts(printed, one) else ""
+    return comment(f"{one.name} = {one.value:g}, {one.meaning}{first}{''.join(f'; {bound}' for bound in bounds)}")
+
+
+def _only_starts(printed: Printed, one: Parameter) -> bool:
+    """Whether states begin with it, and no operation reads it."""
+    contents = printed.contents
+    return one in contents.starts.values() and one not in contents.read_parameters
+
+
+def _tests(printed: Printed) -> list[str]:
+    """Of the signs and of the pairs."""
+    contents = printed.contents
+    tests = [f"c->parameter[{i}] {one.bound}" for i, one in _numbered(printed) if one.bound]
+    return tests + [
+        f"c->parameter[{low}] {'<' if strict else '<='} c->parameter[{high}]" for low, high, strict in contents.ordered
+    ]
+
+
+def _not_at_start(printed: Printed) -> list[str]:
+    """C: that what is set is read while the controller runs."""
+    return [f"which != {_macro(printed, one)}" for _, one in _numbered(printed) if _only_starts(printed, one)]
+
+
+def parameters_readme(printed: Printed) -> str:
+    """The section of README.md; empty without parameters."""
+    if not printed.contents.parameters:
+        return ""
+    rows = indented((f"| `{_macro(printed, one)}` | {_about(printed, i)} |" for i, one in _numbered(printed)), 0)
+    given = {"name": printed.name, "macro": printed.macro, "range": f"{printed.contents.parameter_range:g}", "rows": rows}
+    return "\n" + filled("README_parameters.md", first=_macro(printed, printed.contents.parameters[0]), **given)

@@ -1,0 +1,166 @@
+"""The response of a linear system to a known signal, enclosed for all times up to an end: Taylor polynomials on short steps.
+
+A signal that is a sum of sines, or linear between instants, is the output of a linear system that restarts at each bend. With
+that system's states included, the response is c e^(At) z, computed in ball arithmetic; on each step the Bernstein coefficients of
+the Taylor polynomial, and its remainder, bound the outputs (docs/theorem-1.md, "The known command").
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+
+from barbalat.linear.enclosure import float_above
+from barbalat.linear.l1_norms.pieces import POLYNOMIAL_DEGREE, bernstein_matrix
+from barbalat.validate import Array, InputError
+
+FIRST_BITS, MOST_BITS = 192, 3072
+MOST_STEPS = 2000
+"""Some seconds for ten states."""
+MISSED = 2.0**-60
+"""Admissible remainder of a step's Taylor polynomial relative to the outputs, far below the printed digits of a certificate."""
+SHORTEST_STEP = 2.0**-40
+"""[s]: a shorter step is due to the balls' radii, and the precision is increased."""
+GROWTH_ROOM = 0.5
+"""[1/s], added to the growth rate of the matrix of magnitudes: it keeps the components' weights within a moderate range."""
+SPREAD = 2.0**-30
+"""Admissible radius of the state's balls, relative to the state; beyond it the precision is increased."""
+
+
+@dataclass(frozen=True)
+class Generator:
+    """w' = S w, r = c w, restarted by each piece's w; ``pieces`` are (duration, w), and end at the requested time."""
+
+    S: Array
+    c: Array
+    pieces: list[tuple[arb, list[arb]]]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """z' = A z, where the first states belong to the signal's generator; ``start`` contains the others, the outputs are C z."""
+
+    A: arb_mat
+    C: arb_mat
+    signal: Generator
+    start: list[arb]
+
+
+def followed(motion: Motion) -> list[Array]:
+    """For each step up to the end of the signal's pieces, an array (outputs, 25), whose rows' largest entries bound the outputs.
+
+    The entries are Bernstein coefficients, so that sums of magnitudes of outputs can be bounded entry by entry too. InputError if
+    the response takes too many steps.
+    """
+    bits = FIRST_BITS
+    while bits <= MOST_BITS:
+        with ctx.workprec(bits):
+            found = _Steps(motion).all()
+        if found is not None:
+            return found
+        bits *= 2
+    raise InputError("the response to the case's command could not be enclosed at any precision that was tried")
+
+
+class _Steps:
+    """One attempt at the current precision."""
+
+    def __init__(self, motion: Motion) -> None:
+        self.motion, A = motion, motion.A
+        rows, powers = motion.C, list[list[arb]]()
+        for k in range(POLYNOMIAL_DEGREE + 1):
+            powers += rows.tolist()
+            rows = rows * A * (arb(1) / (k + 1))
+        self.powers = arb_mat(powers)  # C A^k/k!, one below the other
+        self.beyond = A ** (POLYNOMIAL_DEGREE + 1) * (arb(1) / math.factorial(POLYNOMIAL_DEGREE + 1))
+        self.weights, self.growth = growth(A)
+        self.gains = [sum((abs(one) * v for one, v in zip(row, self.weights, strict=True)), arb(0)) for row in motion.C.tolist()]
+        self.gain = float(max(one.upper() for one in self.gains))
+        self.known, self.largest, self.first, self.step = dict[float, arb_mat](), 0.0, 0.0, 1.0
+
+    def all(self) -> list[Array] | None:
+        """All steps; None if the precision is insufficient."""
+        bounds, rest, pieces = list[Array](), self.motion.start, self.motion.signal.pieces
+        for place, (length, w) in enumerate(pieces, start=1):
+            z, left = arb_mat([[one] for one in (*w, *rest)]), length
+            self.first = max(self.first, self.gain * self._size(z))
+            while True:
+                beyond = self._size(self.beyond * z)
+                step = self._longest(beyond)
+                if step is None or _spread(z) > SPREAD:
+                    return None
+                last = not left > step
+                d = left if last else arb(step)
+                bounds.append(self._bounds(z, beyond, d))
+                self.largest = max(self.largest, float(bounds[-1].max(initial=0.0)))
+                if len(bounds) > MOST_STEPS:
+                    raise InputError(f"the response to the case's command takes more than {MOST_STEPS} steps")
+                if last and place == len(pieces):
+                    return bounds
+                z = self._transition(d, None if last else step) * z
+                if last:
+                    break
+                left = left - step
+            rest = z.entries()[len(w) :]
+        return bounds
+
+    def _size(self, z: arb_mat) -> float:
+        return float_above(max((abs(one) / v).upper() for one, v in zip(z.entries(), self.weights, strict=True)))
+
+    def _longest(self, beyond: float) -> float | None:
+        """The longest power of two, at most twice the last one, with a small remainder; None if rounding forbids it."""
+        step, size = 2 * self.step, float(self.growth)
+        scale = max(self.largest, self.first)
+        room = math.log(MISSED * scale / self.gain) if self.gain * scale > 0 else math.inf
+        while beyond > 0 and (POLYNOMIAL_DEGREE + 1) * math.log(step) + size * step + math.log(beyond) > room:
+            step /= 2
+            if step < SHORTEST_STEP:
+                return None
+        self.step = step
+        return step
+
+    def _transition(self, d: arb, name: float | None) -> arb_mat:
+        if name is None:
+            return (self.motion.A * d).exp()
+        if name not in self.known:
+            self.known[name] = (self.motion.A * d).exp()
+        return self.known[name]
+
+    def _bounds(self, z: arb_mat, beyond: float, d: arb) -> Array:
+        """(outputs, 25): magnitudes of the Bernstein coefficients, plus the remainder on the step."""
+        p, degree = self.motion.C.nrows(), POLYNOMIAL_DEGREE
+        taylor, scales = (self.powers * z).entries(), [d**k for k in range(degree + 1)]
+        local = arb_mat([[taylor[k * p + i] * scales[k] for i in range(p)] for k in range(degree + 1)])
+        controls = (bernstein_matrix(ctx.prec) * local).tolist()
+        missed = arb(beyond) * d ** (degree + 1) * (self.growth * d).exp()
+        sizes = np.array([[float(abs(row[i]).upper()) for row in controls] for i in range(p)])
+        return (sizes + np.array([[float_above(missed * gain)] for gain in self.gains])) * (1 + 1e-15)  # three roundings
+
+
+def growth(A: arb_mat) -> tuple[list[arb], arb]:
+    """v > 0 and mu >= 0 with M v <= mu v, where M is A with the magnitudes of its off-diagonal entries.
+
+    |e^(As) z| <= e^(mu s) max_i(|z_i|/v_i) v then holds in every component: the right side grows faster than any |z_i|. Any v > 0
+    is valid. Its entries are powers of two, so that the last digits of LAPACK, which differ between processors, do not affect the
+    bound.
+    """
+    M = np.array([[float(one) for one in row] for row in A.tolist()])
+    M = np.where(np.eye(len(M), dtype=bool), M, np.abs(M))
+    abscissa = float(np.linalg.eigvals(M).real.max())
+    shifted = max(0.0, abscissa) + GROWTH_ROOM
+    solved = np.linalg.solve(shifted * np.eye(len(M)) - M, np.ones(len(M)))
+    v = [arb(float(one)) for one in np.exp2(np.round(np.log2(solved)))]
+    rates = [
+        (row[i] * v[i] + sum((abs(one) * w for j, (one, w) in enumerate(zip(row, v, strict=True)) if j != i), arb(0))) / v[i]
+        for i, row in enumerate(A.tolist())
+    ]
+    return v, max((one.upper() for one in rates), default=arb(0)).max(arb(0))
+
+
+def _spread(z: arb_mat) -> float:
+    entries = z.entries()
+    largest = max(float(abs(one.mid())) for one in entries)
+    return max(float(one.rad()) for one in entries) / largest if largest > 0 else 0.0

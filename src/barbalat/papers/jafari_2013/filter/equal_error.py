@@ -1,0 +1,121 @@
+"""MRAC and L1-AC at equal error: as many tunings of each, drawn by one rule over its own knobs, and the delay that each tolerates.
+
+The MRAC has its gain, L1-AC its gain and its filter: (6) for one half of the tunings, two slopes for the other. No setting is chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from barbalat.controllers import L1Adaptive, Mrac
+from barbalat.linear.systems import input_filter, two_slopes
+from barbalat.papers.claim import Listing, short
+from barbalat.papers.finding import Reading
+from barbalat.papers.jafari_2013.section_v import variant
+from barbalat.papers.jafari_2013.tunings import Side, drawn, ranges
+from barbalat.protocols import Controller, Signal
+from barbalat.solvers.simulation import Simulation
+from barbalat.study.delay_margin import delay_margins_ensemble
+from barbalat.validate import Array
+
+BUDGET, MORE = 8, 64
+"""Number of tunings of each side in the plain command and in ``--full``: powers of two, with which Sobol's sequence is balanced."""
+GAINS = (1e-4, 100.0)
+"""Of both sides: from where little is adapted up to the largest decade that the step resolves at r = 50."""
+MRAC_KNOBS = {"Gamma": GAINS}
+L1_KNOBS = {"kappa": (2e-3, 0.5), "Gamma": GAINS}
+RESOLUTION = 0.05
+"""Of the delays' bisection."""
+CRITERIA = {"onset": "up to the beginning of an oscillation", "loss": "up to the loss of the motion"}
+RULE = (
+    f"Equal error by one rule: Sobol's points over {ranges(MRAC_KNOBS)} of the MRAC and {ranges(L1_KNOBS)} of L1-AC, one half with (6) and "
+    "one half with (2 kappa s + 1)/(kappa s + 1)^2; a tuning matches one of the other side if its RMS error is no larger and its delay no shorter"
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Fronts:
+    """Both sides under one command: RMS error, then the delay by each of ``CRITERIA``, negative."""
+
+    command: str
+    mrac: Side
+    l1: Side
+
+    def advantages(self, criterion: str) -> Array:
+        """(K,) of L1-AC's tunings: the delay over the longest of the MRAC's tunings with no larger error."""
+        return _over_the_best(self.l1, self.mrac, 1 + list(CRITERIA).index(criterion))
+
+    def drawbacks(self, criterion: str) -> Array:
+        """(K,) of the MRAC's tunings: the same over L1-AC's."""
+        return _over_the_best(self.mrac, self.l1, 1 + list(CRITERIA).index(criterion))
+
+
+def _over_the_best(side: Side, other: Side, which: int) -> Array:
+    """(K,) delays over the longest of the other side's at no larger error; infinite where it has none, 0 where nothing is tolerated."""
+    error, delay, theirs = side.reached[:, 0], -side.reached[:, which], -other.reached[:, which]
+    best = np.array([theirs[other.reached[:, 0] <= e].max(initial=0.0) if np.isfinite(e) else np.inf for e in error])
+    return np.asarray(np.divide(delay, best, out=np.where(delay > 0, np.inf, 0.0), where=best > 0))
+
+
+def fronts(command: str, signal: Signal, simulation: Simulation, count: int) -> Fronts:
+    """Both sides' tunings under a command."""
+    mrac = [Mrac(gamma=float(gamma)) for (gamma,) in drawn(MRAC_KNOBS, count)]
+    points = drawn(L1_KNOBS, count)
+    with_6 = [L1Adaptive(gamma=float(gamma), filter=input_filter(float(kappa))) for kappa, gamma in points[::2]]
+    with_two = [L1Adaptive(gamma=float(gamma), filter=two_slopes(float(kappa))) for kappa, gamma in points[1::2]]
+    told = [f"{name}, kappa {short(kappa)} s, Gamma {short(gamma)}" for name, some in (("(6)", points[::2]), ("two slopes", points[1::2])) for kappa, gamma in some]  # fmt: skip
+    reached = [_reached(signal, some, simulation) for some in (mrac, with_6, with_two)]
+    return Fronts(
+        command,
+        Side("MRAC", tuple(f"Gamma {short(one.gamma)}" for one in mrac), reached[0]),
+        Side("L1-AC", tuple(told), np.concatenate(reached[1:])),
+    )
+
+
+def _reached(signal: Signal, tunings: Sequence[Controller], simulation: Simulation) -> Array:
+    """(K, 3); infinite error where a run diverged."""
+    problem = variant(reference=signal)
+    found = delay_margins_ensemble([(problem, one) for one in tunings], simulation, resolution=RESOLUTION)
+    error = np.linalg.norm(found.undelayed.rms_e, axis=1)
+    return np.column_stack([np.where(np.isfinite(error), error, np.inf), -found.onset.bears, -found.loss.bears])
+
+
+def reading(found: Sequence[Fronts], criterion: str) -> Reading:
+    """Whether the filter lowers the delay at equal error: whether the MRAC matches every tuning of L1-AC."""
+    said, matched = [], True
+    for one in found:
+        half, ahead = len(one.l1.tunings) // 2, one.advantages(criterion) > 1
+        behind = one.drawbacks(criterion) > 1
+        matched &= not ahead.any()
+        said.append(
+            f"{one.command}: {int(ahead[:half].sum())} of {half} with (6) and {int(ahead[half:].sum())} of {half} with two slopes are not matched by the MRAC, "
+            f"{int(behind.sum())} of {len(behind)} of the MRAC's are not matched by L1-AC"
+        )
+    return Reading(
+        f"at equal error, with both tuned by one rule, some tuning of the MRAC matches every tuning of L1-AC, {CRITERIA[criterion]}",
+        bool(matched),
+        "; ".join(said),
+        "beside",
+    )
+
+
+def listing(found: Sequence[Fronts]) -> Listing:
+    """The largest advantage of each filter by each criterion, with its tuning."""
+    rows = []
+    for one in found:
+        half = len(one.l1.tunings) // 2
+        for criterion in CRITERIA:
+            ratios = one.advantages(criterion)
+            for part in (slice(None, half), slice(half, None)):
+                finite = np.where(np.isfinite(ratios[part]), ratios[part], -1.0)
+                best = int(finite.argmax()) + (part.start or 0)
+                error, delay = one.l1.reached[best, 0], -one.l1.reached[best, 1 + list(CRITERIA).index(criterion)]
+                rows.append((one.command, criterion, one.l1.tunings[best], short(error), short(delay), short(ratios[best])))
+    return Listing(
+        "For each filter, the tuning of L1-AC that is furthest ahead of the MRAC tunings with no larger RMS error: its delay [s] divided by theirs; below 1 the MRAC matches every tuning with that filter",
+        ("command", "criterion", "tuning of L1-AC", "RMS |e|", "delay [s]", "over the MRAC's"),
+        tuple(rows),
+    )

@@ -1,0 +1,113 @@
+"""One C of (20) for every plant of a known set, tried by forms with one bandwidth."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from barbalat.certificates.schemes.output.l1 import condition_norm, small_gain_system
+from barbalat.controllers.output.l1 import L1Output
+from barbalat.linear.systems import TransferFunction
+from barbalat.papers.claim import Claim, Measurement, short, table
+from barbalat.papers.finding import Reading
+from barbalat.papers.jafari_2013 import section_v
+from barbalat.papers.jafari_2013.sentences import SENTENCES
+
+M, LIPSCHITZ = 1.0, 0.5
+"""The pole of (19) [rad/s], and L as in the bundled case l1-output."""
+BANDWIDTHS = np.geomspace(1.0, 1e4, 9)
+"""[rad/s]."""
+GRID = np.linspace(-5.0, 5.0, 5)
+"""Of either theta_i: corners, edges and inside of Section V's known set."""
+
+
+def first_order(w: float) -> TransferFunction:
+    """(6), with kappa = 1/w."""
+    return TransferFunction([w], [1.0, w])
+
+
+def two_slopes(w: float) -> TransferFunction:
+    """1 - C = s^2/(s + w)^2."""
+    return TransferFunction([2 * w, w**2], [1.0, 2 * w, w**2])
+
+
+def with_lead(w: float) -> TransferFunction:
+    """C/(1 - C) = m w^2 (3 s + w)/(s (s + 3 w)): beside 1/s^2, what every plant of the set is at high frequency, a lead of 53 degrees at crossover, w."""
+    num = M * np.array([3 * w**2, w**3])
+    return TransferFunction(num, np.polyadd([1.0, 3 * w, 0.0], num))
+
+
+FIRST = "first order, as (6)"
+FORMS: dict[str, Callable[[float], TransferFunction]] = {
+    FIRST: first_order,
+    "two slopes of 1 - C": two_slopes,
+    "with a lead": with_lead,
+}
+
+
+def plants(gain: float = 1.0) -> list[TransferFunction]:
+    """From u to x_1 over the known set: gain/(s^2 + (1 - theta_2) s + 0.3 - theta_1)."""
+    A_m = section_v.problem().plant.A_m
+    return [TransferFunction([gain], [1.0, -A_m[1, 1] - b, -A_m[1, 0] - a]) for a in GRID for b in GRID]
+
+
+def stabilised(C: TransferFunction, family: list[TransferFunction]) -> int:
+    """For how many of them H is stable."""
+    scheme = L1Output(m=M, gamma=1.0, filter=C)
+    return sum(small_gain_system(scheme, G).is_stable for G in family)
+
+
+def largest_norm(C: TransferFunction, family: list[TransferFunction]) -> float:
+    """||H (1 - C)||_1 L, guaranteed from above, of the worst of them; H is stable for all."""
+    scheme = L1Output(m=M, gamma=1.0, filter=C)
+    return LIPSCHITZ * max(condition_norm(scheme, G).upper for G in family)
+
+
+def claim() -> Claim:
+    """Each form over the bandwidths and the plants of the set, and with the sign of the gain unknown."""
+    sentence, family = SENTENCES["c-of-20"], plants()
+    counts = {name: [stabilised(form(float(w)), family) for w in BANDWIDTHS] for name, form in FORMS.items()}
+    found = {name: _least(form, family, counts[name]) for name, form in FORMS.items()}
+    satisfied = {name: (w, norm) for name, (w, norm) in found.items() if norm < 1}
+    either = [*plants(), *plants(-1.0)]
+    of_both = sum(stabilised(form(float(w)), either) == len(either) for form in FORMS.values() for w in BANDWIDTHS)
+    best, (w, _) = min(satisfied.items(), key=lambda one: one[1][0], default=("none", (np.nan, np.nan)))
+    told = "; ".join(
+        f"{name}: from w = {short(at)} rad/s on, ||H(1-C)||_1 L at most {value:.2g}" for name, (at, value) in satisfied.items()
+    )
+    most = {name: max(values) for name, values in counts.items()}
+    return Claim(
+        sentence=sentence,
+        readings=(
+            sentence.reads(bool(satisfied), told or f"none of {len(FORMS) * len(BANDWIDTHS)} does for all {len(family)} plants"),
+            Reading(
+                "a C of first order, as (6), is sufficient",
+                FIRST in satisfied,
+                f"H is stable for at most {most[FIRST]} of {len(family)} plants: its denominator is m s d(s) + w (s + m), and where d(s) = s^2 + a_1 s + a_0 has a_1 < 0 the coefficient m a_1 is negative, whatever w and m are",
+                "beside",
+            ),
+            Reading(
+                "some C also stabilises H for plants with either sign of the gain",
+                bool(of_both),
+                f"{of_both} of {len(FORMS) * len(BANDWIDTHS)} do. None can: with C(0) = 1 the denominator of H begins with m d(s) (q - p), C = p/q, and ends with n(0) p(0) m, whose sign is that of the gain. An MRAC has to know that sign too",
+                "beside",
+            ),
+        ),
+        shows=f"A C {best}, w = {short(w)} rad/s, satisfies (20) for all {len(family)} plants of Section V's set; one of first order stabilises at most {most[FIRST]} of them.",
+        measured=f"number of the {len(family)} plants for which H is stable, at the best bandwidth: {', '.join(f'{name} {count}' for name, count in most.items())}; (20) is satisfied for all: {told or 'by none'}. Ref. 15 is not available, so it is open whether its section 4.1.4 addresses the question in general",
+        how=f"G = 1/(s^2 + (1 - theta_2) s + 0.3 - theta_1), {len(GRID)} x {len(GRID)} theta of the known set, (19) with m = {M:g}, L = {LIPSCHITZ:g}, {len(BANDWIDTHS)} bandwidths from {BANDWIDTHS[0]:g} to {BANDWIDTHS[-1]:g} rad/s; poles of H, certified L1 norms; a grid says nothing about the plants between its points",
+        listings=(table("For how many plants H of (20) is stable, by the bandwidth of C", {"w [rad/s]": BANDWIDTHS} | {name: [str(count) for count in values] for name, values in counts.items()}),),
+        would_change="fails: a set for which no C of these forms is found. The lead was found because every plant of the set behaves as 1/s^2 at high frequency; other relative degrees or zeros need another search",
+    )  # fmt: skip
+
+
+def _least(form: Callable[[float], TransferFunction], family: list[TransferFunction], counts: list[int]) -> tuple[float, float]:
+    """The least bandwidth with which a form satisfies (20) for all plants, and its worst norm times L; infinite if none does."""
+    for w, count in zip(BANDWIDTHS, counts, strict=True):
+        if count == len(family) and (norm := largest_norm(form(float(w)), family)) < 1:
+            return float(w), norm
+    return np.inf, np.inf
+
+
+ROWS = (Measurement(claim, 1.5, {"c-of-20": "one C that satisfies (20) for an unknown plant"}, place=345),)

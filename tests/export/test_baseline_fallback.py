@@ -1,0 +1,88 @@
+"""The baseline as the fallback after an outage: what acts then, without a bump, and the same in C in every bit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat import (
+    BaselineAlone,
+    L1Adaptive,
+    Mrac,
+    ParameterBox,
+    Plant,
+    Problem,
+    ReferenceModel,
+    Sampled,
+    Simulation,
+    TransferFunction,
+    simulate,
+)
+from barbalat.export.c99.files import files
+from barbalat.export.in_the_loop import simulate_export
+from barbalat.plants import Dropout, LqiBaseline, PidBaseline, Shell, StateBaseline
+from barbalat.signals import Sine
+from export.targets import ISO, STRICT, needs_gcc, run_selftest, write
+
+T, OUT, FADE = 0.01, 0.03, 0.1
+BASELINES = {
+    "lqi": LqiBaseline(Q=[1.0, 0.0, 20.0], R=1.0, output=[1.0, 0.0]),
+    "pid": PidBaseline(k_p=3.0, k_i=2.0, k_d=1.0, T_f=0.05, output=[1.0, 0.0]),
+    "state": StateBaseline(K=[4.0, 0.0], output=[1.0, 0.0]),
+}
+SCHEMES = {
+    "mrac": Sampled(Mrac(gamma=20.0), T),
+    "l1": Sampled(L1Adaptive(gamma=500.0, filter=TransferFunction([20.0], [1.0, 20.0])), T),
+    "alone": Sampled(BaselineAlone(), T),
+}
+RUN = Simulation(t_end=3.0, dt=T / 5)
+
+
+def problem(kind: str, fade: float = FADE) -> Problem:
+    plant = Plant(A=[[-1.0, 1.0], [0.5, -1.0]], b=[0.0, 2.0], baseline=BASELINES[kind])
+    departure = ParameterBox(lower=[-1.0, -1.0], upper=[1.0, 1.0])
+    assert plant.baseline is not None
+    return Problem(
+        plant,
+        ReferenceModel(),
+        Sine(amplitude=1.0, frequency=2.0),
+        uncertainty=plant.baseline.around_nominal(departure),
+        shell=Shell(longest_outage=OUT, fallback="baseline", fade=fade),
+        faults=(Dropout(times=((1.0, 2.0),)),),
+    )
+
+
+@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("kind", BASELINES)
+def test_the_baseline_alone_acts_after_the_longest_outage(kind, scheme) -> None:
+    posed = problem(kind)
+    run = simulate(posed, [SCHEMES[scheme]], RUN)[SCHEMES[scheme].name]
+    t = np.arange(round(RUN.t_end / T)) * T
+    u = np.interp(t + T / 2, run.t, run.u.reshape(-1))  # as held from each sample on
+    k = int(np.searchsorted(t, 1.0 - 1e-9))
+    missed = round(OUT / T)
+    assert np.ptp(u[k - 1 : k + missed]) == 0  # held up to the longest outage
+    fixed = posed.fixed
+    slope = 2.0 * 1.0 * abs(float(fixed.k_r[0, 0])) * T  # [u] by which the command alone can move the baseline in a sample
+    step = abs(u[k + missed] - u[k + missed - 1])
+    assert step <= 1e-12 + slope  # no bump as the baseline takes over
+    alone = np.diff(u[k + missed + round(FADE / T) + 1 : k + 100])
+    # what is left is k_r r(t) and a constant: differences of a sine
+    r = np.sin(2.0 * t)
+    expected = fixed.k_r[0, 0] * np.diff(r[k + missed + round(FADE / T) + 1 : k + 100])
+    assert np.abs(alone - expected).max() < 1e-12
+    back = np.searchsorted(t, 2.0 - 1e-9)
+    assert abs(u[back] - u[back - 1]) <= 1e-12 + slope  # nor one on the way back
+
+
+@needs_gcc
+@pytest.mark.parametrize(("kind", "scheme", "fade"), [("lqi", "mrac", FADE), ("pid", "l1", 0.0), ("state", "alone", FADE)])
+def test_the_c_is_the_simulation_in_every_bit(tmp_path, kind, scheme, fade) -> None:
+    posed, controller = problem(kind, fade), SCHEMES[scheme]
+    origin = simulate(posed, [controller], RUN)[controller.name]
+    assert simulate_export(posed, controller, RUN).differs_from(origin) == ""
+    write(tmp_path, files(replace(posed, faults=()), controller, RUN))
+    told = run_selftest(tmp_path, "gcc", *ISO, *STRICT, "-O2")
+    assert told.returncode == 0, told.stdout

@@ -1,0 +1,54 @@
+"""A sweep of a case with a tolerance, against the same sweep at fixed steps."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from barbalat import Simulation, load_case
+from barbalat.open_numbers.varied import VariedObjects
+from barbalat.problem.measurement import Noise, Sensor
+from barbalat.sweeps.known_set_draws import sampled
+from barbalat.sweeps.plan import Plan
+from barbalat.sweeps.study import Study
+from barbalat.sweeps.sweep import run_study, sweep, worst_runs
+from barbalat.validate import InputError
+
+CASE = load_case("paper")
+SLOW = tuple(replace(c, gamma=0.1) for c in CASE.controllers if c.name == "MRAC")
+
+
+def swept(simulation, **how):
+    case = replace(CASE, controllers=SLOW, simulation=simulation)
+    return sweep(case, sample={"plant.theta[0]": "uniform:2:4"}, members=12, bounds=False, audit=3, **how)
+
+
+def test_figures_and_verdicts_are_those_of_fixed_steps() -> None:
+    ours, fixed = swept(Simulation(20.0, tolerance=1e-8)), swept(Simulation(20.0, 1e-3))
+    for name in ("max_abs_e[0]", "rms_e[1]", "tail_max_abs_e[0]", "theta_hat_final[1]", "verdict", "settled"):
+        assert ours.rows.column(f"MRAC/{name}") == pytest.approx(fixed.rows.column(f"MRAC/{name}"), rel=1e-3), name
+    assert "repeated at a 32nd of the tolerance, none changed a verdict" in ours.audit.sentences[0]
+    assert ours.audit.as_json()["finer_by"] == 32
+
+
+def test_the_recorded_run_of_the_worst_member_is_that_member() -> None:
+    """With its own noise: the extrema of the record are those of the sweep, up to what lies between recorded instants."""
+    problem = replace(CASE.problem, sensor=Sensor(noise=Noise(std=0.05, sample_time=0.1, seed=3)))
+    case = replace(CASE, problem=problem, controllers=SLOW, simulation=Simulation(4.0, tolerance=1e-8))
+    plan = Plan({}, dict(sampled(case, [("plant.theta[0]", "uniform:2:4")])), members=6, seed=1)
+    study = Study(VariedObjects(case, plan.paths, False), plan)
+    found = run_study(study, bounds=False, audit=0)
+    member, result = worst_runs(study, found)["MRAC"]
+    assert member > 0
+    assert np.abs(result.e[:, 0]).max() == pytest.approx(found.rows.column("MRAC/max_abs_e[0]")[member], rel=1e-4)
+    assert result.theta_hat[-1, 1] == pytest.approx(found.rows.column("MRAC/theta_hat_final[1]")[member], rel=1e-7)
+
+
+def test_bits_do_not_depend_on_threads() -> None:
+    one, other = (swept(Simulation(4.0, tolerance=1e-6), threads=n).rows for n in (1, 2))
+    assert all(np.array_equal(one.column(name), other.column(name), equal_nan=True) for name in one.names)
+
+
+def test_other_computers_take_fixed_steps() -> None:
+    with pytest.raises(InputError, match=r"a sweep on other computers needs one: give simulation\.dt"):
+        swept(Simulation(4.0, tolerance=1e-6), scheduler="tcp://127.0.0.1:9")
