@@ -192,6 +192,31 @@ def test_workers_that_join_and_die_and_a_scheduler_that_goes(tmp_path):
 
 
 @pytest.mark.full
+def test_a_worker_that_computes_other_bits_with_the_same_sources_is_found():
+    pytest.importorskip("distributed")
+
+    def double_the_errors():
+        from barbalat.sweeps import cluster
+
+        right = cluster.figured
+
+        def wrong(*given):
+            found = right(*given)
+            return found._replace(metrics=replace(found.metrics, max_abs_e=2 * found.metrics.max_abs_e))
+
+        cluster.figured = wrong
+
+    chunks = [cluster.Chunk(0, 8), cluster.Chunk(8, 8)]
+    with cluster.connected(Scheduler(workers=1)) as client:
+        found = dict(cluster.Workers(work_of(study(16)), client).run(chunks))
+        assert set(found) == set(chunks)
+        client.run(double_the_errors)
+        (worker,) = client.nthreads()
+        message = refusal(lambda: list(cluster.Workers(work_of(study(16)), client).run(chunks)))
+    assert message.startswith(f"the worker {worker} computes other bits than this computer for the same 4 members")
+
+
+@pytest.mark.full
 def test_leaving_a_local_cluster_waits_for_no_chunk():
     """Dask would wait for the worker, and once more at the end of the process."""
     pytest.importorskip("distributed")
@@ -203,7 +228,9 @@ def test_leaving_a_local_cluster_waits_for_no_chunk():
         while not any(client.processing().values()):
             assert given.status == "pending"
             time.sleep(0.05)
-        (local,) = SpecCluster._instances
+        (local,) = (
+            one for one in SpecCluster._instances if one.status.name == "running"
+        )  # a closed one may not be collected yet
     assert not local.shutdown_on_close
     with contextlib.suppress(ProcessLookupError, FileNotFoundError):
         while True:  # gone, or dead and not asked about yet; Dask alone would leave it for ten minutes

@@ -22,6 +22,9 @@ from importlib import metadata, resources
 from importlib.resources.abc import Traversable
 from threading import Event, Thread
 from typing import TYPE_CHECKING
+from uuid import uuid4
+
+import numpy as np
 
 import barbalat
 from barbalat import validate
@@ -103,9 +106,48 @@ def _sources(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable
             yield name, one
 
 
+@dataclass(frozen=True, eq=False)
+class Canary:
+    """A few members of the study that every worker's process runs before others: it must obtain the client's bits. Hashes of the
+    sources do not tell of a patched package, another compiler's library or a defective processor."""
+
+    task: WorkerTask
+    tables: Tabulated
+    name: str
+
+    @classmethod
+    def of(cls, part: StudyPart) -> Canary:
+        task = WorkerTask.of(part)
+        few = tuple(one.some(slice(0, CANARY_MEMBERS)) for one in task.members)
+        return cls(replace(task, members=few), Tabulated.of(part), uuid4().hex)
+
+    def digest(self) -> str:
+        """The SHA-256 of all figures of these members, computed in this process once."""
+        if self.name not in _DIGESTS:
+            found = hashlib.sha256()
+            for one in figures(self.task, self.tables):
+                named = [*vars(one.metrics).items(), ("kinds", one.kinds), ("finer_by", one.finer_by)]
+                for name, values in named:
+                    found.update(name.encode() + (b"" if values is None else np.ascontiguousarray(values).tobytes()))
+            _DIGESTS[self.name] = found.hexdigest()
+        return _DIGESTS[self.name]
+
+
+CANARY_MEMBERS = 4
+_DIGESTS: dict[str, str] = {}
+"""Of the canaries that ran in this process, by their names."""
+
+
 def kept(tables: Tabulated) -> Tabulated:
     """Data that a cluster stores for many chunks; the scheduler recreates it if its worker is lost."""
     return tables
+
+
+def checked_figures(sent: WorkerTask, tables: Tabulated, canary: Canary) -> tuple[str, str, list[Figured]]:
+    """The worker's address, the canary's digest there, and ``figures``."""
+    from distributed import get_worker
+
+    return get_worker().address, canary.digest(), figures(sent, tables)
 
 
 def figures(sent: WorkerTask, tables: Tabulated) -> list[Figured]:
@@ -273,6 +315,7 @@ class Workers:
     client: Client
     tables: dict[int, tuple[Setting, Future]] = field(default_factory=dict)
     under_way: dict[Future, tuple[_Given, int, str | None]] = field(default_factory=dict)
+    canary: tuple[str, Future] | None = None
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[tuple[Chunk, Columns]]:
         """Each chunk with its columns when complete, in any order; SchedulerLostError."""
@@ -313,9 +356,10 @@ class Workers:
         with warnings.catch_warnings():
             warnings.filterwarnings("ignore", "Sending large graph")  # the signals' tables, sent once for all chunks
             future = self.client.submit(
-                figures,
+                checked_figures,
                 WorkerTask.of(part),
                 self._table(part),
+                self._canary_there(part),
                 pure=False,
                 workers=worker,
                 allow_other_workers=worker is not None,
@@ -331,6 +375,14 @@ class Workers:
             self.tables[key] = part.setting, self.client.submit(kept, Tabulated.of(part), pure=False)
         return self.tables[key][1]
 
+    def _canary_there(self, part: StudyPart) -> Future:
+        """The canary on the cluster, made from the first part that is given."""
+        if self.canary is None:
+            canary = Canary.of(part)
+            there = self.client.submit(Canary, canary.task, self._table(part), canary.name, pure=False)
+            self.canary = canary.digest(), there
+        return self.canary[1]
+
     def _least_busy(self) -> str | None:
         """The worker to use if it is alive. By itself Dask prefers the one that already has the signals."""
         busy = Counter(worker for _, _, worker in self.under_way.values())
@@ -344,13 +396,13 @@ class Workers:
             raise SchedulerLostError from error
 
     def _result(self, future: Future, given: _Given) -> list[Figured] | None:
-        """A part's figures; None if its workers died."""
+        """A part's figures; None if its workers died; InputError from a worker that computes other bits than this computer."""
         from concurrent.futures import CancelledError
 
         from distributed import KilledWorker
 
         try:
-            found: list[Figured] = future.result()
+            worker, digest, found = future.result()
         except KilledWorker as error:
             given.deaths += 1
             if given.deaths > MOST_DEATHS:
@@ -363,4 +415,11 @@ class Workers:
             raise SchedulerLostError from error
         except (ImportError, AttributeError) as error:
             raise InputError(f"a worker lacks the client's version of barbalat: {error}; install it there") from None
-        return found
+        assert self.canary is not None
+        if digest != self.canary[0]:
+            raise InputError(
+                f"the worker {worker} computes other bits than this computer for the same {CANARY_MEMBERS} members, although its "
+                "versions and sources are the same: none of its rows is kept; stop it, then repeat the command"
+            )
+        figures: list[Figured] = found
+        return figures

@@ -107,20 +107,21 @@ class Batch:
         """Some of the members; their results don't depend, to any bit, on the other members. InputError for members with a
         tolerance."""
         members.simulation.require_steps("what is asked for here")
+        some = members.some(which)
         return cls(
-            members.loop,
-            members.program,
-            members.states[:, which],
-            members.parameters[:, which],
-            members.rhythm,
+            some.loop,
+            some.program,
+            some.states,
+            some.parameters,
+            some.rhythm,
             record=record,
             lanes=lanes or best_lanes(len(members)),
-            lags=None if members.lags is None else members.lags[which],
-            history=None if members.history is None else members.history[:, which],
-            seeds=None if members.seeds is None else members.seeds[which],
-            numbers=members.numbers[which],
-            watch=members.watch(),
-            steps=members.simulation.steps,
+            lags=some.lags,
+            history=some.history,
+            seeds=some.seeds,
+            numbers=some.numbers,
+            watch=some.watch(),
+            steps=some.simulation.steps,
         )
 
     def __post_init__(self) -> None:

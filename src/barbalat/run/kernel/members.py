@@ -105,6 +105,18 @@ class Members:
     def __len__(self) -> int:
         return int(self.states.shape[1])
 
+    def some(self, which: slice) -> Members:
+        """These of the members, with the same kernel."""
+        return replace(
+            self,
+            states=self.states[:, which],
+            parameters=self.parameters[:, which],
+            numbers=self.numbers[which],
+            lags=None if self.lags is None else self.lags[which],
+            history=None if self.history is None else self.history[:, which],
+            seeds=None if self.seeds is None else self.seeds[which],
+        )
+
     def watch(self) -> Watch | None:
         """The windows in which the kernel of one member keeps the monitored quantity; None if there is none."""
         steps = self.simulation.steps
