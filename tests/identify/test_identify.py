@@ -13,6 +13,7 @@ from barbalat.identify import known_set
 from barbalat.identify.identification import identify, windows_of
 from barbalat.identify.known_set import Windows, enclose
 from barbalat.identify.recording import Recording
+from barbalat.report import identification as report
 from barbalat.validate import InputError
 
 
@@ -188,3 +189,78 @@ def test_exact_knowledge_leaves_least_squares_for_the_rest():
     nominal = found.rows[1].nominal
     assert any("the least squares of x1' lie outside the known set" in said for said in found.findings)
     assert nominal[1] == pytest.approx(-0.98, abs=1e-3) and np.allclose(nominal, [0.0, -0.98, 1.97], atol=0.05)
+
+
+def unstable(h=0.01, N=800, noise=1e-3):
+    """x'' = 25 x + 4 u under a feedback that holds it near 0, with a dither; the noise is at its bound."""
+    rng = np.random.default_rng(3)
+    whole = np.array([[0.0, 1.0, 0.0], [25.0, 0.0, 4.0], [0.0, 0.0, 0.0]])
+    step, x, u, states = expm(whole * h), np.zeros(2), np.zeros((N, 1)), []
+    for k in range(N):
+        states.append(x + noise * rng.choice([-1.0, 1.0], 2))
+        u[k] = -np.array([10.0, 2.5]) @ states[-1] + 2.0 * rng.choice([-1.0, 1.0])
+        x = step[:2] @ [*x, u[k, 0]]
+    return Recording(h * np.arange(N), u, np.array(states), ("u",), ("q", "w"))
+
+
+def test_an_unstable_plant_is_validated_by_predictions_over_its_fastest_growth():
+    """Written out by hand: 0.2 s is 1 / 5 rad/s, and every prediction starts from a measured state."""
+    found = identify(unstable(), derivatives={"q": "w"})
+    growth = np.linalg.eigvals(found.A).real.max()
+    assert growth == pytest.approx(5.0, rel=0.05)
+    assert found.restarted == int(1 / (growth * 0.01)) and found.horizon == pytest.approx(found.restarted * 0.01)
+    rest = found.recording.part(found.trained, 800)
+    step = expm(np.block([[found.A, found.B], [np.zeros((1, 3))]]) * 0.01)[:2]
+    for k in (1, found.restarted, found.restarted + 1, len(rest.times) - 1):
+        start = (k - 1) // found.restarted * found.restarted
+        x = rest.outputs[start]
+        for j in range(start, k):
+            x = step @ [*x, rest.inputs[j, 0]]
+        np.testing.assert_allclose(found.predicted[k], x, rtol=1e-9)
+    assert min(found.fit.values()) > 0.7 and all(found.fit[name] > found.held_fit[name] for name in ("q", "w"))
+    assert not any("worse than" in said for said in found.findings)
+    told = found.as_json()["held_out"]
+    assert told["restart_every"] == found.restarted and told["horizon"] == found.horizon
+
+
+def test_an_unstable_plant_that_predicts_worse_than_a_held_state_is_a_finding():
+    """A growing oscillation, of which only one state is an output."""
+    t = 0.01 * np.arange(800)
+    q = np.exp(t) * (1 + 2 * np.sin(10 * t))
+    found = identify(Recording(t, unstable().inputs, q[:, None], ("u",), ("q",)))
+    assert found.restarted is not None and found.fit["q"] < found.held_fit["q"]
+    assert any("predicts q worse than a state that is held from the last restart" in said for said in found.findings)
+    assert "s ahead and fits q" in report.sentence(found) and "restarts from the measured state every" in report.caption(found)
+
+
+def test_within_is_honoured_without_noise_bounds():
+    recording = unstable()
+    free = identify(recording, derivatives={"q": "w"}).rows[1]
+    narrow = {("w", "q"): (20.0, 22.0), ("w", "u"): (3.0, 6.0)}
+    found = identify(recording, derivatives={"q": "w"}, within=narrow)
+    row = found.rows[1]
+    assert free.nominal[0] > 22 and row.nominal[0] == pytest.approx(22.0) and (row.estimate == free.estimate).all()
+    assert row.ranges[0, 0] >= 20 and row.ranges[0, 1] <= 22 and 3 <= row.ranges[2, 0] <= row.nominal[2] <= row.ranges[2, 1] <= 6
+    assert any("the least squares of w' lie outside the bounds of within" in said for said in found.findings)
+    assert "within the bounds of within, which are not guaranteed" in found.findings[-1]
+
+
+def test_an_unexcited_coefficient_has_no_interval_and_takes_that_of_within():
+    recording = unstable()
+    twice = replace(recording, inputs=np.column_stack([recording.inputs] * 2), input_names=("u", "v"))
+    row = identify(twice, derivatives={"q": "w"}).rows[1]
+    assert np.isinf(row.ranges[2:]).all() and np.isfinite(row.ranges[:2]).all()
+    bounded = identify(twice, derivatives={"q": "w"}, within={("w", "u"): (1.0, 3.0), ("w", "v"): (1.0, 3.0)}).rows[1]
+    assert np.array_equal(bounded.ranges[2:], [[1.0, 3.0]] * 2)
+
+
+def test_a_contradiction_of_within_and_the_data_is_said_as_one():
+    """The free row explains the data; the row inside needs larger bounds, never smaller ones."""
+    rng = np.random.default_rng(1)
+    recording, noise, slope = recorded(rng, np.array([[-1.0]]), np.array([[2.0]]), 0.05, 100, 1e-3)
+    with pytest.raises(InputError) as told:
+        identify(recording, noise=noise, slope=slope, within={("x0", "x0"): (-3.0, -2.5)})
+    said = str(told.value)
+    assert "no row of x0' that lies within the bounds of within explains the data" in said
+    assert "without within, that of least squares explains the data" in said
+    assert float(said.split("noise and slope ", maxsplit=1)[1].partition(" times larger")[0]) > 1

@@ -23,6 +23,8 @@ MOST_WINDOWS = 400
 """Of each length: more windows hardly narrow the set, and the linear programmes grow with them."""
 LEAST_ROWS = 4
 """Rows of least squares for each coefficient."""
+BLIND = 1e-6
+"""Share of a direction that the regressors do not excite above which a coefficient belongs to it; the rest is rounding."""
 WINDOW = Estimate(memory=2e3, seconds=2e-4)
 """The cost of a window and its share of a linear programme."""
 
@@ -31,8 +33,10 @@ WINDOW = Estimate(memory=2e3, seconds=2e-4)
 class Row:
     """The result for one state's row: its coefficients are those of the states, then of the inputs.
 
-    estimate, interval (p,), (p, 2)  of least squares, with the confidence of ``CONFIDENCE``; None for a given row
-    nominal (p,)                     least squares, within the set's box if the free least squares lie outside
+    estimate, interval (p,), (p, 2)  of least squares, with the confidence of ``CONFIDENCE``, infinite for a coefficient that the
+                                     data do not excite; None for a given row
+    nominal (p,)                     least squares, within the set's box or else ``limits`` if the free least squares lie outside
+    limits (p, 2)                    the bounds given by ``within``, infinite if there are none; None without ``within``
     enclosure                        contains every row that explains the data; None without noise bounds
     unexcited                        directions of coefficients, (p,) each, that the data do not distinguish
     """
@@ -43,14 +47,19 @@ class Row:
     interval: Array | None = None
     enclosure: Enclosure | None = None
     unexcited: tuple[Array, ...] = ()
-    seconds: float = 0.0
+    limits: Array | None = None
 
     @property
     def ranges(self) -> Array:
-        """(p, 2): the set's box, or else the confidence intervals; points for a given row."""
+        """(p, 2): the set's box, or else the confidence intervals within ``limits`` with the nominal row, or a given row."""
         if self.enclosure is not None:
             return np.column_stack([self.enclosure.lower, self.enclosure.upper])
-        return np.column_stack([self.nominal] * 2) if self.interval is None else self.interval
+        if self.interval is None:
+            return np.column_stack([self.nominal] * 2)
+        if self.limits is None:
+            return self.interval
+        inside = np.clip(self.interval, self.limits[:, :1], self.limits[:, 1:])
+        return np.column_stack([np.minimum(inside[:, 0], self.nominal), np.maximum(inside[:, 1], self.nominal)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +68,10 @@ class Identification:
 
     fit         by state, on the validation samples: 1 - |y - simulated| / |y - mean|, with the nominal plant simulated from their
                 start; None if it diverged
-    predicted   (N, n), the nominal plant's states over the validation samples
+    restarted   an unstable nominal plant is simulated for at most this number of samples and then restarted from the measured
+                state: an error at the start grows by a factor of e at most; None if the simulation is never restarted
+    held_fit    with restarts, the fit of a prediction that holds the measured state from each restart to the next
+    predicted   (N, n), the nominal plant's states over the validation samples; at a restart the end of the earlier prediction
     by states: the factor by which the error bounds would have to grow for the nominal plant to explain the validation windows
     """
 
@@ -71,6 +83,13 @@ class Identification:
     predicted: Array
     fit: Mapping[str, float | None]
     held_factor: Mapping[str, float] | None
+    restarted: int | None = None
+    held_fit: Mapping[str, float] | None = None
+
+    @property
+    def horizon(self) -> float | None:
+        """The longest prediction between restarts [s], for the mean sampling interval; None without restarts."""
+        return None if self.restarted is None else self.restarted * _mean_interval(self.recording)
 
     @property
     def A(self) -> Array:
@@ -114,40 +133,51 @@ class Identification:
                     "bounds by within"
                 )
             if row.estimate is not None and not np.array_equal(row.nominal, row.estimate):
-                said.append(
-                    f"the least squares of {row.state}' lie outside the known set: its nominal row is the best one within"
-                )
+                outside = "the known set" if row.enclosure is not None else "the bounds of within"
+                said.append(f"the least squares of {row.state}' lie outside {outside}: its nominal row is the best one inside")
             if row.enclosure is not None and not row.enclosure.exact:
                 said.append(f"the set of {row.state}' is a convex outer set: more noisy regressors than are searched by orthants")
         where = "held-out samples" if self.trained < len(self.recording.times) else "samples"
-        poor = [name for name, fit in self.fit.items() if fit is None or fit < 0]
-        if poor:
-            said.append(
-                f"simulated over the {where}, the nominal plant predicts {', '.join(poor)} worse than their mean does: the "
-                "outputs may not be the whole state (to encoders' angles add their rates), the plant may not be linear, or it "
-                "may accumulate errors as an integrator does"
-            )
+        said += self._poor_predictions(where)
         for name, factor in (self.held_factor or {}).items():
             if factor > 1:
                 said.append(f"the nominal row of {name}' explains the {where} only with error bounds {factor:.3g} times larger")
         if self.noise is None:
+            cut = "" if all(row.limits is None for row in self.rows) else " within the bounds of within"
             said.append(
-                f"no noise bound was given: the ranges are {CONFIDENCE:.0%} confidence intervals, which are not guaranteed"
+                f"no noise bound was given: the ranges are {CONFIDENCE:.0%} confidence intervals{cut}, which are not guaranteed"
             )
         return said
+
+    def _poor_predictions(self, where: str) -> list[str]:
+        """The states that the nominal plant predicts worse than their mean, or with restarts than their value at the restart."""
+        least = self.held_fit or dict.fromkeys(self.fit, 0.0)
+        poor = ", ".join(name for name, fit in self.fit.items() if fit is None or fit < least.get(name, 0.0))
+        states = "the outputs may not be the whole state (to encoders' angles add their rates), the plant may not be linear, or "
+        if not poor:
+            return []
+        if self.horizon is None:
+            return [
+                f"simulated over the {where}, the nominal plant predicts {poor} worse than their mean does: {states}it may "
+                "accumulate errors as an integrator does"
+            ]
+        return [
+            f"over {self.horizon:.3g} s of the {where}, the nominal plant predicts {poor} worse than a state that is held from "
+            f"the last restart: {states}the noise may exceed the motion over this time"
+        ]
 
     def as_json(self) -> dict[str, Any]:
         """The document of ``identify --json``."""
         rows = {}
         for row in self.rows:
-            ranges = [[None if not np.isfinite(v) else float(v) for v in pair] for pair in row.ranges]
+            ranges = [_ends(pair) for pair in row.ranges]
             rows[row.state] = {
                 "nominal": dict(zip(self.coefficient_names, map(float, row.nominal), strict=True)),
                 "known_set": dict(zip(self.coefficient_names, ranges, strict=True)) if self.noise is not None else None,
                 "least_squares": None
                 if row.estimate is None or row.interval is None
                 else {
-                    name: {"value": float(value), "interval": [float(v) for v in pair], "confidence": CONFIDENCE}
+                    name: {"value": float(value), "interval": _ends(pair), "confidence": CONFIDENCE}
                     for name, value, pair in zip(self.coefficient_names, row.estimate, row.interval, strict=True)
                 },
                 "exact_set": None if row.enclosure is None else row.enclosure.exact,
@@ -156,7 +186,11 @@ class Identification:
         return {
             "samples": len(self.recording.times), "trained": self.trained, "rows": rows, "guaranteed": self.guaranteed,
             "noise": self.noise and dict(self.noise), "slope": self.slope and dict(self.slope),
-            "held_out": {"fit": dict(self.fit), "error_factor": self.held_factor and dict(self.held_factor)},
+            "held_out": {
+                "fit": dict(self.fit), "error_factor": self.held_factor and dict(self.held_factor),
+                "restart_every": self.restarted, "horizon": self.horizon,
+                "fit_of_held_state": self.held_fit and dict(self.held_fit),
+            },
             "residuals": self._residuals_as_json(),
             "findings": self.findings,
         }  # fmt: skip
@@ -172,6 +206,11 @@ class Identification:
                 "values": [float(value) if np.isfinite(value) else None for value in values],
             }
         return found
+
+
+def _ends(pair: Array) -> list[float | None]:
+    """The ends of a range, None where it has no bound."""
+    return [float(value) if np.isfinite(value) else None for value in pair]
 
 
 def identify(
@@ -192,7 +231,8 @@ def identify(
     noise        by output: a bound of the measurement error. With ``slope`` it gives the set of all plants that explain the data
     slope        by output: a bound of |x'| over the recording [unit/s]; it bounds the error of the trapezoidal rule
     derivatives  by output: the output that is its exact derivative; that row is not identified
-    within       by (state, name): known bounds of the coefficient of ``name`` in the row of ``state``
+    within       by (state, name): known bounds of the coefficient of ``name`` in the row of ``state``; the nominal row and
+                 all ranges lie within them
     held_out     share of the samples, the last ones, that serve only for validation
 
     The set's bounds are guaranteed for the given noise and slope, known and held inputs, and a linear plant without disturbance.
@@ -238,27 +278,49 @@ def _row(train: Recording, i: int, noise: Any, slope: Any, fixed: Array | None, 
         known = np.where(limits[:, 0] == limits[:, 1], limits[:, 0], np.nan)
     estimate, interval, regressors, left = _least_squares(train, i, known)
     if every is None:
-        return Row(name, estimate, estimate, interval, None, _blind(regressors))
+        nominal = estimate if limits is None or _inside(estimate, limits) else _best_inside(limits, regressors, left)
+        return Row(name, nominal, estimate, interval, None, _blind(regressors), limits)
     enclosure = enclose(every, limits)
     if enclosure.empty:
-        raise InputError(
-            f"no row of {name}' explains the data within the bounds of noise and slope; that of least squares needs them "
-            f"{every.factor(estimate):.3g} times larger"
-        )
-    inside = ((enclosure.lower <= estimate) & (estimate <= enclosure.upper)).all()
-    bounded = np.isfinite(enclosure.lower) & np.isfinite(enclosure.upper)
-    nominal = estimate if inside else _within_set(regressors, left, enclosure)
-    return Row(name, nominal, estimate, interval, enclosure, _unexcited(every, bounded))
+        raise InputError(_unexplained(name, every, estimate, limits, regressors, left))
+    box = np.column_stack([enclosure.lower, enclosure.upper])
+    nominal = estimate if _inside(estimate, box) else _best_inside(box, regressors, left)
+    return Row(name, nominal, estimate, interval, enclosure, _unexcited(every, np.isfinite(box).all(axis=1)), limits)
 
 
-def _within_set(Q: Array, left: Array, enclosure: Enclosure) -> Array:
-    """The least squares of left - Q a over the box of the known set."""
-    free, scale = enclosure.lower < enclosure.upper, np.maximum(np.abs(Q).max(axis=0), 1e-300)
-    a = enclosure.lower.copy()
-    bounds = (enclosure.lower[free] * scale[free], enclosure.upper[free] * scale[free])
+def _inside(a: Array, box: Array) -> bool:
+    return bool(((box[:, 0] <= a) & (a <= box[:, 1])).all())
+
+
+def _best_inside(box: Array, Q: Array, left: Array) -> Array:
+    """The least squares of left - Q a over a box (p, 2)."""
+    (lower, upper), scale = box.T, np.maximum(np.abs(Q).max(axis=0), 1e-300)
+    free = lower < upper
+    a = lower.copy()
+    bounds = (lower[free] * scale[free], upper[free] * scale[free])
     found = optimize.lsq_linear(Q[:, free] / scale[free], left - Q[:, ~free] @ a[~free], bounds).x
-    a[free] = np.clip(found / scale[free], enclosure.lower[free], enclosure.upper[free])
+    a[free] = np.clip(found / scale[free], lower[free], upper[free])
     return a
+
+
+def _unexplained(name: str, every: Windows, estimate: Array, limits: Array | None, Q: Array, left: Array) -> str:
+    """Why no row explains the data, and the factor of the error bounds with which the best row would."""
+    free = every.factor(estimate)
+    if limits is None:
+        return (
+            f"no row of {name}' explains the data within the bounds of noise and slope; that of least squares needs them "
+            f"{free:.3g} times larger"
+        )
+    best = every.factor(_best_inside(limits, Q, left))
+    outside = (
+        " without within, that of least squares explains the data"
+        if free <= 1
+        else (f" without within, that of least squares needs them {free:.3g} times larger")
+    )
+    return (
+        f"no row of {name}' that lies within the bounds of within explains the data; the best one by least squares needs the "
+        f"bounds of noise and slope {best:.3g} times larger;{outside}"
+    )
 
 
 def windows_of(recording: Recording, i: int, noise: Mapping[str, float], slope: Mapping[str, float]) -> Windows:
@@ -309,6 +371,9 @@ def _least_squares(train: Recording, i: int, known: Array) -> tuple[Array, Array
         width = float(np.linalg.norm(spread * np.abs(np.column_stack([x, u])).max(axis=0)))
         if best is None or width < best[0]:
             reach = stats.t.ppf(0.5 + CONFIDENCE / 2, len(Q) - count) * spread
+            for direction in _blind(Q[:, free]):
+                share = np.abs(direction) * np.abs(Q[:, free]).max(axis=0)
+                reach[np.flatnonzero(free)[share > BLIND * share.max()]] = np.inf
             best = (width, a, np.column_stack([a - reach, a + reach]), Q, left)
     assert best is not None  # one-step windows give enough rows: see identify
     return best[1:]
@@ -336,22 +401,45 @@ def _unexcited(windows: Windows, bounded: Array) -> tuple[Array, ...]:
 
 def _validated(recording: Recording, rows: tuple[Row, ...], noise: Any, slope: Any, trained: int) -> Identification:
     """The identification with the nominal plant's results on the validation samples."""
-    names, n = recording.output_names, len(rows)
+    n = len(rows)
     rest = recording if trained == len(recording.times) else recording.part(trained, len(recording.times))
     A, B = np.array([row.nominal[:n] for row in rows]), np.array([row.nominal[n:] for row in rows])
-    x = [rest.outputs[0]]
-    with np.errstate(all="ignore"):
-        for h, u in zip(np.diff(rest.times), rest.inputs[:-1], strict=True):
-            x.append(HeldSystem.of(A, B, float(h)).following(x[-1], u))
-        predicted = np.array(x)
-        spread = np.linalg.norm(rest.outputs - rest.outputs.mean(axis=0), axis=0)
-        missed = np.linalg.norm(rest.outputs - predicted, axis=0)
-    told = [float(1 - m / s) if s > 0 and np.isfinite(m) else None for m, s in zip(missed, spread, strict=True)]
-    fit = dict(zip(names, told, strict=True))
+    growth, duration = float(np.linalg.eigvals(A).real.max()), float(rest.times[-1] - rest.times[0])
+    restarted = max(1, int(1 / (growth * _mean_interval(recording)))) if growth * duration > 1 else None
+    predicted = _predicted(A, B, rest, restarted)
+    fit = _fits(rest, predicted)
+    held = None
+    if restarted is not None:
+        last = _fits(rest, _predicted(np.zeros_like(A), np.zeros_like(B), rest, restarted))
+        held = {name: value for name, value in last.items() if value is not None}
     factor = None
     if noise is not None:
         factor = {row.state: windows_of(rest, i, noise, slope).factor(row.nominal) for i, row in enumerate(rows)}
-    return Identification(recording, rows, noise, slope, trained, predicted, fit, factor)
+    return Identification(recording, rows, noise, slope, trained, predicted, fit, factor, restarted, held)
+
+
+def _mean_interval(recording: Recording) -> float:
+    """The mean sampling interval [s]."""
+    return float(recording.times[-1] - recording.times[0]) / (len(recording.times) - 1)
+
+
+def _predicted(A: Array, B: Array, rest: Recording, restarted: int | None) -> Array:
+    """(N, n) simulated states from the first measured one; after each ``restarted`` samples from the measured state there."""
+    found = [rest.outputs[0]]
+    with np.errstate(all="ignore"):
+        for k, (h, u) in enumerate(zip(np.diff(rest.times), rest.inputs[:-1], strict=True)):
+            start = rest.outputs[k] if restarted is not None and k % restarted == 0 else found[-1]
+            found.append(HeldSystem.of(A, B, float(h)).following(start, u))
+    return np.array(found)
+
+
+def _fits(rest: Recording, predicted: Array) -> dict[str, float | None]:
+    """By state: 1 - |y - predicted| / |y - mean|; None if a state did not move or its prediction diverged."""
+    with np.errstate(all="ignore"):
+        spread = np.linalg.norm(rest.outputs - rest.outputs.mean(axis=0), axis=0)
+        missed = np.linalg.norm(rest.outputs - predicted, axis=0)
+    told = [float(1 - m / s) if s > 0 and np.isfinite(m) else None for m, s in zip(missed, spread, strict=True)]
+    return dict(zip(rest.output_names, told, strict=True))
 
 
 def _bounds(field: str, given: Mapping[str, float] | None, names: Sequence[str]) -> dict[str, float] | None:

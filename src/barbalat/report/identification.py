@@ -36,9 +36,23 @@ def residual_rows(found: Identification) -> list[list[str]]:
 def sentence(found: Identification) -> str:
     """The validation samples of the nominal plant, and how well it fits them."""
     fits = ", ".join(f"{name} {'ran away' if fit is None else f'{fit:.1%}'}" for name, fit in found.fit.items())
-    held = found.trained < len(found.recording.times)
-    where = "the validation samples" if held else "the same samples, since there are no validation samples"
-    return f"Simulated over {where}, the nominal plant fits {fits}."
+    apart = found.trained < len(found.recording.times)
+    where = "the validation samples" if apart else "the same samples, since there are no validation samples"
+    if found.horizon is None:
+        return f"Simulated over {where}, the nominal plant fits {fits}."
+    held = ", ".join(f"{name} {fit:.1%}" for name, fit in (found.held_fit or {}).items())
+    return (
+        f"Over {where}, the nominal plant predicts up to {found.horizon:.3g} s ahead and fits {fits}; holding the measured state "
+        f"for as long fits {held}. The plant is unstable: a longer simulation would amplify the error of its initial state."
+    )
+
+
+def caption(found: Identification) -> str:
+    """How the simulation in the picture begins, and when it restarts from the measurement."""
+    if found.horizon is None:
+        return "The simulation begins at the first of these samples and is not corrected by later ones."
+    every = "every sample" if found.restarted == 1 else f"every {found.restarted} samples ({found.horizon:.3g} s)"
+    return f"The simulation restarts from the measured state {every}."
 
 
 def _interval(low: float, high: float) -> str:

@@ -35,7 +35,7 @@ from barbalat.report import tuning as tuning_rows
 from barbalat.report.documents import by_side, coverage
 from barbalat.report.drawings import ReportFigure
 from barbalat.report.file_names import PAGE
-from barbalat.report.identification import residual_rows, sentence
+from barbalat.report.identification import caption, residual_rows, sentence
 from barbalat.report.identification import rows as identified
 from barbalat.report.rendering import render
 from barbalat.report.sweep import WorstMember, extremes, in_symbols, meanings, shares, varied
@@ -211,6 +211,7 @@ def identification(found: Identification, picture: ReportFigure, source: str, te
         text=text,
         rows=identified,
         residual_rows=residual_rows,
+        caption=caption,
         sentence=sentence,
     )
 
