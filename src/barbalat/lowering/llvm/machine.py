@@ -51,7 +51,7 @@ def _unscheduled() -> Iterator[None]:
     afterwards.
 
     LLVM's scheduler moves long chains forward, which is right for one member. Two vectors of members in 16 registers lose a sixth
-    of their speed by it, because values are spilled (docs/kernel.md).
+    of their speed by it, because values are spilled (docs/laboratory/kernel.md).
     """
     with _SCHEDULER:
         llvm.set_option("", "-enable-misched=false")

@@ -19,7 +19,7 @@ CPU, FEATURES = "mvp", "+nontrapping-fptoint"
 EFFORT = 0
 """LLVM's level of optimisation. Browsers optimise once more: level 3 makes modules of two thirds of the size, whose steps take
 0 to 15 % less time, but takes three to ten times as long, and this grows with the square of a function's length
-(docs/backends.md)."""
+(docs/laboratory/kernel.md)."""
 PAGE_BYTES = 65_536
 
 
