@@ -11,7 +11,7 @@ from labelled_runs import Gain, oscillator, relay_problem
 from barbalat import InputError, Judge, Simulation, simulate
 from barbalat.cases.load import CaseText, load_case, parse_case
 from barbalat.judge.scale import Uncommanded, scale_of
-from barbalat.judge.verdict import Class, Cycle, Verdict
+from barbalat.judge.verdict import Class, Cycle, Deviation, Verdict
 from barbalat.plants import Disturbance, Labels, Noise, Sensor, Truth
 from barbalat.run.engine.settle import settle
 from barbalat.signals import Sine
@@ -49,6 +49,10 @@ def verdict(**given) -> Verdict:
     return Verdict(**usual | given)
 
 
+def beside(error) -> Deviation:
+    return Deviation(component="x_2", error=error, band=0.05, scale=1.0)
+
+
 @pytest.mark.parametrize(
     ("given", "said"),
     [
@@ -61,6 +65,9 @@ def verdict(**given) -> Verdict:
         ),
         ({"error": 0.04, "scale": 1.0, "band": 0.1, "unit": "rad"}, "follows within 0.04 rad (band 0.1 rad)"),
         ({"at_rate_limit": (0.0005,)}, "follows within 3 %"),
+        ({"beside": beside(0.04)}, "follows within 3 % in x_1, 4 % in x_2"),
+        ({"beside": beside(0.4), "kind": Class.OFF, "error": 0.1}, "off by 10 % in x_1 and by 40 % in x_2"),
+        ({"beside": beside(0.04), "kind": Class.OFF, "error": 0.1}, "within 4 % in x_2, but off by 10 % in x_1"),
         ({"kind": Class.LOST, "lost_at": 3.25, "error": None}, "lost at t = 3.25 s"),
         ({"of_the_solver": True}, "follows within 3 %, also at a finer step, but its oscillation is due to the solver"),
         ({"settled": False}, "follows within 3 %, not settled by the solver"),
@@ -303,3 +310,29 @@ def test_two_inputs_are_judged_each():
     case = load_case("satellite-spin")
     (result,) = list(simulate(case.problem, case.controllers[:1], case.simulation).values())
     assert len(result.verdict.at_limit) == 2
+
+
+@pytest.mark.parametrize(
+    ("follows", "told"),
+    [
+        ({}, ("x_2", None)),
+        ({"x_2": 500.0}, ("x_2", "x_1")),  # both are off: the declared state first, then the worst one
+        ({"x_2": 600.0}, ("x_1", "x_2")),  # only the other one is off
+        ({"x_1": 240.0, "x_2": 700.0}, ("x_2", "x_1")),  # both follow
+    ],
+)
+def test_the_state_that_is_declared_to_follow_comes_first(follows, told):
+    """Section V with a slow filter, which lets both states miss; x_1 alone can be declared, so the states are swapped."""
+    text = SECTION_V.replace("k_0 = 4.0", 'follow = "x_2"').replace("[4.0, -3.0]", "[-3.0, 4.0]").replace("GAMMA", "10.0")
+    text = text.replace("A_m = [[0.0, 1.0], [-0.3, -1.0]]", "A_m = [[-1.0, -0.3], [1.0, 0.0]]").replace(
+        "b = [0.0, 1.0]", "b = [1.0, 0.0]"
+    )
+    case = parse_case(text.replace("kappa = 0.02", "kappa = 1.0"))
+    judge = Judge(follows=follows)
+    (result,) = simulate(case.problem, case.controllers, case.simulation, judge=judge).values()
+    verdict = result.verdict
+    assert (verdict.component, verdict.beside and verdict.beside.component) == told
+    document = verdict.as_json()
+    assert document["component"] == told[0] and (document["beside"] or {}).get("component") == told[1]
+    e = np.asarray(result.figures["tail_max_abs_e"])
+    assert verdict.error == e[int(told[0][-1]) - 1]

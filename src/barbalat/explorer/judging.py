@@ -24,6 +24,7 @@ def rules(case: Case) -> dict[str, Any]:
     judge, beside = case.judge, Uncommanded.of(case.problem, case.simulation.t_end)
     return {
         "cycle": judge.cycle, "closely": judge.closely, "follows": dict(judge.follows), "lost": dict(judge.lost),
+        "declared": sorted({one for one in case.problem.declared_followers if one is not None}),
         "followsShare": FOLLOWS_SHARE, "lostShare": LOST_SHARE, "leastSaid": LEAST_SAID, "rounding": ROUNDING, "resting": RESTING,
         "answer": beside.answer.tolist(), "spread": beside.spread.tolist(), "instants": held.INSTANTS,
         "leastRange": LEAST_RANGE,

@@ -9,7 +9,7 @@ import numpy as np
 
 from barbalat.judge.memory import LEAST_RANGE, Memory
 from barbalat.judge.settings import Bands
-from barbalat.judge.verdict import Class, Cycle, Figures, Response, Verdict
+from barbalat.judge.verdict import Class, Cycle, Deviation, Figures, Response, Verdict
 from barbalat.validate import Array
 
 CLASSES = tuple(Class)
@@ -182,14 +182,12 @@ class Judged:
     @property
     def worst(self) -> Array:
         """(M,) the component that is worst relative to its band: the first of those that are equal up to rounding."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            against = np.where(self.error > 0, self.error / self.bands.follows, 0.0)
-        against = np.nan_to_num(against, nan=np.inf)
-        return np.asarray((against >= (1 - TIE) * against.max(axis=1, keepdims=True)).argmax(axis=1))
+        return _worst(self.error, self.bands.follows)
 
     def verdict(self, i: int, settled: bool | None = None) -> Verdict:
         """The verdict on one run."""
-        kind, component = CLASSES[self.kinds[i]], int(self.worst[i])
+        kind = CLASSES[self.kinds[i]]
+        component, other = self._told(i, kind)
         lost_at, error = float(self.lost_at[i]), float(self.error[i, component])
         finite = np.isfinite(self.kept.whole[:, i]).all() if kind is Class.LOST else True
         return Verdict(
@@ -209,6 +207,26 @@ class Judged:
             lost_when_held=bool(self.cycles.lost[i]) and kind in (Class.OFF, Class.FOLLOWS),
             bands=self.bands.said(i),
             figures=self._figures(i) if self.kept.memory.detailed and kind is not Class.LOST and finite else None,
+            beside=None if other is None else self._deviation(i, other),
+        )
+
+    def _told(self, i: int, kind: Class) -> tuple[int, int | None]:
+        """The component of a verdict and the one beside it, if there is one."""
+        worst, declared = int(self.worst[i]), list(self.bands.declared)
+        if not declared or kind is Class.LOST:
+            return worst, None
+        first = declared[int(_worst(self.error[i : i + 1, declared], self.bands.follows[i : i + 1, declared])[0])]
+        if first == worst:
+            return worst, None
+        return (worst, first) if kind is Class.OFF and self.error[i, first] <= self.bands.follows[i, first] else (first, worst)
+
+    def _deviation(self, i: int, component: int) -> Deviation:
+        return Deviation(
+            component=self.bands.names[component],
+            error=float(self.error[i, component]),
+            band=float(self.bands.follows[i, component]),
+            scale=float(self.bands.scale[i, component]),
+            unit=self.bands.units[component][1:-1],
         )
 
     def _cycling(self, i: int) -> int:
@@ -255,3 +273,11 @@ class Judged:
 
 def _joined(parts: Sequence[Array], axis: int = 0) -> Array:
     return np.concatenate(parts, axis=axis)
+
+
+def _worst(error: Array, bands: Array) -> Array:
+    """(M,) of errors and bands (M, k): the first of the largest ratios that are equal up to rounding."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        against = np.where(error > 0, error / bands, 0.0)
+    against = np.nan_to_num(against, nan=np.inf)
+    return np.asarray((against >= (1 - TIE) * against.max(axis=1, keepdims=True)).argmax(axis=1))

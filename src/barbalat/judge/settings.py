@@ -76,23 +76,24 @@ class Judge(Settings):
                 by_name[name] = value
         return replace(self, follows=found["follows"], lost=found["lost"])
 
-    def bands(self, names: tuple[str, ...], units: tuple[str, ...], scale: Array) -> Bands:
-        """The bands for components with these names and units; ``scale`` (..., n)."""
+    def bands(self, names: tuple[str, ...], units: tuple[str, ...], scale: Array, declared: tuple[int, ...] = ()) -> Bands:
+        """The bands for components with these names and units; ``scale`` (..., n); ``declared`` as in ``Bands``."""
         given = [
             np.array([found.get(name, np.nan) for name in names]) * np.ones_like(scale) for found in (self.follows, self.lost)
         ]
         defaults = FOLLOWS_SHARE * scale, np.where(scale > 0, LOST_SHARE * scale, np.inf)
         follows, lost = (np.where(np.isnan(own), usual, own) for own, usual in zip(given, defaults, strict=True))
-        return Bands(names, units, scale, follows, lost)
+        return Bands(names, units, scale, follows, lost, declared)
 
 
 @dataclass(frozen=True, eq=False)
 class Bands:
     """The bands of n components in the plant's units; each array is (..., n).
 
-    scale    of each component
-    follows  bands of the tail's error within which a run follows
-    lost     magnitudes beyond which the run is lost
+    scale     of each component
+    follows   bands of the tail's error within which a run follows
+    lost      magnitudes beyond which the run is lost
+    declared  numbers of the components that are declared to follow a command, which verdicts name first
     """
 
     names: tuple[str, ...]
@@ -100,6 +101,7 @@ class Bands:
     scale: Array
     follows: Array
     lost: Array
+    declared: tuple[int, ...] = ()
 
     def said(self, i: int) -> str:
         """The text for the i-th run: "theta follows within 0.025 rad and is lost beyond 50 rad; ..."."""

@@ -90,11 +90,37 @@ class Figures:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Deviation:
+    """The tail's largest |error| of a component and its band, in the plant's unit; by default the band is a share of the scale."""
+
+    component: str
+    error: float
+    band: float
+    scale: float
+    unit: str = ""
+
+    def said(self, *, named: bool) -> str:
+        """The error as a share of the scale, or in the plant's unit if the band was given in it or there is no scale."""
+        unit, where = f" {self.unit}" if self.unit else "", f" in {self.component}"
+        if self.band != FOLLOWS_SHARE * self.scale:
+            return f"{self.error:.3g}{unit}{where if named else ''} (band {self.band:.3g}{unit})"
+        if not self.scale > 0:
+            return f"{self.error:.3g}{unit}{where}" + (" (nothing sets its scale)" if self.error > 0 else "")
+        return percent(self.error / self.scale) + (where if named else "")
+
+    def as_json(self) -> dict[str, Any]:
+        """The fields under the names of the JSON contract."""
+        return {"component": self.component, "error": self.error, "band": self.band, "scale": self.scale}
+
+
+@dataclass(frozen=True, kw_only=True)
 class Verdict:
     """The verdict on a run, from its signals over every solver step.
 
     kind           lost, limit cycle, off (bounded, but outside the band), or follows
-    component      the name of the component that is worst relative to its band
+    component      the name of the component that is worst relative to its band; of a run that is not lost, among the states that
+                   are declared to follow a command, unless the run is off and only others are outside their bands
+    beside         the worst component if that is another one; or, where that is ``component``, the declared state that is worst
     error, band    of that component in the plant's unit: the tail's largest |error|, and the band
     scale          the scale of which the component's band is a share by default
     settled        whether the verdict belongs to the plant and not to the solver; None if that was not examined
@@ -127,6 +153,7 @@ class Verdict:
     of_the_solver: bool = False
     lost_within: float = 0.0
     lost_when_held: bool = False
+    beside: Deviation | None = None
 
     def __str__(self) -> str:
         """Such as "follows within 3 %, at its limits 12 % of the time"."""
@@ -146,22 +173,16 @@ class Verdict:
             unit = f" {self.input_unit}" if self.input_unit else ""
             at = f" at {self.cycle.frequency:.3g} rad/s" if self.cycle.frequency else ""
             return f"limit cycle, u swings by ±{self.cycle.amplitude:.3g}{unit}{at}"
-        how = "follows within" if self.kind is Class.FOLLOWS else "off by"
-        return f"{how} {self._error}"
-
-    @property
-    def _error(self) -> str:
-        """The error as a share of the scale, or in the plant's unit if the band was given in it or there is no scale."""
         assert self.error is not None
-        unit, where = (
-            f" {self.unit}" if self.unit else "",
-            "" if self.kind is Class.FOLLOWS else f" in {self.component}",
-        )
-        if self.band != FOLLOWS_SHARE * self.scale:
-            return f"{self.error:.3g}{unit}{where} (band {self.band:.3g}{unit})"
-        if not self.scale > 0:
-            return f"{self.error:.3g}{unit} in {self.component}" + (" (nothing sets its scale)" if self.error > 0 else "")
-        return percent(self.error / self.scale) + where
+        own = Deviation(component=self.component, error=self.error, band=self.band, scale=self.scale, unit=self.unit)
+        if self.kind is Class.FOLLOWS:
+            others = f", {self.beside.said(named=True)}" if self.beside else ""
+            return f"follows within {own.said(named=self.beside is not None)}{others}"
+        if self.beside is None:
+            return f"off by {own.said(named=True)}"
+        if self.beside.error > self.beside.band:
+            return f"off by {own.said(named=True)} and by {self.beside.said(named=True)}"
+        return f"within {self.beside.said(named=True)}, but off by {own.said(named=True)}"
 
     @property
     def _limits(self) -> list[str]:
@@ -180,6 +201,7 @@ class Verdict:
             "band": self.band,
             "component": self.component,
             "scale": self.scale,
+            "beside": None if self.beside is None else self.beside.as_json(),
             "settled": self.settled,
             "cycle": None if self.cycle is None else self.cycle.as_json(),
             "at_limit": list(self.at_limit),

@@ -71,9 +71,10 @@ export function verdictOf(task, kept, diverged, recorded, held, cyclesOf) {
   const suspect = !lost && (judge.closely || kept.reversals().some((count) => count > judge.fewestReversals));
   const cycle = suspect ? cyclesOf(kept.ranges().map((one) => judge.cycle * one), held) : null;
   const kind = lost ? "lost" : cycle ? "limit cycle" : within ? "follows" : "off";
-  const worst = worstOf(error, follows);
+  const [worst, other] = toldOf(judge, kind, error, follows);
+  const of = (i) => ({ component: judge.names[i], unit: judge.units[i], error: error[i], band: follows[i], scale: scale[i], followsShare: judge.followsShare });
   const found = {
-    leastSaid: judge.leastSaid, followsShare: judge.followsShare, kind, cycle, worst, component: judge.names[worst], unit: judge.units[worst], error: error[worst], band: follows[worst], scale: scale[worst],
+    leastSaid: judge.leastSaid, kind, cycle, worst, ...of(worst), beside: other === null ? null : of(other),
     atLimit: sharesOf(kept, "at limit", judge.limited, grid.steps + 1), atRateLimit: sharesOf(kept, "at rate limit", judge.rateLimited, grid.steps + 1),
     lostAt: lost ? earliest([diverged, lostAt(task, kept, recorded, limits)]) : null,
   };
@@ -81,9 +82,18 @@ export function verdictOf(task, kept, diverged, recorded, held, cyclesOf) {
   return { ...said, sentence: sentenceOf(said) };
 }
 
-function worstOf(error, follows) {
-  const against = error.map((one, i) => (one > 0 ? one / follows[i] : Number.isNaN(one) ? Infinity : 0));
-  return against.indexOf(Math.max(...against));
+// The component of a verdict and the one beside it, or null, as Judged._told.
+function toldOf(judge, kind, error, follows) {
+  const worst = worstOf(error, follows, error.map((_, i) => i));
+  if (!judge.declared.length || kind === "lost") return [worst, null];
+  const first = worstOf(error, follows, judge.declared);
+  if (first === worst) return [worst, null];
+  return kind === "off" && error[first] <= follows[first] ? [worst, first] : [first, worst];
+}
+
+function worstOf(error, follows, among) {
+  const against = among.map((i) => (error[i] > 0 ? error[i] / follows[i] : Number.isNaN(error[i]) ? Infinity : 0));
+  return among[against.indexOf(Math.max(...against))];
 }
 
 function sharesOf(kept, name, which, instants) {
@@ -311,12 +321,20 @@ export function sentenceOf(verdict) {
   return said.join(", ");
 }
 
-function saidOf({ kind, cycle, component, unit, inputUnit, error, band, followsShare, scale, lostAt: at }) {
+function saidOf(verdict) {
+  const { kind, cycle, inputUnit, beside, lostAt: at } = verdict;
   if (kind === "lost") return at === null ? "lost" : `lost at t = ${brief(at, 4)} s`;
   if (cycle) return `limit cycle, u swings by ±${brief(cycle.amplitude)}${inputUnit ? ` ${inputUnit}` : ""}${cycle.frequency ? ` at ${brief(cycle.frequency)} rad/s` : ""}`;
-  const how = kind === "follows" ? "follows within" : "off by";
-  const [found, where] = [`${how} ${brief(error)}${unit ? ` ${unit}` : ""}`, kind === "follows" ? "" : ` in ${component}`];
-  if (band !== followsShare * scale) return `${found}${where} (band ${brief(band)}${unit ? ` ${unit}` : ""})`;
-  if (!(scale > 0)) return `${found} in ${component}${error > 0 ? " (nothing sets its scale)" : ""}`;
-  return `${how} ${percent(error / scale)}${where}`;
+  if (kind === "follows") return `follows within ${deviation(verdict, beside)}${beside ? `, ${deviation(beside, true)}` : ""}`;
+  if (!beside) return `off by ${deviation(verdict, true)}`;
+  if (beside.error > beside.band) return `off by ${deviation(verdict, true)} and by ${deviation(beside, true)}`;
+  return `within ${deviation(beside, true)}, but off by ${deviation(verdict, true)}`;
+}
+
+// As Deviation.said in judge/verdict.py.
+function deviation({ component, unit, error, band, followsShare, scale }, named) {
+  const [found, where] = [`${brief(error)}${unit ? ` ${unit}` : ""}`, ` in ${component}`];
+  if (band !== followsShare * scale) return `${found}${named ? where : ""} (band ${brief(band)}${unit ? ` ${unit}` : ""})`;
+  if (!(scale > 0)) return `${found}${where}${error > 0 ? " (nothing sets its scale)" : ""}`;
+  return `${percent(error / scale)}${named ? where : ""}`;
 }

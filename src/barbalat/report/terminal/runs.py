@@ -65,13 +65,13 @@ def _head(screen: Screen, case: str, results: Sequence[Result]) -> None:
 
 
 def _worst(screen: Screen, results: Sequence[Result]) -> None:
-    """Print a line for each controller: the component that is worst relative to its band, and the control."""
+    """Print a line for each controller: the component of its verdict, and the control."""
     labels, names = results[0].problem.labels or UNLABELLED, component_names(results[0].problem)
     measured = any(_values(result, "max_abs_y") for result in results)
     unit = labels.unit(0) if len(names) == 1 else ""
     headings = [
         "controller",
-        *([] if len(names) == 1 else ["worst in"]),
+        *([] if len(names) == 1 else ["error in"]),
         f"max |e|\n{unit}".rstrip(),
         "RMS e",
         "max |e|\nin the tail",

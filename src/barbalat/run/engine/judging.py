@@ -69,7 +69,8 @@ GAIN_ROUNDING = 1e-9
 class Terms:
     """The terms by which runs of one problem are judged: settings, the components' names and units, the signals of the tail.
 
-    slowest  the longest period of the model's modes [s]
+    declared  numbers of the components that are declared to follow a command
+    slowest   the longest period of the model's modes [s]
     """
 
     judge: Judge
@@ -79,6 +80,7 @@ class Terms:
     held: Held
     slowest: float
     beside: Uncommanded
+    declared: tuple[int, ...]
 
     @classmethod
     def of(cls, problem: TrackingProblem, simulation: Simulation, judge: Judge) -> Terms:
@@ -92,6 +94,7 @@ class Terms:
             Held.of(_without_passing(problem.signals), float(simulation.time(simulation.tail_start)), simulation.t_end),
             slowest_period(problem.model.matrices[0]),
             Uncommanded.of(problem, simulation.t_end),
+            tuple(sorted({one for one in problem.declared_followers if one is not None})),
         )
 
 
@@ -128,7 +131,7 @@ def judged(
     loop, kept, held, judge = batch.loop, kept_of(batch), terms.held, terms.judge
     diverged = ~np.isnan(batch.diverged_step)
     scale = scale_of(kept.of("largest y_m"), _initial(batch), _noise(loop), terms.beside)
-    bands = judge.bands(terms.names, terms.units, scale)
+    bands = judge.bands(terms.names, terms.units, scale, terms.declared)
     with np.errstate(invalid="ignore"):
         lost = diverged | ~(kept.of("largest y") <= bands.lost).all(axis=1)
         suspect = suspects(kept.reversals)
