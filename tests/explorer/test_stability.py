@@ -125,6 +125,20 @@ def test_a_divergence_of_the_loops_is_not_the_solvers(tmp_path):
     assert said["Classical"]["instants"] == len(runs["Classical"].t) - 1 and said["Classical"]["finite"]
 
 
+@pytest.mark.parametrize(("x_1", "told"), [("1e3", "within"), ("1e-3", "and by")])
+def test_the_state_that_is_declared_to_follow_comes_first_on_a_page(tmp_path, x_1, told):
+    """It is inside its band, or outside like the other one, which is worse."""
+    judge = f'follow = "x_1"\n[judge]\nfollows = {{ x_1 = {x_1}, x_2 = 1e-6 }}'
+    text = (
+        L1.replace("k_0 = 4.0", judge)
+        .replace('\n[[controller]]\nscheme = "mrac"\ngamma = 1e4', "")
+        .replace("t_end = 2.0", "t_end = 0.5")
+    )
+    said, runs = judged(text.replace("gamma = 1e4", "gamma = 100.0"), tmp_path)
+    compare(said, runs)
+    assert all(told in one["verdict"]["sentence"] for one in said.values())
+
+
 @pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.full) if name in RARER else name for name in MORE])
 def test_the_first_step_outside_is_the_runs(tmp_path, name):
     """With all that a run has beside its equations, to the step."""

@@ -91,7 +91,7 @@ class Figures:
 
 @dataclass(frozen=True, kw_only=True)
 class Deviation:
-    """The tail's largest |error| of a component and its band, in the plant's unit; by default the band is a share of the scale."""
+    """The largest |error| of a component in the tail and its band, in the plant's unit, by default a share of the scale."""
 
     component: str
     error: float
