@@ -101,7 +101,7 @@ def truth(terms: Terms, value: int) -> int:
 
 
 def of_list(terms: Terms, op: Operation, values: list[int], inputs: dict[tuple[int, int], int]) -> int:  # noqa: PLR0912  # a case each
-    """The term of an operation, as ``docs/backends.md`` defines it."""
+    """The term of an operation, as ``CONTRIBUTING.md`` defines it."""
     if op.name == "constant":
         return terms.constant(op.value)
     if op.name == "input":
