@@ -6,9 +6,10 @@ With b = b(nominal), the model's A_m and weights W = diag(1/scale^2) of the stat
     b(p) gain(p) = b omega(p) + rest_b(p),     omega = g b(p) gain(p),
 
 with g = (b'W b)^-1 b'W: of all theta and omega these leave the smallest remainders in the weighted norm. Both equations hold
-exactly for the computed g, despite its rounding errors; the ranges are subdivided until the width of every enclosure is within
-1.05 times the width observed at points, or into 3000 cells at most. With several inputs omega is the diagonal, and the
-off-diagonal entries belong to the remainder.
+exactly for the computed g, despite its rounding errors. A wide enclosure is refined by the quantity's fraction of polynomials
+(``rational.py``), and the ranges are subdivided until the width of every enclosure is within 1.05 times the width observed at
+points, or into 3000 cells at most. With several inputs omega is the diagonal, and the off-diagonal entries belong to the
+remainder.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.laurent import ALONE, Product, Sum, added, multiplied, names_of, products_of, scaled, value_of
 from barbalat.problem.parameters import Symbolic, evaluated
 from barbalat.problem.physical import PhysicalPlant, projected, projection
+from barbalat.problem.rational import Rational
 from barbalat.validate import Array, InputError, show
 
 TIGHTNESS = 1.05
@@ -44,6 +46,10 @@ SMALLEST_PART = 2.0**-20
 MATCHED_TO = 1e-9
 """Share of the largest entry of A, A_m or b: a remainder below it is rounding, as for a plant given by numbers."""
 BOX_NOTE = "a box bounds {} independently: it contains plants that do not correspond to parameters in these ranges"
+
+
+Box = Mapping[str, float]
+"""One end of each parameter's range, or a point."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -99,7 +105,7 @@ class FromRanges:
             return None
         return (
             f"a bound from the parameters' ranges is {self.width_ratio:.3g} times as wide as the values found at points in them, "
-            f"although the ranges were cut into {self.cells} cells: cancel common factors in the formulas to narrow it"
+            f"although the ranges were cut into {self.cells} cells; narrow ranges or simpler formulas make it tighter"
         )
 
     @property
@@ -153,13 +159,15 @@ class _Quantities:
     """theta, omega and the remainders as linear combinations of products of parameters, evaluated on balls or on many points at
     once.
 
-    sums      one for each quantity, in the order theta row by row, omega, remainder of A, remainder of b
-    products  the products that occur in them
+    sums       one for each quantity, in the order theta row by row, omega, remainder of A, remainder of b
+    products   the products that occur in them
+    rationals  fractions of polynomials by the number of their quantity, made when they are needed
     """
 
     sums: list[Sum]
     sizes: tuple[int, int, int, int]
     b_bar: Array  # (n, m)
+    rationals: dict[int, Rational | None] = field(default_factory=dict)
 
     @classmethod
     def of(cls, plant: PhysicalPlant, A_m: Array, b: Array, scale: Array) -> _Quantities:
@@ -202,15 +210,29 @@ class _Quantities:
         places = {product: i for i, product in enumerate(self.products)}
         return [[(places[p], arb(fmpq(f.numerator, f.denominator))) for p, f in one.items()] for one in self.sums]
 
-    def enclosed(self, low: Mapping[str, float], high: Mapping[str, float]) -> tuple[Array, Array]:
-        """(quantities,) each: bounds over a box of parameters."""
+    def enclosed(self, low: Box, high: Box, least: Array, most: Array) -> tuple[Array, Array, list[Box]]:
+        """(quantities,) each: bounds over a box of parameters, refined for those outside ``least`` and ``most``; and points of
+        the box at which refined quantities are large or small."""
         values = {name: Ball(arb(low[name]).union(arb(high[name]))) for name in low}
         each = [as_arb(value_of(product, values)) for product in self.products]
         found = [sum((factor * each[place] for place, factor in one), arb(0)) for one in self._exact]
         finite = [one.is_finite() for one in found]
-        lows = [float_below(one) if known else -np.inf for one, known in zip(found, finite, strict=True)]
-        highs = [float_above(one) if known else np.inf for one, known in zip(found, finite, strict=True)]
-        return np.array(lows), np.array(highs)
+        lows = np.array([float_below(one) if known else -np.inf for one, known in zip(found, finite, strict=True)])
+        highs = np.array([float_above(one) if known else np.inf for one, known in zip(found, finite, strict=True)])
+        points: list[Box] = []
+        for i in np.flatnonzero((lows < least) | (highs > most)):
+            rational = self._rational(int(i))
+            if rational is not None:
+                lower, upper, own = rational.bounds(low, high)
+                lows[i], highs[i] = max(lows[i], lower), min(highs[i], upper)
+                points += own
+        return lows, highs, points
+
+    def _rational(self, i: int) -> Rational | None:
+        """A quantity as a fraction of polynomials; None if these are too large."""
+        if i not in self.rationals:
+            self.rationals[i] = Rational.of(self.sums[i])
+        return self.rationals[i]
 
 
 def _products(entry: Any) -> Sum:
@@ -230,13 +252,14 @@ class _Enclosure:
     high: Array
     seen_low: Array
     seen_high: Array
+    floor: Array
     cells: int
 
     @property
     def ratio(self) -> float:
         """The largest ratio of an enclosure's width to the observed width, over quantities that vary by more than rounding."""
         widths, seen = self.high - self.low, self.seen_high - self.seen_low
-        moves = seen > MATCHED_TO * np.maximum(np.abs(self.seen_low), np.abs(self.seen_high))
+        moves = seen > np.maximum(self.floor, MATCHED_TO * np.maximum(np.abs(self.seen_low), np.abs(self.seen_high)))
         return float((widths[moves] / seen[moves]).max(initial=1.0))
 
 
@@ -259,17 +282,15 @@ def _enclosed(found: _Quantities, ranges: Mapping[str, tuple[float, float]], flo
     names = [name for name, (low, high) in ranges.items() if low < high]
     low, high = ({name: ends[side] for name, ends in ranges.items()} for side in (0, 1))
     depends = found.names
-    points = _points(names, low, high, DRAWN)
-    seen = found.at(_columns(points, names, ranges))
-    seen_low, seen_high = np.fmin.reduce(seen), np.fmax.reduce(seen)
-    if not np.isfinite([seen_low, seen_high]).all():
-        unbounded = np.full(len(seen_low), np.inf)  # there is a pole at a corner of the ranges
-        return _Enclosure(-unbounded, unbounded, seen_low, seen_high, 1)
-    boxes, bounds = [(low, high)], [found.enclosed(low, high)]
-    lows, highs = np.array([bounds[0][0]]), np.array([bounds[0][1]])
+    seen = _Seen(found, floor)
+    seen.add(_columns(_points(names, low, high, DRAWN), names, ranges))
+    if not np.isfinite([seen.low, seen.high]).all():
+        unbounded = np.full(len(seen.low), np.inf)  # there is a pole at a corner of the ranges
+        return _Enclosure(-unbounded, unbounded, seen.low, seen.high, floor, 1)
+    boxes, first = [(low, high)], seen.enclosed(low, high)
+    lows, highs = first[0][None], first[1][None]
     while len(boxes) < MOST_CELLS:
-        room = np.maximum((TIGHTNESS - 1) / 2 * (seen_high - seen_low), floor)
-        above, below = (highs.max(axis=0) - seen_high) / room, (seen_low - lows.min(axis=0)) / room
+        above, below = (highs.max(axis=0) - seen.high) / seen.room, (seen.low - lows.min(axis=0)) / seen.room
         worst = int(np.argmax(np.maximum(above, below)))
         if max(above[worst], below[worst]) <= 1 or not names:
             break
@@ -279,19 +300,43 @@ def _enclosed(found: _Quantities, ranges: Mapping[str, tuple[float, float]], flo
         if high[side] - low[side] < SMALLEST_PART * (ranges[side][1] - ranges[side][0]):
             break  # no bound can be found: there is a pole within the ranges
         middle = (low[side] + high[side]) / 2
-        halves = [(low, high | {side: middle}), (low | {side: middle}, high)]
-        made = [found.enclosed(*half) for half in halves]
+        halves = [(low, {**high, side: middle}), ({**low, side: middle}, high)]
         for half in halves:
-            more = found.at(_columns(_points(names, *half, 0), names, ranges))
-            seen_low, seen_high = np.fmin(seen_low, np.fmin.reduce(more)), np.fmax(seen_high, np.fmax.reduce(more))
+            seen.add(_columns(_points(names, *half, 0), names, ranges))
+        made = [seen.enclosed(*half) for half in halves]
         boxes[cell] = halves[0]
         boxes.append(halves[1])
         lows[cell], highs[cell] = made[0]
         lows, highs = np.vstack([lows, made[1][0]]), np.vstack([highs, made[1][1]])
-    return _Enclosure(lows.min(axis=0), highs.max(axis=0), seen_low, seen_high, len(boxes))
+    return _Enclosure(lows.min(axis=0), highs.max(axis=0), seen.low, seen.high, floor, len(boxes))
 
 
-def _points(names: list[str], low: Mapping[str, float], high: Mapping[str, float], drawn: int) -> Array:
+class _Seen:
+    """The smallest and the largest value of each quantity at the points that were tried, ``low`` and ``high``."""
+
+    def __init__(self, quantities: _Quantities, floor: Array) -> None:
+        self.quantities, self.floor = quantities, floor
+        self.low, self.high = (np.full(len(floor), sign * np.inf) for sign in (1, -1))
+
+    def add(self, values: Mapping[str, Array]) -> None:
+        """More points."""
+        found = self.quantities.at(values)
+        self.low, self.high = np.fmin(self.low, np.fmin.reduce(found)), np.fmax(self.high, np.fmax.reduce(found))
+
+    @property
+    def room(self) -> Array:
+        """By how much a bound may exceed the values that were seen."""
+        return np.maximum((TIGHTNESS - 1) / 2 * (self.high - self.low), self.floor)
+
+    def enclosed(self, low: Box, high: Box) -> tuple[Array, Array]:
+        """Bounds over a cell, refined where they exceed the room."""
+        lows, highs, points = self.quantities.enclosed(low, high, self.low - self.room, self.high + self.room)
+        if points:
+            self.add({name: np.array([point[name] for point in points]) for name in low})
+        return lows, highs
+
+
+def _points(names: list[str], low: Box, high: Box, drawn: int) -> Array:
     """(K, names): the centre, the corners if there are few, and uniformly distributed points."""
     a, b = (np.array([side[name] for name in names]) for side in (low, high))
     corners = np.array(list(product(*zip(a, b, strict=True)))) if 2 ** len(names) <= MOST_CORNERS else np.array([a, b])
@@ -307,8 +352,8 @@ def _columns(points: Array, names: list[str], ranges: Mapping[str, tuple[float, 
 def _widest(
     found: _Quantities,
     names: list[str],
-    low: Mapping[str, float],
-    high: Mapping[str, float],
+    low: Box,
+    high: Box,
     ranges: Mapping[str, tuple[float, float]],
     concerned: frozenset[str],
     quantity: int,

@@ -52,7 +52,7 @@ def scaled(one: Sum, factor: Fraction | float) -> dict[Product, Fraction]:
 
 def multiplied(one: Sum, other: Sum) -> dict[Product, Fraction]:
     """The product of two sums, expanded."""
-    parts = [{_joined(a, b): x * y} for a, x in one.items() for b, y in other.items()]
+    parts = [{joined(a, b): x * y} for a, x in one.items() for b, y in other.items()]
     return added(*parts)
 
 
@@ -75,7 +75,8 @@ def names_of(product: Product) -> frozenset[str]:
     return frozenset().union(*(formula("a factor", factor, _ANY).names for factor, _ in product))
 
 
-def _joined(one: Product, other: Product) -> Product:
+def joined(one: Product, other: Product) -> Product:
+    """The product of two products."""
     powers = dict(one)
     for factor, power in other:
         powers[factor] = powers.get(factor, 0) + power
