@@ -273,7 +273,7 @@ def outputs(case: Case, members: Members) -> dict[str, Any]:
         "output": loop.measured_outputs > 0, "panels": panels,
         "model": {"rows": [int(i) for i in marked.x_m.reshape(-1)]}, "judge": kept(case, loop),
         "true": None if true is None else [float(v) for v in true],
-        "estimates": [estimated(name) for name in estimate_names(loop)],
+        "estimates": [estimated(name) for name in estimate_names(case.problem, loop)],
         "reported": {part.name: [*range(part.rows.start, part.rows.stop)] for part in loop.other_estimates},
         "beside": _beside(case, loop),
         "past": None if members.history is None else members.history[:, 0].tolist(),

@@ -72,6 +72,14 @@ def estimate_set(loop: ClosedLoop) -> EstimateSet | None:
     return box if fits else None
 
 
-def estimate_names(loop: ClosedLoop) -> tuple[str, ...]:
-    """(p,), without a hat."""
-    return () if loop.estimates is None else loop.estimates.names
+def estimate_names(problem: TrackingProblem, loop: ClosedLoop) -> tuple[str, ...]:
+    """(p,), without a hat; the last ones are omega, or omega_1, omega_2, ..., if they estimate unknown input gains."""
+    found = loop.estimates
+    if found is None:
+        return ()
+    if found.role.of != THETA or found.role.names is not None or not isinstance(problem, Problem) or problem.input_gain is None:
+        return found.names
+    m = problem.plant.inputs
+    if found.size != len(problem.parameters):
+        return found.names
+    return (*found.names[:-m], *(("omega",) if m == 1 else (f"omega_{i + 1}" for i in range(m))))

@@ -12,6 +12,8 @@ from barbalat.pictures.symbols import number_text
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.state_feedback import Problem
 from barbalat.report.terminal.layout import Screen
+from barbalat.roles import hatted
+from barbalat.run.results.estimates import label_of
 from barbalat.run.results.picture import reachable
 from barbalat.study.replay import Replay
 from barbalat.validate import Array
@@ -52,7 +54,7 @@ def rows(found: Mapping[str, Replay], problem: Problem) -> list[list[str]]:
         for i, values in enumerate(one.theta_hat.T):
             known = "" if ends is None else f"{ends[0][i]:.4g} to {ends[1][i]:.4g}"
             tail = f"{one.tail[:, i].min():.4g} to {one.tail[:, i].max():.4g}"
-            told.append(["" if i else name, f"theta_hat_{i + 1}", number_text(float(values[-1])), tail, known])
+            told.append(["" if i else name, hatted(one.names[i]), number_text(float(values[-1])), tail, known])
     return told
 
 
@@ -90,7 +92,7 @@ def panels(found: Mapping[str, Replay], problem: Problem) -> list[Panel]:
     for name, one in found.items():
         ends = known_ends(problem, one.theta_hat.shape[1])
         shown += [
-            _estimate(name, i, one.times, values, None if ends is None else (float(ends[0][i]), float(ends[1][i])))
+            _estimate(name, one.names[i], i, one.times, values, None if ends is None else (float(ends[0][i]), float(ends[1][i])))
             for i, values in enumerate(one.theta_hat.T)
         ]
         for j, (flown, proposed) in enumerate(zip(one.flown.T, one.proposed.T, strict=True)):
@@ -103,10 +105,10 @@ def panels(found: Mapping[str, Replay], problem: Problem) -> list[Panel]:
     return shown
 
 
-def _estimate(name: str, i: int, t: Array, values: Array, known: tuple[float, float] | None) -> Panel:
+def _estimate(name: str, of: str, i: int, t: Array, values: Array, known: tuple[float, float] | None) -> Panel:
     """One estimate, with those ends of the known set that are near its motion, or with a note on all."""
     near, beyond = reachable([] if known is None else list(known), span_of([values]))
-    label = rf"$\hat\theta_{{{i + 1}}}$"
+    label = label_of(of)
     return Panel(
         title=text_of(f"{name}: ") + label,
         series=[Series(t=t, value=values, label=label, colour=i, dash=0)],

@@ -9,6 +9,7 @@ import numpy as np
 
 from barbalat import validate
 from barbalat.loop.closed_loop import ClosedLoop
+from barbalat.loop.true_values import estimate_names
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
 from barbalat.validate import Array, InputError
@@ -19,12 +20,14 @@ CLOCK = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Replay:
-    """times (N,) [s]; theta_hat (N, p) after each sample; proposed (N, m), the control it would have put out; flown (N, m)."""
+    """times (N,) [s]; theta_hat (N, p) after each sample; proposed (N, m), the control it would have put out; flown (N, m);
+    names (p,) of the estimates without a hat."""
 
     times: Array
     theta_hat: Array
     proposed: Array
     flown: Array
+    names: tuple[str, ...]
 
     @property
     def tail(self) -> Array:
@@ -97,4 +100,4 @@ def replay(problem: Problem, controller: Controller, times: Array, measured: Arr
         acting = computer.act(acting, np.concatenate([y[k], beside]), command)
         estimates.append(np.asarray(loop.theta_hat(acting.controller), dtype=float))
         proposed.append(np.asarray(acting.held.u, dtype=float).reshape(-1))
-    return Replay(times, np.array(estimates), np.array(proposed), u)
+    return Replay(times, np.array(estimates), np.array(proposed), u, estimate_names(own, loop))

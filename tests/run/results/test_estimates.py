@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from barbalat import DirectMrac, Mrac, NetworkMrac, Problem, Sampled, Simulation, input_filter, simulate
+from barbalat import DirectMrac, Mrac, NetworkMrac, ParameterBox, Problem, Sampled, Simulation, input_filter, simulate
 from barbalat.adaptation.modifications import FixedSigma
 from barbalat.controllers import L1PiecewiseConstant
 from barbalat.plants import PlantInput
@@ -31,6 +31,18 @@ def test_gains_are_called_gains_and_weights_weights(problem):
     assert [one.name for one in estimates_of(network)] == ["W_0", "W_1", "W_2", "W_3"]  # of 12 inner ones no list is shown
     assert {one.true for one in estimates_of(network)} == {None}
     assert [(one.name, one.true) for one in estimates_of(mrac)] == [("theta_1", theta[0]), ("theta_2", theta[1])]
+
+
+def test_the_estimate_of_an_unknown_input_gain_is_called_omega(problem):
+    """In tables, pictures and findings; the columns of files keep their names."""
+    narrow = ParameterBox(lower=[-0.1] * len(problem.plant.theta), upper=[0.1] * len(problem.plant.theta))
+    given = replace(problem, uncertainty=narrow, input_gain=(0.9, 1.1))
+    run = simulate(given, [Mrac(gamma=200.0)], AT)["MRAC"]
+    assert [(one.name, one.true) for one in estimates_of(run)][-1] == ("omega", 2.0)
+    assert r"$\hat{\omega}$" in {one.label for panel in panels([run]) for one in panel.series}
+    said = " ".join(run.adapting.warnings)
+    assert "omega_hat is at its projection bounds" in said and "theta_hat_3" not in said
+    assert "theta_hat_3" in run.columns()
 
 
 def test_the_picture_has_the_feedforward_beside_the_feedback(problem):

@@ -283,7 +283,7 @@ def test_an_estimate_that_moves_little_gets_axes_on_which_it_is_seen():
     (mrac,) = simulate(found.problem, found.controllers[0], Simulation(20.0, 2e-3)).values()
     large, small = panels([mrac])[-2:]
     assert [one.label for one in large.series] == [r"$\hat{\theta}_{1}$", r"$\hat{\theta}_{2}$"]
-    assert [one.label for one in small.series] == [r"$\hat{\theta}_{3}$"]
+    assert [one.label for one in small.series] == [r"$\hat{\omega}$"]
     assert "known set: -40" in large.note.replace("\N{NO-BREAK SPACE}", " ") and large.limits[1] < 20
     assert {level.of for level in small.levels if level.label == "true values"} == {0}
     assert small.limits[1] - small.limits[0] < 2

@@ -163,18 +163,24 @@ class Adapting:
 
 
 def adapting(
-    loop: ClosedLoop, t: Array, theta_hat: Array, extrema: tuple[Array, Array], moved: Array, phi: Array, theta: Array | None
+    loop: ClosedLoop,
+    names: Sequence[str],
+    t: Array,
+    theta_hat: Array,
+    extrema: tuple[Array, Array],
+    moved: Array,
+    phi: Array,
+    theta: Array | None,
 ) -> Adapting:
     """From a record of K instants t [s]: theta_hat (K, p), its extrema and its path over the intervals, both (K - 1, p).
 
-    phi (K, p, m) from ``regressor_along``, theta (p,) the true parameters, None if there are none.
+    names (p,) of the estimates without a hat; phi (K, p, m) from ``regressor_along``; theta (p,) the true parameters, or None
     """
     known_set = estimate_set(loop)
     tail = t[:-1] >= t[-1] - (t[-1] - t[0]) / 4 if len(t) > 1 else np.zeros(0, bool)
     path = moved.sum(axis=0)
     bounds, sphere = _at_the_edge(known_set, t, theta_hat, extrema)
     found = excitation(t, phi)
-    names = [] if loop.estimates is None else [hatted(name) for name in loop.estimates.names]
     return Adapting(
         net=theta_hat[-1] - theta_hat[0],
         path=path,
@@ -183,7 +189,14 @@ def adapting(
         on_sphere=sphere,
         excitation=found,
         findings=tuple(
-            _findings(names, path, 0.0 if theta is None else float(np.linalg.norm(theta_hat[0] - theta)), bounds, sphere, found)
+            _findings(
+                [*map(hatted, names)],
+                path,
+                0.0 if theta is None else float(np.linalg.norm(theta_hat[0] - theta)),
+                bounds,
+                sphere,
+                found,
+            )
         ),
     )
 

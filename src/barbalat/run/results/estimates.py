@@ -35,15 +35,20 @@ class Estimate:
     @property
     def label(self) -> str:
         """The name with its hat, as TeX."""
-        symbol, _, index = self.name.partition("_")
-        letter = GREEK_NAMES.get(symbol, symbol)
-        return rf"$\hat{{{letter}}}_{{{index}}}$" if index else rf"$\hat{{{letter}}}$"
+        return label_of(self.name)
 
     @property
     def symbol(self) -> str:
         """The symbol without its hat."""
         symbol, _, index = self.name.partition("_")
         return f"{GREEK_NAMES.get(symbol, symbol)}_{{{index}}}" if index else GREEK_NAMES.get(symbol, symbol)
+
+
+def label_of(name: str) -> str:
+    """The name of an estimate with its hat, as TeX."""
+    symbol, _, index = name.partition("_")
+    letter = GREEK_NAMES.get(symbol, symbol)
+    return rf"$\hat{{{letter}}}_{{{index}}}$" if index else rf"$\hat{{{letter}}}$"
 
 
 GREEK_NAMES = {name: rf"\{name}" for name in ("theta", "sigma", "omega")}
@@ -57,7 +62,7 @@ def estimates_of(result: Result) -> list[Estimate]:
             name=name, value=result.theta_hat[:, i], true=None if true is None else float(true[i]), number=i,
             low=envelope.theta_hat_min[:, i], high=envelope.theta_hat_max[:, i],
         )
-        for i, name in enumerate(estimate_names(result.loop))
+        for i, name in enumerate(estimate_names(result.problem, result.loop))
     ]  # fmt: skip
     for part in result.loop.other_estimates:
         if part.size > MOST_REPORTED:

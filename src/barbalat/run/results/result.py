@@ -14,7 +14,7 @@ from barbalat import validate
 from barbalat.judge.settings import Judge
 from barbalat.judge.verdict import Class, Verdict
 from barbalat.loop.closed_loop import ClosedLoop
-from barbalat.loop.true_values import not_the_parameters, true_values
+from barbalat.loop.true_values import estimate_names, not_the_parameters, true_values
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import BreakingSignal, Controller
 from barbalat.roles import StatePart, column_names, entry_names
@@ -211,7 +211,8 @@ class Result:
         envelope, loop = self.envelope, self.loop
         extrema = envelope.theta_hat_min, envelope.theta_hat_max
         phi = regressor_along(loop, self.states, self.x if self.y is None else self.y, self.u)
-        found = adapting(loop, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
+        names = estimate_names(self.problem, loop)
+        found = adapting(loop, names, self.t, self.theta_hat, extrema, envelope.theta_hat_path, phi, self.true_values)
         others = not_the_parameters(self.problem, loop)
         return found if others is None else replace(found, findings=(Finding("true values", others), *found.findings))
 
