@@ -17,17 +17,20 @@ SPAN_SHARE = 0.1
 CROSSINGS_MULTIPLE = 2.0
 """Multiple of the speed at which the estimate would cross that range whenever the model crosses its own: a faster estimate
 oscillates."""
+POINT_SHARE, ROUNDING_SHARE = 1e-3, 1e-9
+"""A range that is narrower than this share of its own largest value, or than this share of the largest value of all ranges, is a
+point: its estimate is known and does not oscillate."""
 
 
 def rings(metrics: Metrics, width: Array, crossings: float) -> Array:
     """(M,) which runs have an estimate that oscillates in the tail.
 
-    width      (p,) of the known range of each estimate; infinite if it is unknown
+    width      (p,) of the known range of each estimate; infinite if it is unknown, 0 if it is nearly a point
     crossings  how often the model crosses its own range [1/s]
     """
     span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
     fast = metrics.theta_hat_variation_rate > CROSSINGS_MULTIPLE * crossings * width
-    return np.asarray((fast & (span > SPAN_SHARE * width)).any(axis=1))
+    return np.asarray((fast & (span > SPAN_SHARE * width) & (width > 0)).any(axis=1))
 
 
 FILLED_SHARE = 0.9
@@ -37,16 +40,22 @@ FILLED_SHARE = 0.9
 def fills(metrics: Metrics, width: Array) -> Array:
     """(M,) which runs have an estimate that moves in the tail from end to end of its known range."""
     span = metrics.theta_hat_tail_max - metrics.theta_hat_tail_min
-    return np.asarray((span >= FILLED_SHARE * width).any(axis=1))
+    return np.asarray(((span >= FILLED_SHARE * width) & (width > 0)).any(axis=1))
 
 
 def known_width(problem: TrackingProblem, controller: Controller) -> Array:
-    """(p,) of the known set in each estimate's direction; without one, of -|theta|_2 ... |theta|_2; infinite without theta."""
+    """(p,) of the known set in each estimate's direction; without one, of -|theta|_2 ... |theta|_2; infinite without theta.
+
+    0 where the set is nearly a point: an estimate that is projected onto it hardly moves, whatever the range is compared with.
+    """
     loop = ClosedLoop.of(problem, controller)
     theta, known_set = true_values(problem, loop), estimate_set(loop)
     if known_set is None and theta is not None and isinstance(problem.known, Projecting):
         known_set = problem.known.estimate_set  # for example, a network's weights have no known set
     if known_set is not None and known_set.bounds_theta:
         extents = [part.extent for part in (known_set.sphere, known_set.intervals) if part is not None]
-        return np.concatenate([high - low for low, high in extents])[: loop.parameters]
+        low, high = (np.concatenate(ends)[: loop.parameters] for ends in zip(*extents, strict=True))
+        size = np.maximum(np.abs(low), np.abs(high))
+        point = high - low <= np.maximum(POINT_SHARE * size, ROUNDING_SHARE * size.max(initial=0.0))
+        return np.where(point, 0.0, high - low)
     return np.full(loop.parameters, np.inf if theta is None else 2 * float(np.linalg.norm(theta)))
