@@ -335,6 +335,22 @@ def test_nothing_is_guaranteed_beside_an_observer():
     assert certify(replace(problem, observer=None), [Mrac(gamma=3.0)], SIMULATION)["MRAC"].guaranteed
 
 
+def test_a_sampled_controller_needs_no_continuous_observer(monkeypatch):
+    """Neither to run nor to be certified: a plant whose continuous Riccati equation fails is no reason to refuse it."""
+
+    def refused(self, plant):
+        raise AssertionError("the continuous filter was formed")
+
+    monkeypatch.setattr(KalmanObserver, "continuous", refused)
+    problem = posed("kalman", truth=None, sensor=Sensor(noise=Noise(std=[1e-3, 1e-3], sample_time=T)))
+    controllers = [
+        Sampled(controller=one, sample_time=T) for one in (Mrac(gamma=3.0), L1Adaptive(gamma=9.0, filter=input_filter(0.1)))
+    ]
+    simulate(problem, controllers, replace(SIMULATION, t_end=0.5))
+    found = certify(problem, controllers, SIMULATION)
+    assert all(found[one.name].values["delay_margin_adapting"] > 0 for one in controllers)
+
+
 def test_a_continuous_observer_says_that_it_leaves_the_delay_out():
     said = "the observer of a continuous controller does not contain the delay of the input"
     plant = Plant(A=[[0.0, 1.0], [-2.0, -0.5]], b=[0.0, 1.0], poles=[-2.0, -3.0], input=PlantInput(delay=0.02))
@@ -553,3 +569,9 @@ def test_a_case_file_says_what_is_measured_in_either_place():
     assert "observer.measured is missing" in refusal(lambda: parse_case(neither))
     alone = CASE.format(C="C = [[1, 0]]", observer=POLES_OF_CASE).replace("[observer]\n" + POLES_OF_CASE, "")
     assert "plant.C declares the measurement, so state feedback needs [observer]" in refusal(lambda: parse_case(alone))
+
+
+def test_the_keys_of_another_kind_are_told_in_one_line():
+    kalman = CASE.format(C="C = [[1, 0]]", observer='kind = "luenberger"\nQ = [1.0, 1.0]\nR = 1e-6')
+    said = refusal(lambda: parse_case(kalman))
+    assert said == "observer.Q has no meaning for luenberger; observer.poles is missing; known here: kind, poles, measured"

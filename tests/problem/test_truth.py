@@ -272,3 +272,11 @@ def test_bad_input_is_one_clear_sentence(old, new, words):
     with pytest.raises(InputError) as caught:
         parse_case(CASE.replace(old, new, 1))
     assert all(word in str(caught.value) for word in words), caught.value
+
+
+def test_a_parameter_with_the_name_of_a_state_is_refused_where_a_term_uses_it():
+    """x1 is the first state in a term; which of the two is meant cannot be known."""
+    both = CASE.replace("[plant]\n", "x1 = { value = 2.0 }\n[plant]\n", 1)
+    parse_case(both)
+    with pytest.raises(InputError, match=r"truth\.terms\.rate uses x1, which is both a parameter and the name of a state"):
+        parse_case(both.replace("[truth]", "[truth]\nterms = { rate = '-x1**3' }"))

@@ -37,8 +37,8 @@ SYMMETRIC_LIMITS = ("saturation",)
 KEYS_OF_ONE_NUMBER = {"filter": "kappa"}
 """Tables for which a single number may be given, with the key of that number."""
 
-_ORDER = {"unknown_key": 0, "extra_forbidden": 2}
-"""A misspelt key is also a missing one: report the spelling. A key without meaning is reported after a missing one."""
+_ORDER = {"unknown_key": 0}
+"""A misspelt key is also a missing one: report the spelling."""
 
 
 class Typed(str):
@@ -104,7 +104,8 @@ def _sentence(finding: Any, data: dict[str, Any], root: type[Table]) -> str:
             return f"unknown key {place}; {_meant(context, place, root)}"
         case "meaningless_key":
             place = _place((*location, context["key"]), data)
-            return f"{place} has no meaning for {context['choice']}; {_known(context)}"
+            missing = "".join(f"; {_place((*location, one), data)} is missing" for one in context["missing"])
+            return f"{place} has no meaning for {context['choice']}{missing}; {_known(context)}"
         case "union_tag_not_found":
             return _choice_missing(_place(location, data), context["discriminator"].strip("'"), given)
         case "union_tag_invalid":

@@ -51,8 +51,10 @@ class Table(BaseModel):
         for key in unknown:
             if key not in cls.recipe.elsewhere:
                 raise PydanticCustomError("unknown_key", "unknown", {"key": key, **details})
-        if unknown and all(name in given or key.alias in given for name, key in keys.items() if key.default is REQUIRED):
-            raise PydanticCustomError("meaningless_key", "no meaning", {"key": unknown[0], **details})
+        if unknown:
+            required = [name for name, key in keys.items() if key.default is REQUIRED]
+            missing = [name for name in required if name not in given and keys[name].alias not in given]
+            raise PydanticCustomError("meaningless_key", "no meaning", {"key": unknown[0], "missing": missing, **details})
         return given
 
 

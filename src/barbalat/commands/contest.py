@@ -61,7 +61,10 @@ def add(commands: Commands) -> None:
         help="plants of the tuning: the case's and N - 1 of its known set; default 4, --quick 2",
     )
     parser.add_argument(
-        "--trials", type=whole, metavar="N", help="largest number of tunings of each scheme; default 384, --quick 288"
+        "--trials",
+        type=whole,
+        metavar="N",
+        help="largest number of tunings of each scheme, at least 288; default 384, --quick 288",
     )
     parser.add_argument("--members", type=whole, metavar="N", help="validation runs of each scheme; default 200, --quick 64")
     parser.add_argument(

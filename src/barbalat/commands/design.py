@@ -35,7 +35,7 @@ def add(commands: Commands) -> None:
         help="number of plants of the tuning: the case's own and others; default 3",
     )
     parser.add_argument(
-        "--trials", type=whole, default=288, metavar="N", help="largest number of tunings of each scheme; default 288"
+        "--trials", type=whole, default=288, metavar="N", help="largest number of tunings of each scheme; default and minimum 288"
     )
     parser.add_argument("--members", type=whole, default=64, metavar="N", help="validation runs of each scheme; default 64")
     parser.add_argument(

@@ -9,6 +9,7 @@ import numpy as np
 from barbalat.cases.build import Case
 from barbalat.explorer.encoded import doubles
 from barbalat.judge import cycles, held
+from barbalat.judge.judged import LEAST_BESIDE
 from barbalat.judge.memory import LEAST_RANGE, Begins
 from barbalat.judge.scale import RESTING, ROUNDING, Uncommanded
 from barbalat.judge.settings import LOST_SHARE, component_names
@@ -24,7 +25,7 @@ def rules(case: Case) -> dict[str, Any]:
     judge, beside = case.judge, Uncommanded.of(case.problem, case.simulation.t_end)
     return {
         "cycle": judge.cycle, "closely": judge.closely, "follows": dict(judge.follows), "lost": dict(judge.lost),
-        "declared": sorted({one for one in case.problem.declared_followers if one is not None}),
+        "leastBeside": LEAST_BESIDE, "declared": sorted({one for one in case.problem.declared_followers if one is not None}),
         "followsShare": FOLLOWS_SHARE, "lostShare": LOST_SHARE, "leastSaid": LEAST_SAID, "rounding": ROUNDING, "resting": RESTING,
         "answer": beside.answer.tolist(), "spread": beside.spread.tolist(), "instants": held.INSTANTS,
         "leastRange": LEAST_RANGE,

@@ -191,8 +191,13 @@ def true_plant(truth: Truth, plant: Plant, labels: Sequence[str]) -> TruePlant:
         names=names,
         nonlinear=None if plant.is_linear else plant,
     )
+    own = found.known_names[: len(found.known_names) - len(values)]
     for state, text in truth.terms.items():
-        parsed(f"truth.terms.{state}", text, found.known_names)
+        if both := sorted(parsed(f"truth.terms.{state}", text, found.known_names).names & set(own) & set(values)):
+            raise InputError.of(
+                f"truth.terms.{state}",
+                f"uses {both[0]}, which is both a parameter and the name of a state or an input in terms: rename the parameter",
+            )
     return found
 
 

@@ -167,7 +167,13 @@ def sampled_rest(
 
 
 def adapting_of(problem: TrackingProblem, continuous: Controller) -> frozenset[str]:
-    """The names of the estimates that move, by the continuous controller that is sampled."""
+    """The names of the estimates that move, by the continuous controller that is sampled.
+
+    An observer is omitted, and with it the shell of its measurements: a sampled controller's has no continuous form, and the
+    estimates move without it too.
+    """
+    if isinstance(problem, Problem) and problem.fixed_observer is not None:
+        problem = replace(problem, observer=None, sensor=None, shell=None, faults=(), truth=None)
     loop = without_limits(ClosedLoop.of(problem, continuous))
     return frozenset(part.name for part in adapting_parts(loop, largest_commands(problem, loop)[1]))
 
