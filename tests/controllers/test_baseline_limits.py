@@ -66,6 +66,16 @@ def test_the_integral_is_tracked_back_as_in_the_textbook(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+def test_a_sampled_integral_is_tracked_back_in_kernels_with_open_numbers_too(kind):
+    runs = [
+        simulate(drive(KINDS[kind]), [BaselineAlone(sample_time=0.02)], replace(SIMULATION, fused=fused))["Baseline"]
+        for fused in (True, False)
+    ]
+    assert runs[0].figures["max_abs_u"] > 1.5 * LIMIT
+    np.testing.assert_allclose(runs[0].x, runs[1].x, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_it_spares_the_overshoot_and_changes_nothing_within_the_limits(kind):
     overshoot, within = {}, {}
     for one in (KINDS[kind], replace(KINDS[kind], anti_windup=None)):

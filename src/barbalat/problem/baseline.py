@@ -112,9 +112,9 @@ class FixedController:
         half = np.eye(self.order) - T / 2 * self.F
         ahead, driven = np.linalg.solve(half, np.eye(self.order) + T / 2 * self.F), np.linalg.solve(half, T * self.G)
         advanced = ahead @ xi + driven @ (r.reshape(-1) - self.H @ ((x_before + x) / 2))
-        if self.limits is None:
+        if self.limits is None or self.W is None:
             return advanced
-        return advanced + np.linalg.solve(half, T * np.asarray(self.W)) @ self._cut(u)
+        return advanced + np.linalg.solve(half, T * self.W) @ self._cut(u)
 
     def require_sampled(self, T: float) -> None:
         """InputError if, at samples of T [s], anti-windup would remove more than the excess beyond the limits."""
