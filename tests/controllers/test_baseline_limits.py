@@ -68,7 +68,7 @@ def test_the_integral_is_tracked_back_as_in_the_textbook(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_sampled_integral_is_tracked_back_in_kernels_with_open_numbers_too(kind):
     runs = [
-        simulate(drive(KINDS[kind]), [BaselineAlone(sample_time=0.02)], replace(SIMULATION, fused=fused))["Baseline"]
+        simulate(drive(KINDS[kind]), [Sampled(BaselineAlone(), 0.02)], replace(SIMULATION, fused=fused))["Baseline"]
         for fused in (True, False)
     ]
     assert runs[0].figures["max_abs_u"] > 1.5 * LIMIT
