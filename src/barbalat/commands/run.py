@@ -92,11 +92,11 @@ def _expected(case: Case, *, plots: bool, pictures: bool) -> dict[str, float]:
 
 def _simulated(case: Case, running: Work, *, measured: bool) -> list[Result]:
     """Run all controllers, with a close look at a short tail, and again at half the step; those that left their solver's
-    region of stability, or whose motion the step damps, also at a finer step."""
+    region of stability, or whose motion the step damps, also at a finer step. Samples that were missed are counted."""
     from barbalat.run.engine.check_numerics import check_numerics
     from barbalat.run.engine.judging import tail_is_short
     from barbalat.run.engine.settle import halved, settle
-    from barbalat.run.engine.simulate import simulate
+    from barbalat.run.engine.simulate import simulate, with_missed_samples
 
     with running.part("simulating") as progress:
         judge = replace(case.judge, closely=case.judge.closely or tail_is_short(case.problem, case.simulation))
@@ -108,7 +108,7 @@ def _simulated(case: Case, running: Work, *, measured: bool) -> list[Result]:
         with running.part("checking the numerics") as progress:
             found = check_numerics(found, measured=measured, progress=progress)
     with running.part("halving the step") as progress:
-        return list(halved(settle(found), progress=progress).values())
+        return list(with_missed_samples(halved(settle(found), progress=progress)).values())
 
 
 def write_runs(folder: Folder, case: str, results: Sequence[Result], document: str, *, whole: bool = False) -> None:

@@ -1,6 +1,7 @@
 """Faults between the plant and a sampled controller: lost, late, wrong and repeated measurements, at random or at given times.
 
-A fault is a function of time, so that every controller of a case, and every finer step, has the same faults. Random faults are a
+A fault is a function of time, so that every controller of a case, and every finer step, has the same faults; only the instants
+of a jittered timer are rounded to the solver's steps. Random faults are a
 hash of the seed, of the fault's position in its list and of the time on a grid of nanoseconds: SplitMix64's output function
 (Steele, Lea and Flood, 2014). The result is the same bit for bit on every machine and in every order of evaluation.
 """
@@ -194,8 +195,9 @@ class Latency(OnChannel, Fault):
 class Jitter(Fault):
     """A timer that calls early or late, uniformly distributed: measurement and control are taken at the time of the call.
 
-    time  the largest deviation [s]: at least one solver step, and at most a quarter of the sample time for all jitters of a case
-          together. Always present unless share or times are given
+    time  the largest deviation [s] of a call: at least one solver step, and at most a quarter of the sample time for all jitters
+          of a case together. The time between two calls deviates by up to twice as much, which `shell.jitter` bounds. Always
+          present unless share or times are given
     """
 
     time: float

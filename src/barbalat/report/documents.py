@@ -98,6 +98,7 @@ def run_block(result: Result) -> dict[str, Any]:
         **({} if result.damping is None else {"solver_damping": result.damping.as_json()}),
         **lost,
         **({} if result.half_step is None else {"half_step": result.half_step.as_json()}),
+        **({} if result.missed is None else {"missed_samples": result.missed.as_json()}),
         "findings": [finding.sentence for finding in result.findings],
         "adapting": None if result.adapting is None else result.adapting.as_json(),
     }

@@ -37,7 +37,8 @@ def halved(results: Mapping[str, Result], *, afforded_steps: int = AFFORDED_STEP
     """The same results, with ``half_step``, the error at half the step, for each one that was judged and did not diverge.
 
     A sampled controller keeps its sample time. Runs that left their region of stability are left to ``check_numerics``; a run is
-    also unchanged if half its step takes more steps than ``afforded_steps`` or than the budget allows.
+    also unchanged if its timer has jitter, and if half its step takes more steps than ``afforded_steps`` or than the budget
+    allows.
     """
     found = dict(results)
     pending = [name for name, one in results.items() if _halvable(one) and _affordable(one, 2.0, afforded_steps)]
@@ -56,6 +57,9 @@ def _halvable(result: Result) -> bool:
     verdict = result.verdict
     if result.simulation.tolerance is not None:  # its error was measured by a second run
         return False
+    computer = result.loop.computer
+    if computer is not None and computer.around is not None and computer.around.jitters:
+        return False  # the calls of a timer with jitter are rounded to steps: at half the step the scenario is another
     return verdict is not None and verdict.kind is not Class.LOST and result.stiffness.unstable_from is None
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from barbalat.run.kernel.breaks import lost_along, lost_order
 from barbalat.run.kernel.delay import brings_bends
 from barbalat.run.kernel.grid import CHUNK_STEPS, signal_table
 from barbalat.run.kernel.sampled_controller import initial_acting
+from barbalat.run.results.missed import MissedSamples
 from barbalat.run.results.result import Envelope, Result, Results
 from barbalat.run.results.series import series_along
 from barbalat.solvers.simulation import Simulation
@@ -130,16 +131,50 @@ def recorded(problem: TrackingProblem, controller: Controller, simulation: Simul
     batch = Batch.of([(problem, controller)], simulation, lanes=1)
     (group,), every = batch.groups, batch.rhythm.sample_every
     assert every, "only a sampled controller has samples"
-    in_pieces, kept = batch.program.shape.in_pieces, []
-    count = min(samples, -(-simulation.steps // every))
-    at_once = max(1, CHUNK_STEPS // every)
-    for first in range(0, count, at_once):
-        blocks = min(at_once, count - first)
-        start, length = first * every, every
-        table = signal_table(problem.signals, simulation, start, blocks * length, in_pieces=in_pieces)
-        kept.append(group.call(start, blocks, length, group.state, table)[:, : batch.program.shape.states, 0])
+    kept = list(_each(batch, problem, simulation, 0, every, min(samples, -(-simulation.steps // every))))
     # a block begins before its sample: the state after a sample is at the beginning of the next block
     flat = np.vstack([*kept, group.state.T])[1:]
     own = len(flatten(initial_acting(batch.loop)))
     held = batch.loop.unpack(np.arange(batch.loop.size)).held
     return Recording(batch.loop, flat[:, held.measured.reshape(-1)], flat[:, held.r.reshape(-1)], flat[:, -own:])
+
+
+def _each(batch: Batch, problem: TrackingProblem, simulation: Simulation, first: int, every: int, count: int) -> Iterator[Array]:
+    """The loop's states, (blocks, S), at the beginning of ``count`` blocks of ``every`` steps, from step ``first`` on."""
+    (group,), shape = batch.groups, batch.program.shape
+    at_once = max(1, CHUNK_STEPS // every)
+    for done in range(0, count, at_once):
+        blocks, start = min(at_once, count - done), first + done * every
+        table = signal_table(problem.signals, simulation, start, blocks * every, in_pieces=shape.in_pieces)
+        yield group.call(start, blocks, every, group.state, table)[:, : shape.states, 0]
+
+
+def with_missed_samples(results: Mapping[str, Result]) -> Results:
+    """The same results, with ``missed`` for each sampled controller that has a shell or meets faults.
+
+    Each of these runs is repeated with the same bits and read between any two samples; one that diverged stays as it is.
+    """
+    return Results({name: replace(one, missed=_missed(one)) for name, one in results.items()})
+
+
+def _missed(result: Result) -> MissedSamples | None:
+    computer, simulation, problem = result.loop.computer, result.simulation, result.problem
+    if computer is None or computer.around is None or not np.isnan(result.metrics.diverged_at[0]):
+        return None
+    batch = Batch.of([(problem, result.controller)], simulation, lanes=1)
+    (group,), every = batch.groups, round(computer.around.T / simulation.dt)  # with jitter the loop looks at its timer every step
+    between = every - every // 2  # a timer's jitter is at most a quarter of a sample
+    table = signal_table(problem.signals, simulation, 0, between, in_pieces=batch.program.shape.in_pieces)
+    group.call(0, 1, between, group.state, table)
+    count = max(simulation.steps - between, 0) // every + 1
+    states = np.vstack([*_each(batch, problem, simulation, between, every, count - 1), group.state.T])
+    outage = states[:, batch.loop.unpack(np.arange(batch.loop.size)).held.around.outage.reshape(-1)][:, 0]
+    longest = np.inf if computer.around.longest is None else computer.around.longest
+    return MissedSamples(
+        count,
+        missed=int((outage > 0).sum()),
+        in_a_row=int(outage.max()),
+        fallback=int((outage > longest).sum()),
+        named=computer.around.fallback,
+        jitter=sum(one.time for one in computer.around.faults) / simulation.dt,
+    )

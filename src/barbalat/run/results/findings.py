@@ -18,11 +18,11 @@ from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import InterpolatedSignal
 
 KINDS = (
-    "solver", "half step", "record of a signal", "truth", "known set", "ranges", "wide ranges", "command", "damping",
+    "solver", "missed", "half step", "record of a signal", "truth", "known set", "ranges", "wide ranges", "command", "damping",
     "shakes", "held", "still", "on bounds", "between bounds", "excitation", "true values", "order", "coarse record",
 )  # fmt: skip
 """Kinds of findings, in order of importance."""
-OF_EACH_RUN = ("half step", "shakes", "held")
+OF_EACH_RUN = ("missed", "half step", "shakes", "held")
 """Kinds whose sentences contain numbers of one run, and which are reported for each run."""
 
 

@@ -51,16 +51,17 @@ class HalfStep:
         size = abs(self.of_the_solver)
         if size <= TOLD_SHARE * self.band and not self.decides:
             return None
-        part = f"{100 * size / self.coarse:.2g} %" if size < self.coarse else f"{size:.2g}"
+        part = f"about {100 * size / self.coarse:.2g} %"
         error, values = (
             f"the error of {self.component} in the tail",
             f"{self.coarse:.4g} at this step, {self.fine:.4g} at half of it",
         )
-        owed = (
-            f"about {part} of {error} is due to the solver"
-            if self.of_the_solver > 0
-            else f"the solver hides about {part} of {error}"
-        )
+        if self.of_the_solver > 0:
+            owed = f"{part} of {error} is due to the solver"
+        elif size < self.coarse:
+            owed = f"the solver hides {part} of {error}"
+        else:
+            owed = f"{error} is about {1 + size / self.coarse:.2g} times as large without the solver's error"
         return f"{owed}: {values}" + (f", where the verdict is *{self.kinds[1]}*" if self.decides else "")
 
     def as_json(self) -> dict[str, Any]:

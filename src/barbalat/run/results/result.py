@@ -24,6 +24,7 @@ from barbalat.run.results.accuracy import Accuracy, MeasuredError
 from barbalat.run.results.adapting import Adapting, adapting, regressor_along
 from barbalat.run.results.findings import Finding, lost_when_held, of_problem, shaking
 from barbalat.run.results.half_step import HalfStep
+from barbalat.run.results.missed import MissedSamples
 from barbalat.run.results.outcome import html_of, outcome, outcome_in_brief
 from barbalat.run.results.spectrum import SolverDamping, Stiffness
 from barbalat.run.results.step_comparison import FinerStep, label
@@ -91,6 +92,8 @@ class Result:
     half_step         the error at half the step, from ``halved``
     accuracy          for a run by tolerance, its error measured by a second run
     measured_error    for a run with fixed steps, its error measured by a run with a tolerance, from ``check_numerics``
+    missed            for a sampled controller with a shell or faults, the samples that it did not take, from
+                      ``with_missed_samples``
     """
 
     problem: TrackingProblem
@@ -117,6 +120,7 @@ class Result:
     half_step: HalfStep | None = None
     accuracy: Accuracy | None = None
     measured_error: MeasuredError | None = None
+    missed: MissedSamples | None = None
 
     @property
     def name(self) -> str:
@@ -247,7 +251,8 @@ class Result:
     def _others(self) -> tuple[Finding, ...]:
         of_run = () if self.adapting is None else self.adapting.findings
         shakes = None if self.judge is None else shaking(self.problem, self.verdict, self.simulation.t_end, self.judge.cycle)
-        said = {"shakes": shakes, "held": None if self.judge is None else lost_when_held(self.verdict)}
+        missed = None if self.missed is None else self.missed.sentence
+        said = {"missed": missed, "shakes": shakes, "held": None if self.judge is None else lost_when_held(self.verdict)}
         of_control = [Finding(kind, sentence) for kind, sentence in said.items() if sentence is not None]
         return (*of_problem(self.problem, self.simulation.t_end), *of_control, *of_run)
 

@@ -1,0 +1,50 @@
+"""The samples of a run that its controller did not take: faults lost them, or the shell refused them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+STEPS_OF_JITTER = 10
+"""Solver steps to which a timer's jitter should be resolved: with fewer, the number of missed samples depends on the step."""
+
+
+@dataclass(frozen=True)
+class MissedSamples:
+    """Counts of samples.
+
+    samples   of the run
+    missed    without a good measurement at the right time: the estimates are frozen and the model predicts
+    in_a_row  the longest outage
+    fallback  of the missed, those at which the shell's fallback acts, because the outage is longer than ``longest_outage``
+    named     the fallback
+    jitter    the largest deviation of the timer's calls, in solver steps, to which the calls are rounded; 0 without jitter
+    """
+
+    samples: int
+    missed: int
+    in_a_row: int
+    fallback: int
+    named: str
+    jitter: float = 0.0
+
+    @property
+    def sentence(self) -> str | None:
+        """The finding as a sentence; None if no sample was missed."""
+        if not self.missed:
+            return None
+        share = f"{100 * self.missed / self.samples:.2g} % of the {self.samples} samples were lost or refused by the shell"
+        longest = f"{share}, at most {self.in_a_row} in a row"
+        if self.fallback:
+            longest += f"; at {100 * self.fallback / self.samples:.2g} % of the samples the fallback ({self.named}) acted"
+        if 0 < self.jitter < STEPS_OF_JITTER:
+            longest += f"; calls are rounded to solver steps, of which the timer's jitter has {self.jitter:.2g}: use a smaller dt"
+        return longest
+
+    def as_json(self) -> dict[str, Any]:
+        return {
+            "samples": self.samples,
+            "missed": self.missed,
+            "longest_outage": self.in_a_row,
+            "fallback": self.fallback,
+        }

@@ -1,0 +1,62 @@
+"""The samples that a run reports as missed: against the draws of its faults, counted independently."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import groupby
+
+import numpy as np
+import pytest
+
+from barbalat import Mrac, Sampled, Simulation, simulate
+from barbalat.cases.load import load_case
+from barbalat.problem.faults import Dropout, Jitter
+from barbalat.problem.shell import Shell
+from barbalat.run.engine.settle import halved
+from barbalat.run.engine.simulate import with_missed_samples
+
+PROBLEM = load_case("first-order").problem
+T, LONGEST = 0.02, 0.06
+SHELL = Shell(longest_outage=LONGEST, fallback="zero")
+
+
+def missed(problem, dt=0.002, t_end=4.0):
+    controller = Sampled(Mrac(gamma=5.0), T)
+    return with_missed_samples(simulate(problem, [controller], Simulation(t_end=t_end, dt=dt)))["MRAC"]
+
+
+@pytest.mark.parametrize(
+    "fault", [Dropout(share=0.3, seed=4), Dropout(share=0.2, burst=0.1, seed=2), Dropout(times=[[1.0, 1.5]])]
+)
+@pytest.mark.parametrize("dt", [0.02, 0.01, 0.004])
+def test_lost_samples_are_those_of_the_draw(fault, dt):
+    run = missed(replace(PROBLEM, shell=SHELL, faults=(fault,)), dt)
+    lost = fault.there(T * np.arange(200), 0)
+    runs = [len(list(same)) for gone, same in groupby(lost) if gone]
+    allowed = round(LONGEST / T)
+    expected = (200, lost.sum(), max(runs), sum(max(0, one - allowed) for one in runs))
+    found = run.missed
+    assert (found.samples, found.missed, found.in_a_row, found.fallback) == expected
+    assert run.findings[0].sentence == found.sentence
+    assert found.sentence.startswith(f"{100 * lost.sum() / 200:.2g} % of the 200 samples were lost or refused by the shell")
+
+
+def test_calls_of_a_jittered_timer_are_counted_once():
+    """Every call is on time for a shell without a band, so that only the drawn losses are missed, at the calls' instants."""
+    faults = (Dropout(times=[[1.0, 1.51]]), Jitter(time=T / 4, seed=1))
+    run = missed(replace(PROBLEM, shell=SHELL, faults=faults), dt=0.0005)
+    assert run.missed.samples == 200 and 25 <= run.missed.missed <= 26
+    assert "rounded to solver steps" not in run.missed.sentence
+    coarse = missed(replace(PROBLEM, shell=SHELL, faults=faults), dt=0.0025)
+    assert "of which the timer's jitter has 2: use a smaller dt" in coarse.missed.sentence
+    assert halved({"MRAC": coarse})["MRAC"].half_step is None  # its calls would be others
+
+
+def test_what_the_shell_refuses_is_counted():
+    run = missed(replace(PROBLEM, shell=replace(SHELL, rate={PROBLEM.measured_names[0]: 1e-3})))
+    assert run.missed.missed > 150 and run.missed.fallback > 100
+    assert "the fallback (zero) acted" in run.missed.sentence
+
+
+def test_a_run_without_a_shell_has_no_such_count():
+    assert missed(PROBLEM).missed is None
