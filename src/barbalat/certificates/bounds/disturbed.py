@@ -2,7 +2,7 @@
 
 With w = b d + sum_j E_j d_j, |P w| <= p and q <= lambda_min(-(P A_m + A_m'P)), V' <= -q |e|^2 + 2 p |e|: V falls wherever
 |e| > 2 p/q. Over the set theta_tilde'Gamma^-1 theta_tilde <= D^2, so that V <= lambda_max(P) (2 p/q)^2 + D^2 at all times.
-docs/theorem-1.md has the proof.
+docs/proofs.md, "Theorem 1 (i)", has the proof.
 """
 
 from __future__ import annotations

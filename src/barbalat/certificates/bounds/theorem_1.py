@@ -1,6 +1,6 @@
 """Theorem 1 in numbers: P, nu_0, the bounds (9) and (10), the condition on C(s) and where it fails.
 
-Every bound is rounded outward. The derivations are in docs/theorem-1.md.
+Every bound is rounded outward. The derivations are in docs/proofs.md and docs/theorem-1.md.
 
 ``reference_error_bound`` bounds the distance of L1-AC from its reference system, the loop with the filter and known theta.
 
