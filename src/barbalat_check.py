@@ -778,10 +778,14 @@ def of_mrac(c: Controller) -> arb:
     return c.level()
 
 
+def require_projected(c: Controller) -> None:
+    require(c.fact("projection") is True and c.case.linear and c.case.m == 1, "theta_hat must be projected onto the known set")
+
+
 def of_l1(c: Controller) -> arb:
     """Theorem 1 (ii)."""
     c.require_theorem_1(disturbed=True)
-    require(c.fact("projection") is True and c.case.linear and c.case.m == 1, "theta_hat must be projected onto the known set")
+    require_projected(c)
     norm, theta_max = gain_and_size(c)
     bias: arb = norm * (theta_max * c.earlier("x_m") + c.case.pushed()[0])
     return (c.level() + bias) / contraction(c)
@@ -792,13 +796,17 @@ def of_closed_loop_model(c: Controller) -> arb:
     return c.norm("1-L").norm[1] * c.level()
 
 
-def of_fixed_loop(c: Controller) -> arb:
-    """e = T[(theta - theta_0)'x]."""
+def require_fixed_loop(c: Controller) -> None:
+    """Require the premises of e = T[(theta - theta_0)'x]."""
     gain = None if c.scheme == "linear" else number(c.fact("b_0"))
     c.case.require_nominal(any_gain=gain is not None)
     require(gain is None or c.case.gain == [gain], "b_0 must be the input's gain")
     c.require_theta_known()
     require("sample_time" not in c.facts, "the controller must act continuously")
+
+
+def of_fixed_loop(c: Controller) -> arb:
+    require_fixed_loop(c)
     norm, size = gain_and_size(c)
     bias: arb = norm * size * c.earlier("x_m")
     return bias / contraction(c)
@@ -893,25 +901,40 @@ ERROR_BOUNDS: dict[str, Callable[[Controller], arb]] = {
 }  # fmt: skip
 
 
+def widest(P: fmpq_mat) -> fmpq:
+    """The largest (P^-1)_ii: e_i^2 is at most that times e'Pe."""
+    inverse = P.inv()
+    return max(inverse[i, i] for i in range(P.nrows()))
+
+
+def worst_V(c: Controller, line: dict[str, Any]) -> arb:
+    """The largest theta_tilde'Gamma^-1 theta_tilde at t = 0: at a vertex of the known set, or at the farthest point of a ball."""
+    theta, gains, start, gamma = c.require_theta_known(), c.case.interval, c.theta_hat0, c.fact("gamma")
+    diagonal, p = isinstance(gamma, list) and not isinstance(gamma[0], list), len(c.case.theta)
+    gammas = vector(gamma, len(start)) if diagonal else [least_gain(c, line)] * len(start)
+    require(all(one > 0 for one in gammas), "Gamma must be positive")
+    weights = [1 / one for one in gammas]
+    of_gains = arb(0) if gains is None else gains.farthest(start[p:], weights[p:]) ** 2
+    return theta.farthest(start[:p], weights[:p]) ** 2 + of_gains
+
+
 @rule("error_bound_worst", "error_bound_command")
 def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
-    """Over the known set V(0) is largest at a vertex, or at the farthest point of a ball; over intervals of omega at their ends.
+    """|e|^2 <= V/lambda_min, and e_i^2 <= V (P^-1)_ii, which the bound under the command uses.
 
-    |e|^2 <= V/lambda_min, and e_i^2 <= V (P^-1)_ii, which the bound under the command uses.
+    Over intervals of omega V(0) of the direct MRAC is largest at their ends.
     """
-    theta, least = c.require_theta_known(), c.earlier("lambda_min")
-    if line["key"] == "error_bound_command":
-        inverse = c.P.inv()
-        least = 1 / max(inverse[i, i] for i in range(c.case.n))
+    of_command = line["key"] == "error_bound_command"
+    if c.scheme in ("l1", "linear", "adrc"):
+        require(of_command, "there is no rule for this scheme")
+        at_least(value, along_the_command(c, line), "the bound of |e|")
+        return
+    theta, least = c.require_theta_known(), 1 / widest(c.P) if of_command else c.earlier("lambda_min")
     if c.scheme != "mrac-direct":
         require(c.scheme in ("mrac", "mrac-closed-loop"), "there is no rule for this scheme")
         c.require_theorem_1()
-        carried, p, gains = c.norm("1-L").norm[1] if "L" in c.facts else arb(1), len(c.case.theta), c.case.interval
-        far = theta.farthest(c.theta_hat0[:p])
-        if gains is not None:
-            far = (far**2 + gains.farthest(c.theta_hat0[p:]) ** 2).sqrt()
-        needed = carried * far / root(least * least_gain(c, line))
-        at_least(value, needed, "the bound of |e|")
+        carried = c.norm("1-L").norm[1] if "L" in c.facts else arb(1)
+        at_least(value, carried * (worst_V(c, line) / arb(least)).sqrt(), "the bound of |e|")
         return
     require_direct(c)
     intervals, gamma = c.case.interval, c.fact("gamma")
@@ -1000,6 +1023,155 @@ def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
         levels += [bend * peak**2 + far * peak / arb(gamma_v)] if bend < 0 else []
         for level in levels:
             at_least(value, (arb(gamma_v) * level.max(arb(0))).sqrt(), "the bound of the inner weights")
+
+
+# --- A loop over cells of the known set, along its command: docs/proofs.md, "Along the command" ---------------------------------
+
+
+def over_cells(box: Box, tree: dict[str, Any], bound: Callable[[Box, dict[str, Any]], arb]) -> arb:
+    """The largest bound of the cells into which a tree of cuts divides a box."""
+    if "side" not in tree:
+        return bound(box, tree).upper()
+    side, at, found = tree["side"], number(tree["at"]), list[arb]()
+    for part, end in (("low", "upper"), ("high", "lower")):
+        ends = {"lower": list(box.lower), "upper": list(box.upper)}
+        require(ends["lower"][side] <= at <= ends["upper"][side], "a cell must be cut between its ends")
+        ends[end][side] = at
+        half = Box({"lower": [], "upper": []})
+        half.lower, half.upper = ends["lower"], ends["upper"]
+        found.append(over_cells(half, tree[part], bound))
+    return found[0].max(found[1])
+
+
+def varied(A: fmpq_mat, B: fmpq_mat, case: Case, off: list[fmpq], passes: fmpq) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat]:
+    """(x_m, e_c, s_1 ... s_n)' = M (...) + b r, with the outputs e_c, s_1 ... s_n: A, B and the first n states are those of G."""
+    n, m = case.n, A.nrows()
+    size, b_r = n + (n + 1) * m, case.b * case.k_0
+    rows, outputs = [[fmpq(0)] * size for _ in range(size)], [[fmpq(0)] * size for _ in range((n + 1) * n)]
+    for i, row in enumerate(case.A_m.tolist()):
+        rows[i][:n] = row
+    for j in range(n + 1):
+        at = n + j * m
+        for i in range(n):
+            outputs[j * n + i][at + i] = fmpq(1)
+        for i in range(m):
+            rows[at + i][at : at + m] = A.tolist()[i]
+            for k in range(n):  # of e_c or s_j itself, of x_m, and of x_c,j = x_m,j + e_c,j
+                rows[at + i][at + k] += B[i, 0] * off[k]
+                rows[at + i][k] += B[i, 0] * (off[k] if j == 0 else fmpq(int(k == j - 1)))
+            if j:
+                rows[at + i][n + j - 1] += B[i, 0]
+    drive = [b_r[i, 0] for i in range(n)] + [-passes * B[i, 0] for i in range(m)] + [fmpq(0)] * (n * m)
+    return fmpq_mat(rows), column(drive), fmpq_mat(outputs)
+
+
+def generator(signal: dict[str, Any], t_end: fmpq, count: int) -> tuple[fmpq_mat, list[fmpq], list[tuple[arb, list[arb]]]]:
+    """S, c and (duration, w) of each piece: w' = S w and r = c w on it."""
+    kind, constant = signal["kind"], number(signal.get("constant", 0))
+    amplitudes = vector(signal.get("amplitudes", []))
+    if kind in ("sine", "sines"):
+        size, w, out = len(amplitudes), [arb(1)], [constant]
+        S = zeros(2 * size + 1, 2 * size + 1)
+        for i, (frequency, phase) in enumerate(
+            zip(vector(signal["frequencies"], size), vector(signal["phases"], size), strict=True)
+        ):
+            S[2 * i + 1, 2 * i + 2], S[2 * i + 2, 2 * i + 1] = frequency, -frequency
+            w += [arb(phase).sin(), arb(phase).cos()]
+            out += [amplitudes[i], fmpq(0)]
+        return S, out, [(arb(t_end), w)]
+    starts, levels = [arb(0)], amplitudes
+    if kind == "square":
+        frequency, at_start = number(signal["frequencies"][0]), arb(number(signal["phases"][0]))
+        half = (at_start / arb.pi()).floor().unique_fmpz()
+        if half is None or not frequency > 0:
+            raise Refused("the sign of the square wave at t = 0 must be certain")
+        jumps = [((half + k) * arb.pi() - at_start) / arb(frequency) for k in range(1, count + 1)]
+        require(bool(jumps.pop() >= arb(t_end)), "the square wave jumps again before t_end")
+        starts, levels = starts + jumps, [constant + (-1) ** (int(half) + k) * amplitudes[0] for k in range(count)]
+    elif kind == "levels":
+        times, values = vector(signal["times"]), vector(signal["values"])
+        require(len(values) == len(times) + 1 and all(a < b for a, b in pairwise(times)), "the levels need their instants")
+        past = sum(time <= 0 for time in times)
+        until = past + sum(0 < time < t_end for time in times)
+        starts, levels = starts + [arb(time) for time in times[past:until]], values[past : until + 1]
+    else:
+        require(kind == "constant", "the response to this command is not followed")
+    ends = [*starts[1:], arb(t_end)]
+    return zeros(1, 1), [fmpq(1)], [(b - a, [arb(one)]) for a, b, one in zip(starts, ends, levels, strict=True)]
+
+
+def along_the_command(c: Controller, line: dict[str, Any]) -> arb:
+    """|e_i| up to t_end for the case's command and every theta of the known set."""
+    case, added, origin, passes = c.case, arb(0), [fmpq(0)] * c.case.n, fmpq(0)
+    if c.scheme == "l1":
+        c.require_theorem_1()
+        require_projected(c)
+        A, B, _, _ = system(c, "W_b(1-C)", line)
+        passes = case.k_0[0, 0]
+        added = c.norm("C").norm[1] * (arb(widest(c.P)) * worst_V(c, line)).sqrt()
+    else:
+        require_fixed_loop(c)
+        A, B, _, _ = disturbed(c)
+        origin = vector(c.fact("theta_0"), case.n)
+    theta, (N, _), t_end = c.require_theta_known(), gain_and_size(c), number(line["witness"]["t_end"])
+    if not (isinstance(theta, Box) and len(case.facts["reference"]) == 1 == case.k_0.ncols()):
+        raise Refused("a box and one command are needed")
+
+    def of_cell(cell: Box, leaf: dict[str, Any]) -> arb:
+        off = [(a + b) / 2 - one for a, b, one in zip(cell.lower, cell.upper, origin, strict=True)]
+        rho = [(b - a) / 2 for a, b in zip(cell.lower, cell.upper, strict=True)]
+        away, wide = (arb(sum((abs(one) for one in each), fmpq(0))) for each in (off, rho))
+        left = 1 - N * (away + wide)
+        require(bool(left > 0), "the small gain over a cell must be below 1")
+        first, spread = followed(varied(A, B, case, off, passes), case, rho, t_end, leaf)
+        return first + (N * wide * spread + added) / left
+
+    case.assumed[f"error_bound_command is a bound up to t = {text(t_end)} s"] = None
+    return over_cells(theta, line["witness"]["cells"], of_cell)
+
+
+def followed(
+    loop: tuple[fmpq_mat, fmpq_mat, fmpq_mat], case: Case, rho: list[fmpq], t_end: fmpq, leaf: dict[str, Any]
+) -> tuple[arb, arb]:
+    """The largest |e_c,i| + sum_j rho_j |s_j,i| along the command, and the largest such sum alone."""
+    bits, A, n = leaf["bits"], loop[0], case.n
+    require(isinstance(bits, int) and LEAST_BITS <= bits <= MOST_BITS, "bits must be a whole number of a working precision")
+    with ctx.workprec(bits):
+        S, out, pieces = generator(case.facts["reference"][0], t_end, len(leaf["steps"]))
+        k, outputs = S.nrows(), loop[2].nrows()
+        exact = blocks([[S, zeros(k, A.nrows())], [loop[1] * fmpq_mat([out]), A]])
+        v, M, ways = vector(leaf["weights"], exact.nrows()), arb_mat(exact), arb_mat(blocks([[zeros(outputs, k), loop[2]]]))
+        require(all(one > 0 for one in v), "weights must be positive")
+        sized = fmpq_mat([[one if i == j else abs(one) for j, one in enumerate(row)] for i, row in enumerate(exact.tolist())])
+        rate = arb(max(fmpq(0), *(one / w for one, w in zip((sized * column(v)).entries(), v, strict=True))))
+        gains = [sum((abs(one) * arb(w) for one, w in zip(row, v, strict=True)), arb(0)) for row in ways.tolist()]
+        powers, rest = [ways], [arb(one) for one in case.x0.entries()] + [arb(0)] * (A.nrows() - n)
+        for order in range(1, DEGREE + 1):
+            powers.append(powers[-1] * M * (arb(1) / order))
+        beyond, transitions = M ** (DEGREE + 1) * (1 / arb(DEGREE + 1).fac()), dict[Any, arb_mat]()
+        first = spread = arb(0)
+        for (length, w), steps in zip(pieces, leaf["steps"], strict=True):
+            z, durations = column_of(w + rest), vector(steps)
+            last = length - sum(durations, fmpq(0))
+            require(all(one > 0 for one in durations) and bool(last > 0), "steps must be positive and end with the piece")
+            for name in (*durations, None):
+                d = last if name is None else arb(name)
+                missed = max((abs(one) / arb(w)).upper() for one, w in zip((beyond * z).entries(), v, strict=True))
+                missed = missed * d ** (DEGREE + 1) * (rate * d).exp()
+                terms = [(power * z * d**order).entries() for order, power in enumerate(powers)]
+                sizes = [
+                    [abs(one) + missed * gain for one in bernstein(list(each))]
+                    for each, gain in zip(zip(*terms, strict=True), gains, strict=True)
+                ]
+                for i in range(n):
+                    for beta in range(DEGREE + 1):
+                        varies = sum((arb(one) * sizes[(j + 1) * n + i][beta] for j, one in enumerate(rho)), arb(0))
+                        first, spread = first.max(sizes[i][beta] + varies), spread.max(varies)
+                if name not in transitions or name is None:
+                    transitions[name] = (M * d).exp()
+                z = transitions[name] * z
+            rest = z.entries()[k:]
+        return first, spread
 
 
 # --- A loop that is linear from sample to sample: docs/proofs.md, "A sampled linear loop" ---------------------------------------
@@ -1262,7 +1434,7 @@ def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]
             RULES[key](controller, line.get("value"), line)
         except Refused as error:
             raise Refused(f"{name}, line {i}, {key}: {error}") from error
-        except (ArithmeticError, AttributeError, KeyError, IndexError, TypeError, ValueError) as error:
+        except (ArithmeticError, AttributeError, KeyError, IndexError, RecursionError, TypeError, ValueError) as error:
             raise Refused(f"{name}, line {i}, {key}: it can't be read ({type(error).__name__}: {error})") from error
     return [line["key"] for line in lines if line.get("claimed") is True]
 

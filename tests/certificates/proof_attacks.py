@@ -60,6 +60,9 @@ def _tightened(line: Document) -> Iterator[tuple[str, Document]]:
 
 
 def _broken_witnesses(line: Document) -> Iterator[tuple[str, Document]]:
+    if "cells" in line.get("witness", {}):
+        for what, cells in _broken_cells(line["witness"]["cells"]):
+            yield what, line | {"witness": line["witness"] | {"cells": cells}}
     if line["key"] != "L1 norm":
         return
     witness = line["witness"]
@@ -79,6 +82,23 @@ def _broken_witnesses(line: Document) -> Iterator[tuple[str, Document]]:
             "a form that is not symmetric",
             with_witness(P=[["1p9", *witness["P"][0][1:]], ["1p8", *witness["P"][1][1:]], *witness["P"][2:]]),
         )
+
+
+def _broken_cells(tree: Document) -> Iterator[tuple[str, Document]]:
+    """Changes of the first cell, and of the cuts that lead to it."""
+    if "side" in tree:
+        yield "a cut outside the set", tree | {"at": tree["at"] + 1e6}
+        yield "one half left out", {key: part for key, part in tree.items() if key != "high"}
+        yield "one half for the whole", tree["low"]
+        yield from ((what, tree | {"low": low}) for what, low in _broken_cells(tree["low"]))
+        return
+    steps = tree["steps"]
+    yield "a step backwards", tree | {"steps": [[*steps[0], -0.25], *steps[1:]]}
+    yield "steps beyond the end", tree | {"steps": [*steps[:-1], [*steps[-1], 1e6]]}
+    yield "a piece of the command left out", tree | {"steps": steps[1:]}
+    yield "one long step", tree | {"steps": [[], *steps[1:]]}
+    yield "weights that are not positive", tree | {"weights": [0.0, *tree["weights"][1:]]}
+    yield "too few digits", tree | {"bits": 8}
 
 
 def _shrunk(entry: str) -> str:

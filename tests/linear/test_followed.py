@@ -29,7 +29,8 @@ def responding(A: np.ndarray, b: np.ndarray, x0: np.ndarray, signal, t_end: floa
     k, n = len(made.S), len(A)
     whole = np.block([[made.S, np.zeros((k, n))], [np.outer(b, made.c), A]])
     outputs = np.hstack([np.zeros((n, k)), np.eye(n)])
-    return followed(Motion(arb_mat(whole.tolist()), arb_mat(outputs.tolist()), made, [arb(float(one)) for one in x0]))
+    motion = Motion(arb_mat(whole.tolist()), arb_mat(outputs.tolist()), made, [arb(float(one)) for one in x0])
+    return followed(motion).bounds
 
 
 def sampled(A: np.ndarray, b: np.ndarray, x0: np.ndarray, signal, t_end: float, steps: int) -> np.ndarray:

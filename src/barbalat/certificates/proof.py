@@ -14,13 +14,14 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, ctx
 
+from barbalat.certificates.bounds import known_command
 from barbalat.certificates.bounds.laws import least_gain
 from barbalat.certificates.bounds.model import model_bounds, state_bounds
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import GUARANTEED, Entry
 from barbalat.certificates.linear_loops.sampled_response import grounds as sampled_grounds
 from barbalat.certificates.linear_loops.sampled_response import witness as sampled_witness
-from barbalat.certificates.schemes import ProvenFile, scheme_file
+from barbalat.certificates.schemes import FollowedFile, ProvenFile, scheme_file
 from barbalat.controllers import Sampled
 from barbalat.linear.conditions import smallest_eigenvalue
 from barbalat.linear.l1_norms import l1_norm
@@ -70,14 +71,16 @@ BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = {
         "norms": ("L1 norm of W_b(1-C)", "L1 norm of sW_b"),
         "condition": ("theta_max", "L1 norm of W_b(1-C)"),
         "error_bound": ("lyapunov", "lambda_min", "theta_max", "bounds", "L1 norm of W_b(1-C)"),
+        "error_bound_command": ("lyapunov", "theta_max", "L1 norm of C", "L1 norm of W_b(1-C)"),
     },
     "sampled": dict.fromkeys(("error_bound_held", "state_bound", "control_bound"), ("sampled response",))
     | {"sampled response": (), "error_bound": ("sampled response", "L1 norm of W_r", "L1 norm of sW_r")},
-    "linear": dict.fromkeys(("norms", "condition"), ("L1 norm of W_b S",)) | {"error_bound": ("bounds", "L1 norm of W_b S")},
-    "adrc": dict.fromkeys(("norms", "condition"), ("L1 norm of T",)) | {"error_bound": ("bounds", "L1 norm of T")},
+    "linear": dict.fromkeys(("norms", "condition", "error_bound_command"), ("L1 norm of W_b S",))
+    | {"error_bound": ("bounds", "L1 norm of W_b S")},
+    "adrc": dict.fromkeys(("norms", "condition", "error_bound_command"), ("L1 norm of T",))
+    | {"error_bound": ("bounds", "L1 norm of T")},
 }
 NO_RULE = "no rule speaks of it"
-ALONG_THE_COMMAND = "barbalat-check has no rule yet that follows a loop along its command"
 BESIDE_A_BASELINE = "barbalat-check has no rule yet for a plant with a baseline"
 NO_WITNESS = "no witness was found for the L1 norm of {}"
 
@@ -118,7 +121,8 @@ def _of_controller(
             facts["sample_time"] = controller.sample_time
     else:
         return {"facts": {}, "lines": [], "not in the proof": [f"{one.key}: {NO_RULE}" for one in claimed]}
-    lines = _Lines(problem, controller if facts["scheme"] == "sampled" else inner, facts, {one.key: one for one in claimed})
+    followed = controller if facts["scheme"] == "sampled" else inner
+    lines = _Lines(problem, followed, facts, {one.key: one for one in claimed}, simulation.t_end)
     missing = [f"{key}: {why}" for key in lines.claimed if (why := lines.add(key))]
     return {"facts": facts, "lines": list(lines.found.values()), "not in the proof": missing}
 
@@ -131,6 +135,7 @@ class _Lines:
     controller: Any
     facts: dict[str, Any]
     claimed: dict[str, Entry]
+    t_end: float
     found: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def add(self, key: str) -> str:
@@ -147,7 +152,7 @@ class _Lines:
         entry = self.claimed.get(key)
         of_samples = "sample_time" in self.facts and entry is not None and not entry.quantity.timeless
         if rests_on is None or of_samples:
-            return ALONG_THE_COMMAND if key == "error_bound_command" and not of_samples else NO_RULE
+            return NO_RULE
         for one in rests_on:
             if why := self.add(one):
                 return why
@@ -158,10 +163,22 @@ class _Lines:
                 line["witness"] = sampled_witness(self.problem, self.controller)
             except InputError as error:
                 return str(error)
-        if key in ("error_bound_worst", "error_bound_command") and np.ndim(self.facts["gamma"]) == 2:
-            line["witness"] = {"least_gain": least_gain(np.array(self.facts["gamma"]))}
+        if key in ("error_bound_worst", "error_bound_command"):
+            line["witness"] = self._over_the_set(key)
         self.found[key] = line
         return ""
+
+    def _over_the_set(self, key: str) -> dict[str, Any]:
+        """The witness of a bound over the known set: a gain matrix's least eigenvalue, cells along the command."""
+        found, gamma, file = dict[str, Any](), self.facts.get("gamma", 0.0), scheme_file(self.controller)
+        if np.ndim(gamma) == 2:
+            found["least_gain"] = least_gain(np.array(gamma))
+        if isinstance(file, FollowedFile) and self.facts["scheme"] != "mrac":
+            loop = file.known_loop(self.problem, self.controller)
+            assert key == known_command.KEY and loop is not None and self.problem.uncertainty is not None
+            _, whole = known_command.command_bound(self.problem, loop, self.problem.uncertainty, self.t_end)
+            found |= {"t_end": self.t_end, "cells": known_command.witness(whole)}
+        return found
 
     def _add_norms_of_output(self) -> str:
         """Add the norms of the loop around y, and of condition (20)."""
@@ -347,15 +364,19 @@ def _command(signal: Signal) -> dict[str, Any]:
     """The numbers from which a command's bound follows; for a class from outside, the bound that it states."""
     if isinstance(signal, Constant):
         return {"kind": "constant", "amplitudes": [signal.amplitude]}
-    if isinstance(signal, (Sine, Square, Chirp)):
+    if isinstance(signal, Chirp):
+        return {"kind": "chirp", "amplitudes": [signal.amplitude], "constant": getattr(signal, "constant", 0.0)}
+    if isinstance(signal, (Sine, Square)):
+        turns = {"frequencies": [signal.frequency], "phases": [signal.phase]}
         name = type(signal).__name__.lower()
-        return {"kind": name, "amplitudes": [signal.amplitude], "constant": getattr(signal, "constant", 0.0)}
+        return {"kind": name, "amplitudes": [signal.amplitude], "constant": signal.constant} | turns
     if isinstance(signal, Sines):
-        return {"kind": "sines", "amplitudes": list(signal.amplitudes), "constant": signal.constant}
+        turns = {"frequencies": list(signal.frequencies), "phases": list(signal.phases or ())}
+        return {"kind": "sines", "amplitudes": list(signal.amplitudes), "constant": signal.constant} | turns
     if isinstance(signal, Step):
-        return {"kind": "levels", "values": [signal.constant, signal.constant + signal.amplitude]}
+        return {"kind": "levels", "times": [signal.start], "values": [signal.constant, signal.constant + signal.amplitude]}
     if isinstance(signal, Steps):
-        return {"kind": "levels", "values": [signal.initial, *signal.values]}
+        return {"kind": "levels", "times": list(signal.times), "values": [signal.initial, *signal.values]}
     if isinstance(signal, Recorded):
         return {"kind": "recorded", "values": signal.values.tolist()}
     if isinstance(signal, BoundedSignal):

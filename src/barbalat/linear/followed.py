@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from flint import arb, arb_mat, ctx
@@ -49,18 +50,31 @@ class Motion:
     start: list[arb]
 
 
-def followed(motion: Motion) -> list[Array]:
-    """For each step up to the end of the signal's pieces, an array (outputs, 25), whose rows' largest entries bound the outputs.
+class Followed(NamedTuple):
+    """The response up to the end of the signal's pieces, and the numbers with which it can be followed again.
 
-    The entries are Bernstein coefficients, so that sums of magnitudes of outputs can be bounded entry by entry too. InputError if
-    the response takes too many steps.
+    bounds   for each step an array (outputs, 25), whose rows' largest entries bound the outputs; the entries are Bernstein
+             coefficients, so that sums of magnitudes of outputs can be bounded entry by entry too
+    steps    the durations [s] of each piece's steps but the last, which ends with the piece
+    weights  v > 0 of ``growth``
+    bits     the precision
     """
+
+    bounds: list[Array]
+    steps: list[list[float]]
+    weights: list[float]
+    bits: int
+
+
+def followed(motion: Motion) -> Followed:
+    """Follow the response; InputError if it takes too many steps."""
     bits = FIRST_BITS
     while bits <= MOST_BITS:
         with ctx.workprec(bits):
-            found = _Steps(motion).all()
-        if found is not None:
-            return found
+            attempt = _Steps(motion)
+            bounds = attempt.all()
+        if bounds is not None:
+            return Followed(bounds, attempt.steps, [float(one) for one in attempt.weights], bits)
         bits *= 2
     raise InputError("the response to the case's command could not be enclosed at any precision that was tried")
 
@@ -80,6 +94,7 @@ class _Steps:
         self.gains = [sum((abs(one) * v for one, v in zip(row, self.weights, strict=True)), arb(0)) for row in motion.C.tolist()]
         self.gain = float(max(one.upper() for one in self.gains))
         self.known, self.largest, self.first, self.step = dict[float, arb_mat](), 0.0, 0.0, 1.0
+        self.steps = list[list[float]]()
 
     def all(self) -> list[Array] | None:
         """All steps; None if the precision is insufficient."""
@@ -87,6 +102,7 @@ class _Steps:
         for place, (length, w) in enumerate(pieces, start=1):
             z, left = arb_mat([[one] for one in (*w, *rest)]), length
             self.first = max(self.first, self.gain * self._size(z))
+            self.steps.append([])
             while True:
                 beyond = self._size(self.beyond * z)
                 step = self._longest(beyond)
@@ -103,6 +119,7 @@ class _Steps:
                 z = self._transition(d, None if last else step) * z
                 if last:
                     break
+                self.steps[-1].append(step)
                 left = left - step
             rest = z.entries()[len(w) :]
         return bounds

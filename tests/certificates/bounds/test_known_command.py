@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+import barbalat_check
 from barbalat import (
+    Adrc,
     DirectMrac,
     L1Adaptive,
     Mrac,
@@ -19,6 +22,7 @@ from barbalat import (
     input_filter,
     simulate_ensemble,
 )
+from barbalat.certificates.proof import proof
 from barbalat.designs import pi_feedback
 from barbalat.papers.jafari_2013 import section_v
 from barbalat.plants import ParameterBall, PlantInput
@@ -74,6 +78,46 @@ def test_no_run_exceeds_it(n, command):
         entry = bound_of(problem, controller)
         assert entry.kind == "guaranteed", (controller.name, entry.why)
         assert worst_run(problem, controller, rng) <= entry.value, controller.name
+
+
+@pytest.mark.parametrize("command", [*random_problems.COMMANDS, Constant(1.1)], ids=lambda one: type(one).__name__)
+@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.short(kept=lambda n, command: n == 1)
+def test_the_checker_accepts_it_and_nothing_smaller(n, command):
+    """Gains of one number and a diagonal of gains, over random plants and every kind of command."""
+    rng = np.random.default_rng(60 + n)
+    group, C = None, None
+    while C is None:
+        group = random_problems.system(rng, n, command)
+        C = random_problems.admissible_filter(rng, group, 1)
+    problem, simulation = max(group, key=lambda one: one.uncertainty.theta_max), Simulation(t_end=4.0, dt=1e-3)
+    start, gamma = random_problems.start_of(rng, problem), 10 ** rng.uniform(0, 2, n)
+    controllers = [*schemes(problem, start, float(gamma[0]), C), Mrac(gamma=gamma, theta_hat0=start, name="diagonal")]
+    controllers += [L1Adaptive(gamma=gamma, filter=C, theta_hat0=start, name="L1, diagonal")]
+    refuse_what_is_smaller(problem, controllers, simulation)
+
+
+def refuse_what_is_smaller(problem: Problem, controllers: list[Controller], simulation: Simulation) -> None:
+    """The checker accepts the proof of each controller's bound, and refuses one that is lower by a ten-millionth."""
+    certificates = certify(problem, controllers, simulation, keys=(KEY, "norms"))
+    document = json.loads(json.dumps(proof("random", problem, controllers, simulation, certificates)))
+    for name, one in document["controllers"].items():
+        assert not one["not in the proof"], name
+        (line,) = [line for line in one["lines"] if line["key"] == KEY]
+        alone = document | {"controllers": {name: one}}
+        barbalat_check.check(alone)
+        line["value"] *= 1 - 1e-7
+        with pytest.raises(barbalat_check.Refused, match=KEY):
+            barbalat_check.check(alone)
+
+
+def test_the_checker_follows_linear_loops():
+    """Through jumps and along sines, with the state away from the model's, for a PI and for an observer."""
+    given, simulation = section_v.problem(), Simulation(t_end=5.0, dt=1e-3)
+    slow = Adrc(bandwidth=60.0, b_0=1.0, name="ADRC")
+    for command in (*random_problems.COMMANDS, given.reference):
+        problem = replace(given, reference=command)
+        refuse_what_is_smaller(problem, [pi_feedback(given.known, unmodelled_delay=0.01), slow], simulation)
 
 
 def test_section_v_is_tight():

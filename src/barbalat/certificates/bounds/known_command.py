@@ -16,7 +16,8 @@ import heapq
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from flint import arb, arb_mat, ctx
@@ -28,7 +29,7 @@ from barbalat.certificates.entry import Assumption
 from barbalat.certificates.rows import up
 from barbalat.linear.conditions import exact_matrix, smallest_eigenvalue
 from barbalat.linear.enclosure import OUTWARD_FACTOR, float_above
-from barbalat.linear.followed import MOST_BITS, Generator, Motion, followed
+from barbalat.linear.followed import MOST_BITS, Followed, Generator, Motion, followed
 from barbalat.problem.known_set import KnownSet, ParameterBox
 from barbalat.problem.state_feedback import Known, Problem
 from barbalat.validate import Array, InputError
@@ -68,15 +69,21 @@ class Cell:
     bound: float
     rest: float
     along: Array  # sup |rho_i s_i|, (n,)
-    steps: int
+    followed: Followed
+    halves: list[Cell] = field(default_factory=list)
+
+    @property
+    def side(self) -> int:
+        """The side that is halved."""
+        return int(np.argmax(self.along))
 
     @property
     def center(self) -> Array:
         return np.asarray(self.low + (self.high - self.low) / 2)
 
 
-def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end: float) -> float:
-    """The bound over the known set; InputError, with the reason, if there is none."""
+def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end: float) -> tuple[float, Cell]:
+    """The bound over the known set, and that set with its cells; InputError, with the reason, if there is none."""
     if not isinstance(known_set, ParameterBox):
         raise InputError("the known set is a ball, and the command is followed over cells of a box")
     states = _states(problem, loop)
@@ -90,16 +97,27 @@ def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end:
         return -cell.bound, next(order), cell
 
     cells = [entered(known_set.lower, known_set.upper)]
-    most = min(MOST_CELLS, MOST_WORK // (states**2 * cells[0][2].steps))
+    whole = cells[0][2]
+    most = min(MOST_CELLS, MOST_WORK // (states**2 * len(whole.followed.bounds)))
     while len(cells) < most and cells[0][2].rest > NEGLIGIBLE_REST * cells[0][2].bound:
         _, _, widest = heapq.heappop(cells)
-        side = int(np.argmax(widest.along))
-        middle = np.where(np.arange(len(widest.low)) == side, widest.center, np.nan)
+        middle = np.where(np.arange(len(widest.low)) == widest.side, widest.center, np.nan)
         for low, high in ((widest.low, middle), (middle, widest.high)):
-            heapq.heappush(cells, entered(np.where(np.isnan(low), widest.low, low), np.where(np.isnan(high), widest.high, high)))
+            half = entered(np.where(np.isnan(low), widest.low, low), np.where(np.isnan(high), widest.high, high))
+            widest.halves.append(half[2])
+            heapq.heappush(cells, half)
     if not math.isfinite(cells[0][2].bound):
         raise InputError("the small gain over a cell of the known set is not below 1")
-    return cells[0][2].bound
+    return cells[0][2].bound, whole
+
+
+def witness(cell: Cell) -> dict[str, Any]:
+    """The halves of a cell, or of one without halves the numbers with which its response is followed."""
+    if cell.halves:
+        low, high = map(witness, cell.halves)
+        return {"side": cell.side, "at": float(cell.center[cell.side]), "low": low, "high": high}
+    found = cell.followed
+    return {"bits": 2 * found.bits, "weights": found.weights, "steps": found.steps}
 
 
 def _states(problem: Problem, loop: KnownLoop) -> int:
@@ -111,7 +129,7 @@ def _cell(problem: Problem, loop: KnownLoop, signal: Generator, low: Array, high
     rho = np.nextafter(np.maximum(high - center, center - low), np.inf)
     response = followed(motion(problem, loop, signal, center))
     n = problem.known.n
-    sizes = np.array(response).reshape(len(response), n + 1, n, -1)  # bounds of e_c, s_1 ... s_n on each step
+    sizes = np.array(response.bounds).reshape(len(response.bounds), n + 1, n, -1)  # bounds of e_c, s_1 ... s_n on each step
     varied = rho[None, :, None, None] * sizes[:, 1:]
     first = float((sizes[:, 0] + varied.sum(axis=1)).max()) * OUTWARD_FACTOR
     of_size = float(varied.sum(axis=1).max()) * OUTWARD_FACTOR
@@ -119,10 +137,10 @@ def _cell(problem: Problem, loop: KnownLoop, signal: Generator, low: Array, high
     wide = float(rho.sum()) * OUTWARD_FACTOR
     left = 1 - loop.norm * (away + wide) * OUTWARD_FACTOR**2
     if not left > 0:
-        return Cell(low, high, math.inf, math.inf, varied.max(axis=(0, 2, 3)), len(response))
+        return Cell(low, high, math.inf, math.inf, varied.max(axis=(0, 2, 3)), response)
     rest = loop.norm * wide / left * of_size * OUTWARD_FACTOR**2  # q/(1 - q) = N |rho|/(1 - N |c| - N |rho|)
     bound = (first + rest + loop.added / left) * OUTWARD_FACTOR**2
-    return Cell(low, high, bound, rest, varied.max(axis=(0, 2, 3)), len(response))
+    return Cell(low, high, bound, rest, varied.max(axis=(0, 2, 3)), response)
 
 
 def motion(problem: Problem, loop: KnownLoop, signal: Generator, center: Array) -> Motion:
@@ -179,7 +197,7 @@ def add(draft: Draft, problem: Problem, loop: KnownLoop, t_end: float, rests_on:
         return
     with draft.part(KEY):
         try:
-            found = command_bound(problem, loop, known_set, t_end)
+            found, _ = command_bound(problem, loop, known_set, t_end)
         except InputError as error:
             draft.missing(KEY, str(error))
             return

@@ -6,6 +6,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from typing import Any, Protocol, cast, runtime_checkable
 
+from barbalat.certificates.bounds.known_command import KnownLoop
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.entry import Entry
 from barbalat.problem.tracking import TrackingProblem
@@ -44,6 +45,15 @@ class ProvenFile(SchemeFile, Protocol):
 
     def grounds(self, problem: TrackingProblem, controller: Controller, simulation: Simulation) -> dict[str, Any]:
         """The controller's numbers; ``scheme`` is the name of the rules that apply to it."""
+        ...
+
+
+@runtime_checkable
+class FollowedFile(ProvenFile, Protocol):
+    """The file of a scheme whose error follows from a linear loop, which is followed over the known set."""
+
+    def known_loop(self, problem: TrackingProblem, controller: Controller) -> KnownLoop | None:
+        """The loop; None if the plant has no such loop."""
         ...
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, nominal
+from barbalat.certificates.bounds.known_command import KnownLoop
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.linear_loops.margin_values import with_dynamics
@@ -81,6 +82,12 @@ def grounds(problem: Problem, controller: Adrc, _: Simulation) -> dict[str, Any]
     observer = {key: getattr(equations.observer, key).tolist() for key in "FGHMN"}
     own = {"observer": observer, "b_0": controller.b_0, "theta_0": equations.theta_0[:, 0].tolist()}
     return {"scheme": "adrc", "P": problem.known.P.tolist()} | own
+
+
+def known_loop(problem: Problem, controller: Adrc) -> KnownLoop | None:
+    """The loop that is followed along its command."""
+    loop = loop_of(problem, controller)
+    return None if loop is None else loop.known_loop()
 
 
 def linear_when(problem: Problem, _: Adrc) -> str | None:

@@ -75,6 +75,11 @@ class FixedLoop:
             raise InputError("the linear loop is unstable with the nominal parameters: no bound of the error exists")
         return l1_norm(S.A, S.B[:, None], np.eye(n, len(S.A)), np.zeros((n, 1)))
 
+    def known_loop(self) -> known_command.KnownLoop:
+        """e = T[(theta - theta_0)'x]."""
+        S = self.nominal_response()
+        return known_command.KnownLoop(S.A, S.B, self.theta_0, 0.0, self.error_norm().upper)
+
     def rests_on(self, problem: Problem) -> tuple[Assumption, ...]:
         """The assumptions of the bound of the error."""
         return (*nominal(problem, gain_adapted=self.gain is not None), *self.own, theta_in_the_set(problem))
@@ -106,9 +111,7 @@ def _add_bound(draft: Draft, problem: Problem, loop: FixedLoop, d: float, t_end:
     if condition.holds:
         draft.guarantee("error_bound", error_bound, *loop.rests_on(problem))
         if is_needed(known_command.KEY):
-            S = loop.nominal_response()
-            along = known_command.KnownLoop(S.A, S.B, loop.theta_0, 0.0, condition.norm.upper)
-            known_command.add(draft, problem, along, t_end, loop.rests_on(problem))
+            known_command.add(draft, problem, loop.known_loop(), t_end, loop.rests_on(problem))
     else:
         why = f"||{loop.norm}||_1 times the set's radius is not below 1"
         draft.missing("error_bound", why, *loop.rests_on(problem), theorem=theorems.LINEAR_SMALL_GAIN)

@@ -89,7 +89,7 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
     else:
         reach = _add_bound_10(draft, problem, controller, C, model)
         if reach is not None and is_needed(known_command.KEY):
-            _add_command_bound(draft, problem, controller, C, simulation.t_end)
+            _add_command_bound(draft, problem, controller, simulation.t_end)
     if reach is None:  # no bound of x: assume what the model requires, and say so
         reach, assumed = StateReach(model.x_m_euclidean, draft["nu_0"]), (FROZEN_LAW, REACH_ASSUMED)
     limits = frozen_laws.of_lyapunov_law(
@@ -192,17 +192,21 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
     return StateReach(model.x_m_euclidean + root_n * offset, root_n * level.nu / remaining)
 
 
-def _add_command_bound(draft: Draft, problem: Problem, controller: L1Adaptive, C: StateSpace, t_end: float) -> None:
-    """Add the bound for the case's command: e = G[(theta - theta_0)'x - k_0 r] + C[x_tilde], G = W_b (1 - C)."""
+def _add_command_bound(draft: Draft, problem: Problem, controller: L1Adaptive, t_end: float) -> None:
+    """Add the bound for the case's command."""
+    loop = known_loop(problem, controller)
+    rests_on = (*of_the_case(problem, controller.bind(problem.known).estimate_set), FILTER_AT_REST, theta_in_the_set(problem))
+    known_command.add(draft, problem, loop, t_end, rests_on)
+
+
+def known_loop(problem: Problem, controller: L1Adaptive) -> known_command.KnownLoop:
+    """e = G[(theta - theta_0)'x - k_0 r] + C[x_tilde], G = W_b (1 - C)."""
     known, equations = problem.known, controller.bind(problem.known)
-    A, B, _, _ = theorem_1.filtered_model(known, C)
+    A, B, _, _ = theorem_1.filtered_model(known, equations.C)
     origin = np.zeros(known.n) if known.theta_0 is None else known.theta_0
     x_tilde = known_command.of_adapting(problem, known, controller.gamma, equations.theta_hat0)
-    loop = known_command.KnownLoop(
-        A, B[:, 0], origin, float(known.adapted_command), draft["norms"]["W_b(1-C)"]["upper"], theorem_1.filter_norm(C) * x_tilde
-    )
-    rests_on = (*of_the_case(problem, equations.estimate_set), FILTER_AT_REST, theta_in_the_set(problem))
-    known_command.add(draft, problem, loop, t_end, rests_on)
+    N, passes = theorem_1.filter_condition(known, equations.C, 0.0).norm.upper, float(known.adapted_command)
+    return known_command.KnownLoop(A, B[:, 0], origin, passes, N, theorem_1.filter_norm(equations.C) * x_tilde)
 
 
 def _add_margins_of_the_limit(draft: Draft, problem: Problem, equations: Equations) -> None:

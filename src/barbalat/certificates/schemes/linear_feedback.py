@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, beyond_the_paper
+from barbalat.certificates.bounds.known_command import KnownLoop
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
 from barbalat.certificates.grounds import of_system
@@ -61,6 +62,11 @@ def grounds(problem: Problem, controller: LinearFeedback, _: Simulation) -> dict
     equations = controller.bind(problem.known)
     own = {"K": of_system(equations.K), "c": equations.c.tolist(), "theta_0": equations.theta_0.tolist()}
     return {"scheme": "linear", "P": problem.known.P.tolist()} | own
+
+
+def known_loop(problem: Problem, controller: LinearFeedback) -> KnownLoop:
+    """The loop that is followed along its command."""
+    return loop_of(problem, controller).known_loop()
 
 
 def linear_when(problem: Problem, _: LinearFeedback) -> str | None:
