@@ -430,7 +430,12 @@ def test_units_have_units(tmp_path) -> None:
     taken = replace(FREE, labels=Labels(names=("u", "q")))  # names of other variables stay theirs
     (content,) = units(taken, controller, SHORT, version=2, compiled=False).values()
     (tmp_path / "taken.fmu").write_bytes(content)
-    assert {"x[1]", "x[2]", "u"} <= {one.name for one in fmpy.read_model_description(str(tmp_path / "taken.fmu")).modelVariables}
+    assert {"x[1]", "q", "u"} <= {one.name for one in fmpy.read_model_description(str(tmp_path / "taken.fmu")).modelVariables}
+    spaced = replace(FREE, labels=Labels(names=("pitch", "pitch rate")))
+    (content,) = units(spaced, controller, SHORT, version=2, compiled=False).values()
+    (tmp_path / "spaced.fmu").write_bytes(content)
+    meant = {one.name: one.description for one in fmpy.read_model_description(str(tmp_path / "spaced.fmu")).modelVariables}
+    assert meant["pitch"] == "measured state x[1]" and meant["pitch_rate"] == "measured state x[2], pitch rate"
 
 
 @needs_gcc

@@ -116,6 +116,8 @@ def execute(options: argparse.Namespace) -> int:
 
             _show(Screen(), flown)
         say(f"written: {folder}; check it with: {check}")
+        if options.closed_loop and case.problem.faults:
+            say("the exported plant and loop contain none of the case's [[faults]]: their loop is the simulation without them")
     return 0
 
 

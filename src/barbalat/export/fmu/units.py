@@ -67,19 +67,20 @@ class Unit:
         return require_distinct(Variables(tuple(self._labelled(found)), (FREEZE, STATUS) if self.controller else ()))
 
     def _labelled(self, found: list[Variable]) -> list[Variable]:
-        """What is measured by the case's names, where these are names of variables and no other variable's."""
+        """What is measured by the case's labels, with underscores for what no name may contain; a channel whose label gives no name
+        of its own keeps ``x[1]``. The description contains the label and ``x[1]``."""
         labels = self.printed.contents.problem.measured_labels
         names = () if labels is None else labels.names
         own = entries(self.printed.measured, len(names), scalar=self.scalar_output)
         taken = {re.split(r"[.\[]", one.name)[0] for one in found if one.name not in own} | {FREEZE.name, STATUS.name, "time"}
-        plain = all(re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII) for name in names)
-        if not names or not plain or len(set(names)) < len(names) or not taken.isdisjoint(names):
-            return found
-        called = dict(zip(own, names, strict=True))
-        return [
-            replace(one, name=called[one.name], meaning=f"{one.meaning} {one.name}", path=one.name) if one.name in called else one
-            for one in found
-        ]
+        plain = [re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") for name in names]
+        for old, new, label in zip(own, plain, names, strict=True):
+            if not re.fullmatch(r"[A-Za-z_]\w*", new, re.ASCII) or new in taken or plain.count(new) > 1:
+                continue
+            i = [one.name for one in found].index(old)
+            meaning = f"{found[i].meaning} {old}" + (f", {label}" if label != new else "")
+            found[i] = replace(found[i], name=new, meaning=meaning, path=old)
+        return found
 
     @property
     def _order(self) -> int:
