@@ -67,8 +67,10 @@ class Unit:
         return require_distinct(Variables(tuple(self._labelled(found)), (FREEZE, STATUS) if self.controller else ()))
 
     def _labelled(self, found: list[Variable]) -> list[Variable]:
-        """What is measured by the case's labels, with underscores for what no name may contain; a channel whose label gives no name
-        of its own keeps ``x[1]``. The description contains the label and ``x[1]``."""
+        """What is measured by the case's labels, with underscores for what no name may contain.
+
+        A channel whose label gives no name of its own keeps ``x[1]``. The description contains the label and ``x[1]``.
+        """
         labels = self.printed.contents.problem.measured_labels
         names = () if labels is None else labels.names
         own = entries(self.printed.measured, len(names), scalar=self.scalar_output)
