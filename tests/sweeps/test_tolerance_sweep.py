@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import Simulation, load_case
+from barbalat import Simulation, load_case, simulate
+from barbalat.controllers.sampled import Sampled
 from barbalat.open_numbers.varied import VariedObjects
+from barbalat.problem.faults import Dropout, Jitter
 from barbalat.problem.measurement import Noise, Sensor
 from barbalat.sweeps.known_set_draws import sampled
 from barbalat.sweeps.plan import Plan
@@ -42,6 +44,31 @@ def test_the_recorded_run_of_the_worst_member_is_that_member() -> None:
     assert member > 0
     assert np.abs(result.e[:, 0]).max() == pytest.approx(found.rows.column("MRAC/max_abs_e[0]")[member], rel=1e-4)
     assert result.theta_hat[-1, 1] == pytest.approx(found.rows.column("MRAC/theta_hat_final[1]")[member], rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("path", "values"),
+    [("reference.amplitude", (5.0, 10.0, 15.0)), ("faults[0].seed", (0, 1, 2)), ("faults[1].time", (1e-3, 2e-3))],
+)
+def test_members_with_signals_of_their_own_are_single_runs(path, values) -> None:
+    """All members once had the middle member's command and faults."""
+    faults = (Dropout(share=0.3), Jitter(time=0.001, seed=1))
+    problem, simulation = replace(CASE.problem, faults=faults), Simulation(1.0, tolerance=1e-8)
+    controller = Sampled(SLOW[0], 0.02)
+    case = replace(CASE, problem=problem, controllers=(controller,), simulation=simulation)
+    found = sweep(case, vary={path: f"{values[0]}:{values[-1]}:{len(values)}"}, bounds=False, audit=0).rows.column(
+        "MRAC/rms_e[1]"
+    )
+    alone = []
+    for value in values:
+        if path == "reference.amplitude":
+            one = replace(problem, reference=replace(problem.reference, amplitude=value))
+        else:
+            place, name = int(path[7]), path.split(".")[1]
+            one = replace(problem, faults=tuple(replace(f, **{name: value}) if i == place else f for i, f in enumerate(faults)))
+        alone.append(simulate(one, [controller], simulation)["MRAC"].figures["rms_e"][1])
+    assert found == pytest.approx(np.array(alone), rel=1e-9)
+    assert len(np.unique(found)) == len(values)
 
 
 def test_bits_do_not_depend_on_threads() -> None:

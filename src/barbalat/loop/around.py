@@ -7,6 +7,7 @@ tests compare the two bit for bit.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Any, NamedTuple
@@ -42,7 +43,8 @@ class Kept(NamedTuple):
     offered: Value  # (y,) the sensor's last output, right or wrong
     lost: Value  # (2,) 1 if the last measurement, or the last command, was lost
     late: Value  # (d y,) earlier measurements, the newest first
-    timer: Value  # (4,) steps to the next call, lateness of the last one, steps since it, time between the last two; or (0,)
+    timer: Value  # (4,) steps to the next call, lateness of the last one, steps since it, time between the last two; or (0,).
+    # Without fixed steps, when only calls are evaluated: 0, the next one's lateness, the time until it, time between the last two
 
 
 class Taken(NamedTuple):
@@ -189,6 +191,18 @@ class Around:
         """Whether calls come at other instants than whole multiples of the sample time."""
         return any(one.kind == Jitter.kind for one in self.faults)
 
+    def calls(self, faults: Sequence[Callable[[Array], Array]], end: float) -> Array:
+        """The exact instants [s] of the timer's calls from t = 0 up to the first one beyond ``end``.
+
+        faults  the signals of the case's faults; the jitter at each call determines when the next one comes
+        """
+        jitters = [(fault, one.time) for fault, one in zip(faults, self.faults, strict=True) if one.kind == Jitter.kind]
+        found = [0.0]
+        while found[-1] <= end:
+            now = np.array(found[-1:])
+            found.append(len(found) * self.T + sum(float(fault(now)[0]) * time for fault, time in jitters))
+        return np.array(found)
+
     def require_steps(self, dt: float) -> None:
         """InputError for a jitter below the solver's step dt [s], which would have no effect."""
         for one in self.faults:
@@ -218,7 +232,7 @@ class Around:
     def take(self, held: Held, y: Value, r: Value, faults: Value, dt: Value = None) -> Taken:
         """The sample that the controller receives, from the sensor's output, the command, and the faults' values.
 
-        dt  [s] of a solver step, in which a timer with jitter counts
+        dt  [s] of a solver step, in which a timer with jitter counts; None if only its calls are evaluated, each when it is due
         """
         kept: Kept = held.around
         flat, lost_y, lost_r = y.reshape(-1), 0 * faults[0] if self.faults else np.zeros(()), np.zeros(())
@@ -293,14 +307,15 @@ class Around:
             return np.ones(()), np.zeros(()), timer
         left, was_late, since, _ = timer[0], timer[1], timer[2], timer[3]
         due, first = np.where(left <= 0, 1.0, 0.0), np.where(since <= 0, 1.0, 0.0)
-        if dt is None:  # the next call is not needed
-            dt = self.T
-        every, steps_late = np.floor(self.T / dt + 0.5), np.floor(next_late / dt + 0.5)
-        between = np.where(first > 0, self.T, since * dt)
+        between = np.where(first > 0, self.T, since if dt is None else since * dt)
         wrong = np.zeros(())
         if self.band is not None:
             off = between - self.T
             wrong = np.where(off <= self.band, np.where(-off <= self.band, 0.0, 1.0), 1.0)
+        if dt is None:
+            seconds = (0 * left, next_late, self.T + next_late - was_late, between)
+            return due, wrong, np.concatenate([one.reshape(1) for one in seconds])
+        every, steps_late = np.floor(self.T / dt + 0.5), np.floor(next_late / dt + 0.5)
         called = [every + steps_late - was_late - 1.0, steps_late, 1.0 + 0 * left, between]
         idle = [left - 1.0, was_late, since + 1.0, timer[3]]
         new = [np.where(due > 0, a, b).reshape(1) for a, b in zip(called, idle, strict=True)]

@@ -106,7 +106,8 @@ class Setting:
         """The arguments of each kernel; rows (M, d), streams of noise (M,). RefusedError for a member that gives no valid
         case."""
         numbers = self.numbers(rows)
-        return tuple(family.given(one, streams) for family, one in zip(self.families, numbers, strict=True))
+        found = (family.given(one, streams) for family, one in zip(self.families, numbers, strict=True))
+        return tuple(one.driven_by(self.signals) for one in found)
 
     def numbers(self, rows: Array) -> tuple[Numbers, ...]:
         """The arguments of the kernels, for each controller."""

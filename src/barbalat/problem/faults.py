@@ -195,9 +195,9 @@ class Latency(OnChannel, Fault):
 class Jitter(Fault):
     """A timer that calls early or late, uniformly distributed: measurement and control are taken at the time of the call.
 
-    time  the largest deviation [s] of a call: at least one solver step, and at most a quarter of the sample time for all jitters
-          of a case together. The time between two calls deviates by up to twice as much, which `shell.jitter` bounds. Always
-          present unless share or times are given
+    time  the largest deviation [s] of a call: at least one solver step if steps are fixed, and at most a quarter of the sample
+          time for all jitters of a case together. The time between two calls deviates by up to twice as much, which
+          `shell.jitter` bounds. Always present unless share or times are given
     """
 
     time: float

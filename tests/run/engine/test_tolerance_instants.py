@@ -14,6 +14,7 @@ from barbalat.lowering.compiled import Compiled
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.faults import Bias, Dropout, Jitter, Spike, Stuck
 from barbalat.problem.measurement import Noise, Sensor
+from barbalat.problem.shell import Shell
 from barbalat.run.kernel.portable import standard_normal
 from barbalat.signals import Square
 from barbalat.validate import InputError
@@ -34,7 +35,14 @@ def by_scipy(problem, controller, t_end, *others):
     rates, T, tau = Compiled(right_hand_side(loop)), loop.sample_time, problem.delay
     noise = problem.noise
     hold = None if noise is None else noise.sample_time
-    every = {round(k * period, 9) for period in (T, hold) if period for k in range(int(t_end / period + 1e-9) + 1)}
+    every = {round(k * hold, 9) for k in range(int(t_end / hold + 1e-9) + 1)} if hold else set()
+    called = [round(k * T, 9) for k in range(int(t_end / T + 1e-9) + 1)] if T else []
+    jitters = [(place, fault) for place, fault in enumerate(problem.faults) if isinstance(fault, Jitter)]
+    if jitters:
+        called = [0.0]
+        while (t := len(called) * T + sum(f.time * f.value(np.array(called[-1:]), i).item() for i, f in jitters)) <= t_end:
+            called.append(t)
+    every |= set(called)
     if tau:
         every |= {round(k * T + tau, 9) for k in range(int((t_end - tau) / T + 1e-9) + 1)}
     instants, x, put_out = sorted({0.0, t_end, *others, *every}), loop.initial(), []
@@ -45,8 +53,8 @@ def by_scipy(problem, controller, t_end, *others):
             timed = (np.asarray(signal(np.array([t]))).item() for signal in problem.signals)
             return np.array([*timed, *drawn, *(delayed if len(delayed) else [0.0] * loop.signals.delayed)])
 
-        if T is not None and abs(begin / T - round(begin / T)) < 1e-9:
-            x = np.asarray(loop.sample(x, driven(round(begin / T) * T)), float)
+        if begin in called:
+            x = np.asarray(loop.sample(x, driven(begin if jitters else round(begin / T) * T)), float)
             put_out.append((begin, np.reshape(loop.undelayed_input(x, driven(begin)), -1)))
         if end is None:
             return x
@@ -113,6 +121,32 @@ def test_faults_come_at_samples(delay) -> None:
     assert np.abs(clean[: len(expected)][:2] - expected[:2]).max() > 1e-3
 
 
+@pytest.mark.parametrize("shell", [None, Shell(jitter=0.15, longest_outage=0.05)], ids=["no shell", "late calls are misses"])
+def test_jittered_samples_come_when_they_are_due(shell) -> None:
+    faults = (Jitter(time=0.0011, seed=4), Jitter(time=0.0007, share=0.3, burst=0.1, seed=5), *FAULTS)
+    problem = replace(PAPER.problem, faults=faults, shell=shell, sensor=SENSOR)
+    controller = Sampled(replace(MRAC, gamma=0.1), 0.01)
+    expected = by_scipy(problem, controller, 1.0)
+    assert final(problem, controller, 1.0) == pytest.approx(expected, rel=1e-7, abs=1e-9 * np.abs(expected).max())
+    steady = final(replace(problem, faults=FAULTS), controller, 1.0)
+    assert np.abs(steady[:2] - expected[:2]).max() > 1e-4
+
+
+def test_a_jittered_run_is_judged_as_with_fixed_steps() -> None:
+    """Its windows after the run begin with the call that the last jitter has set. Further draws would depend on how fixed steps
+    round a call's instant."""
+    jitter = Jitter(time=0.002, times=((0.0, 0.005), (2.0, 2.005), (3.985, 3.995)), seed=8)
+    assert jitter.value(np.array([3.99]), 0) > 0.5  # the last call of the run comes after its end
+    problem = replace(PAPER.problem, faults=(jitter,))
+    controller = Sampled(replace(MRAC, gamma=0.1), 0.01)
+    ours, fixed = (
+        simulate(problem, [controller], one)["MRAC"] for one in (Simulation(4.0, tolerance=1e-8), Simulation(4.0, 2e-5))
+    )
+    assert str(ours.verdict) == str(fixed.verdict)
+    for name in ("max_abs_e", "rms_e", "max_abs_u", "theta_hat_final", "theta_hat_variation_rate"):
+        assert ours.figures[name] == pytest.approx(fixed.figures[name], rel=2e-3), name
+
+
 def test_a_delayed_run_is_judged_as_with_fixed_steps() -> None:
     """Its windows after the run go on with what is in the delay."""
     problem = replace(PAPER.problem, plant=replace(PAPER.problem.plant, input=PlantInput(delay=0.04)))
@@ -167,8 +201,8 @@ def test_refusals() -> None:
         simulate(delayed, [MRAC], simulation)
     with pytest.raises(InputError, match=r"at most 200 samples of 0\.0001 s"):
         simulate(delayed, [Sampled(MRAC, 1e-4)], simulation)
-    with pytest.raises(InputError, match=r"samples without jitter: give simulation\.dt"):
-        simulate(replace(PAPER.problem, faults=(Jitter(time=0.001, share=0.5),)), [Sampled(MRAC, 0.01)], simulation)
+    with pytest.raises(InputError, match=r"jitter of the samples only without a delay .*: give simulation\.dt"):
+        simulate(replace(delayed, faults=(Jitter(time=0.001, share=0.5),)), [Sampled(MRAC, 0.01)], simulation)
 
 
 def test_nothing_turns_where_the_noise_jumps() -> None:

@@ -97,7 +97,7 @@ class Motion:
         """The motion at t = 0, from compiled programs."""
         attempts, tail = pieces.attempts, float(simulation.time(simulation.tail_start))
         kept = np.unique(np.concatenate([[0.0, tail, simulation.t_end], attempts.signals.breaks(simulation.t_end)]))
-        state = attempts.initial(start, FIRST_STEP * simulation.t_end)
+        state, pieces = attempts.initial(start, FIRST_STEP * simulation.t_end), replace(pieces, until=simulation.t_end)
         return cls(attempts, code, start, parameters, state, tolerance, pieces, pieces.rows(kept))
 
     def again(self, tolerance: float, t_end: float) -> Motion:

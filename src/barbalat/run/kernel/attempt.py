@@ -7,8 +7,9 @@ if another choice is due at its end, it is repeated with the length at which tha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache, cached_property, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +20,7 @@ from barbalat.lowering.operations import Program, following, read
 from barbalat.lowering.optimize import optimize
 from barbalat.lowering.shape import LoopShape
 from barbalat.lowering.switching import switched
+from barbalat.problem.faults import FaultSignal
 from barbalat.run.kernel.delay import whole_steps
 from barbalat.run.kernel.metrics import DIVERGENCE_LIMIT, divergence_measure
 from barbalat.run.kernel.sampled_controller import acting_on, initial_acting, parameters_column
@@ -189,6 +191,20 @@ class Attempts:
     def rows(ends: np.ndarray, sampled: np.ndarray, arrived: np.ndarray, signals: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """Rows of K pieces, (K, count); the last of them has zero length: there the run ends."""
         return np.ascontiguousarray(np.column_stack([ends, sampled, arrived, signals, noise]), dtype=float)
+
+    def driven_by(self, signals: TimeSignals) -> Attempts:
+        """The attempts with other signals; the programs are the same unless formulas, which they contain, differ."""
+        found = replace(self, signals=signals)
+        if signals.formulas == self.signals.formulas:
+            vars(found).update(carried=self.carried, lists=self.lists)
+        return found
+
+    @cached_property
+    def calls(self) -> Callable[[float], np.ndarray]:
+        """See ``Around.calls``; all members of these attempts have the same."""
+        assert self.loop.around is not None
+        faults = [one for one in self.signals.signals if isinstance(one, FaultSignal)]
+        return cache(partial(self.loop.around.calls, faults))
 
     def initial(self, x: np.ndarray, h: float) -> np.ndarray:
         """The kernel's state at t = 0, for a loop that begins with x."""

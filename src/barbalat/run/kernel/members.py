@@ -57,6 +57,12 @@ class Members:
     attempts: Attempts | None = None
     remembered: int = 0
 
+    def driven_by(self, signals: tuple[Signal, ...]) -> Members:
+        """The members with these signals, which with a tolerance are part of the attempts."""
+        if self.attempts is None or signals == self.signals:
+            return self
+        return replace(self, signals=signals, attempts=self.attempts.driven_by(TimeSignals.of(signals)))
+
     @classmethod
     def read(
         cls,

@@ -26,11 +26,13 @@ class Pieces:
 
     noise   of its measurement; None if there is none, or if it is left out
     number  the stream of that noise
+    until   end of the run [s], beyond which signals are held and no jitter comes
     """
 
     attempts: Attempts
     noise: Noise | None = None
     number: int = 0
+    until: float = np.inf
 
     def rows(self, kept: Array, values: Array | None = None, *, sampled_already: bool = False) -> Array:
         """(K, count) rows of the pieces of [kept[0], kept[-1]], followed by the end; the times ``kept`` (k,) [s] are kept
@@ -39,8 +41,8 @@ class Pieces:
         values           values at which the signals are held; None if they continue
         sampled_already  whether a sample at the beginning has already been taken
         """
-        loop, signals = self.attempts.loop, self.attempts.signals
-        samples = np.zeros(0) if loop.sample_time is None else _moved(_multiples(loop.sample_time, kept), kept)
+        signals = self.attempts.signals
+        samples = _moved(self._samples(kept), kept)
         renewed = np.zeros(0) if self.noise is None else _moved(_multiples(self.noise.sample_time, kept), kept)
         arrivals = self._arrivals(kept)
         fixed = np.union1d(kept, samples)
@@ -50,6 +52,18 @@ class Pieces:
             sampled[0] = False
         driven = signals.rows(begins, ends) if values is None else signals.held(begins, values)
         return self.attempts.rows(ends, sampled, self._arrived(begins), driven, self.noise_at(begins))
+
+    def _samples(self, kept: Array) -> Array:
+        """The instants from the first to the last of these times at which the controller samples."""
+        loop = self.attempts.loop
+        if loop.sample_time is None:
+            return np.zeros(0)
+        if loop.around is None or not loop.around.jitters:
+            return _multiples(loop.sample_time, kept)
+        calls = self.attempts.calls(self.until)
+        steady = loop.sample_time * np.arange(len(calls), np.ceil(kept[-1] / loop.sample_time) + 1)
+        calls, within = np.append(calls, steady), AT_AN_END * loop.sample_time
+        return calls[(calls >= kept[0] - within) & (calls <= kept[-1] + within)]
 
     def _arrivals(self, kept: Array) -> Array:
         """The instants from the first to the last of these times at which a sample's control leaves the delay."""
@@ -82,8 +96,10 @@ def require_known_instants(loop: ClosedLoop, problem: TrackingProblem, simulatio
         require_within("sample_time", loop.sample_time, simulation.t_end)
     if problem.noise is not None:
         require_within("sensor.noise.sample_time", problem.noise.sample_time, simulation.t_end)
-    if loop.around is not None and loop.around.jitters:
-        raise InputError.of("simulation.tolerance", "needs samples without jitter: give simulation.dt")
+    if loop.around is not None and loop.around.jitters and loop.delayed:
+        raise InputError.of(
+            "simulation.tolerance", "allows jitter of the samples only without a delay at the plant's input: give simulation.dt"
+        )
     if loop.delayed and brings_bends(loop):
         raise InputError.of(
             "simulation.tolerance",

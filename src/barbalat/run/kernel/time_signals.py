@@ -57,6 +57,11 @@ class TimeSignals:
         return cls(signals)
 
     @property
+    def formulas(self) -> tuple[Signal | None, ...]:
+        """Those that are formulas of t, and None for the others, which are described by a piece's numbers."""
+        return tuple(signal if is_formula(signal) else None for signal in self.signals)
+
+    @property
     def numbers(self) -> int:
         """Numbers of a piece: its beginning, whether the signals are held, and the value and slope of each."""
         return 2 + 2 * len(self.signals)
