@@ -249,7 +249,9 @@ def test_a_number_that_is_set_while_the_baseline_acts_makes_no_bump(tmp_path) ->
     K, found = 80, []
     y, r = (np.ascontiguousarray(part[:K]) for part in (made.contents.vectors.measured, made.contents.vectors.commands))
     y[20:60, 0] = np.nan
-    gain = next(i for i, one in enumerate(made.contents.parameters) if one.name.endswith("gamma"))
+    offered = [one.name for one in made.contents.parameters]
+    assert not [one for one in offered if "baseline" in one or "uncertainty" in one]  # the case's values are others
+    gain = next(i for i, one in enumerate(offered) if one.endswith("gamma"))
     for at in (-1, 26, 45):  # never, while it changes to the baseline, and on the baseline alone
         which, value, fade = np.full(K, -1, np.int32), np.full(K, 40.0), np.full(K, 10, np.int64)
         which[at] = gain if at >= 0 else -1

@@ -156,8 +156,17 @@ def _placed(path: FieldPath, place: int) -> FieldPath:
 
 
 def _copied(case: Case) -> Iterator[tuple[tuple[FieldPath, float], float, Case]]:
-    """The numbers that occur unchanged in the loop, each with another value of it and the case with that value."""
-    offered = [(path, value) for path, value in in_case(case) if path.keys[0] in OFFERED and isinstance(value, float)]
+    """The numbers that occur unchanged in the loop, each with another value of it and the case with that value.
+
+    The baseline's gains stay compiled in, since a part of the code (its fallback, the model) follows from them; so do the bounds
+    of a known set beside a baseline, which the loop has only shifted by its gains.
+    """
+    compiled = () if case.problem.fixed is None else (("plant", "baseline"), ("uncertainty",))
+    offered = [
+        (path, value)
+        for path, value in in_case(case)
+        if path.keys[0] in OFFERED and isinstance(value, float) and not any(path.keys[: len(one)] == one for one in compiled)
+    ]
     for path, value in sorted(offered, key=lambda one: OFFERED.index(str(one[0].keys[0]))):
         if (found := _other(case, path, value)) is not None:
             yield (path, value), *found
