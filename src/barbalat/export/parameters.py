@@ -165,7 +165,10 @@ def _copied(case: Case) -> Iterator[tuple[tuple[FieldPath, float], float, Case]]
     offered = [
         (path, value)
         for path, value in in_case(case)
-        if path.keys[0] in OFFERED and isinstance(value, float) and not any(path.keys[: len(one)] == one for one in compiled)
+        if path.keys[0] in OFFERED
+        and path.keys[:2] not in compiled
+        and path.keys[:1] not in compiled
+        and isinstance(value, float)
     ]
     for path, value in sorted(offered, key=lambda one: OFFERED.index(str(one[0].keys[0]))):
         if (found := _other(case, path, value)) is not None:
