@@ -60,3 +60,9 @@ def test_what_the_shell_refuses_is_counted():
 
 def test_a_run_without_a_shell_has_no_such_count():
     assert missed(PROBLEM).missed is None
+
+
+def test_a_run_by_tolerance_is_not_counted():
+    problem = replace(PROBLEM, faults=(Jitter(time=T / 8, seed=1),))
+    runs = simulate(problem, [Sampled(Mrac(gamma=5.0), T)], Simulation(t_end=0.5, tolerance=1e-6))
+    assert with_missed_samples(runs)["MRAC"].missed is None

@@ -152,7 +152,8 @@ def _each(batch: Batch, problem: TrackingProblem, simulation: Simulation, first:
 def with_missed_samples(results: Mapping[str, Result]) -> Results:
     """The same results, with ``missed`` for each sampled controller that has a shell or meets faults.
 
-    Each of these runs is repeated with the same bits and read between any two samples; one that diverged stays as it is.
+    Each of these runs is repeated with the same bits and read between any two samples. Runs that diverged and runs by tolerance
+    stay as they are.
     """
     return Results({name: replace(one, missed=_missed(one)) for name, one in results.items()})
 
@@ -160,6 +161,8 @@ def with_missed_samples(results: Mapping[str, Result]) -> Results:
 def _missed(result: Result) -> MissedSamples | None:
     computer, simulation, problem = result.loop.computer, result.simulation, result.problem
     if computer is None or computer.around is None or not np.isnan(result.metrics.diverged_at[0]):
+        return None
+    if simulation.tolerance is not None:
         return None
     batch = Batch.of([(problem, result.controller)], simulation, lanes=1)
     (group,), every = batch.groups, round(computer.around.T / simulation.dt)  # with jitter the loop looks at its timer every step
