@@ -1,10 +1,11 @@
-"""The program's pages in a real browser: nothing overflows, nothing is asked for outside, nothing is inaccessible.
+"""The program's pages in a real browser: nothing overflows, no request leaves the page, and everything is accessible.
 
     python tests/browser.py [PAGE.html | FOLDER ...]
 
-Without pages it makes those of the quick ``reproduce`` and of two bundled cases. A folder is a site: all of its pages are read as
-from a server. Each page is opened at the width of a desk and of a phone, there in the dark, and examined for accessibility at
-both; a page of a site, at the one that the commit draws. What is wrong is printed, a line each, and the exit code is 1.
+Without arguments it makes and checks the pages of the quick ``reproduce`` and of two bundled cases. A folder is treated as a
+site: all of its pages are read through a server. Each page is opened at desktop width and, in dark mode, at phone width, and
+checked for accessibility at both; for a page of a site, the commit selects one of the two widths. Each fault is printed on a
+line, and the exit code is then 1.
 
 The browser is the system's: see ``chromium``.
 """
@@ -66,7 +67,7 @@ def main(pages: list[Path]) -> int:
 
 
 def tabs(browser: Browser) -> Tabs:
-    """Two tabs, for as many pages as come: a tab for each page would read the site's styles, scripts and fonts anew."""
+    """Two tabs for any number of pages: a new tab for each page would reload the site's styles, scripts and fonts."""
     found = {}
     for name, width in WIDTHS.items():
         tab = browser.new_page(viewport={"width": width, "height": 900}, color_scheme="dark" if name == "phone" else "light")
@@ -75,7 +76,7 @@ def tabs(browser: Browser) -> Tabs:
 
 
 def _of_all(opened: Tabs, pages: list[Path]) -> Iterator[str]:
-    """What is wrong with pages, or with those of sites."""
+    """The faults of pages or of whole sites."""
     for page in pages:
         yield from _of_site(opened, page) if page.is_dir() else _findings(opened, page, page.resolve().as_uri())
 
@@ -91,9 +92,9 @@ def _made_in(folder: Path) -> list[Path]:
 
 
 def _of_site(opened: Tabs, folder: Path) -> Iterator[str]:
-    """What is wrong with the pages of a site but for those of ``barbalat reproduce``, which is kept there as it is.
+    """The faults of a site's pages, except those of ``barbalat reproduce``, which are stored there unchanged.
 
-    Its pages share their style, so that half of them at each width find what is wrong with it in half of the time.
+    The pages share a style, so checking half of them at each width finds its faults in half the time.
     """
     places = [page.relative_to(folder) for page in sorted(folder.rglob("*.html"))]
     places = [place for place in places if place.parts[0] not in ("_static", "reproduction")]
@@ -114,14 +115,14 @@ def _served(folder: Path) -> Iterator[str]:
 
 
 class Quiet(SimpleHTTPRequestHandler):
-    """Says nothing of what it serves."""
+    """Serves files without logging requests."""
 
     def log_message(self, *_: object) -> None:
         """Nothing."""
 
 
 def _findings(opened: Tabs, page: Path, address: str) -> Iterator[str]:
-    """What is wrong with a page of the program's."""
+    """The faults of one of the program's pages."""
     most = LARGEST_EXPLORER if page.name == EXPLORER else LARGEST_PAGE
     if page.stat().st_size > most:
         yield f"{page.parent.name}/{page.name}: {page.stat().st_size} bytes, more than {most}"
@@ -129,9 +130,9 @@ def _findings(opened: Tabs, page: Path, address: str) -> Iterator[str]:
 
 
 def at_both_widths(opened: Tabs, page: str, address: str, examined: Container[str] = tuple(WIDTHS)) -> Iterator[str]:
-    """What is wrong with a page at the widths of ``WIDTHS``, of which ``examined`` names those where axe looks as well."""
+    """The faults of a page at the widths in ``WIDTHS``; axe also examines those named in ``examined``."""
     for name, (tab, said) in opened.items():
-        tab.goto("about:blank")  # else an address that differs in its fragment alone would not be read again
+        tab.goto("about:blank")  # otherwise an address that differs only in its fragment would not be reloaded
         said.clear()
         tab.goto(address)
         tab.evaluate(OPENED)

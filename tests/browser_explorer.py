@@ -2,8 +2,8 @@
 
     python tests/browser_explorer.py [CASE ...]
 
-A case is a bundled one's name or a file; without names all bundled cases. What is wrong is printed, a line each, and the
-exit code is 1.
+A case is the name of a bundled case or a file; without arguments all bundled cases are checked. Each fault is printed on a line,
+and the exit code is then 1.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def main(cases: list[str]) -> int:
 
 
 def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
-    """What is wrong with a case's explorer."""
+    """The faults of a case's explorer."""
     file = Explorer(TextSource(CaseText.read(case))).save(folder / f"{Path(case).stem}.html")
     tab = browser.new_page()
     said = overheard(tab, ("file:", "blob:", "data:"))
@@ -66,7 +66,7 @@ def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
     draw, seen = random.Random(case), [set[str]() for _ in range(sliders)]
     for k in range(ROUNDS):
         tab.click("#reset")
-        for i in draw.sample(range(sliders), sliders):  # of two that exclude each other the first one moves
+        for i in draw.sample(range(sliders), sliders):  # if two exclude each other, the first one moves
             _move(tab, i, seen, draw)
         tab.select_option("#solver", SOLVERS[k])
         if k % 2:
@@ -85,17 +85,17 @@ def of_case(browser: Browser, case: str, folder: Path) -> Iterator[str]:
 
 
 def _move(tab: Page, slider: int, seen: list[set[str]], draw: random.Random) -> None:
-    """By some of its length; ``seen`` has all places where it stood."""
+    """Move the slider by a part of its length; ``seen`` lists all its earlier positions."""
     seen[slider] |= set(tab.evaluate(MOVE, [slider, draw.choice((-1, 1)) * draw.uniform(0.03, 0.1)]))
 
 
 def settled(tab: Page) -> None:
-    """Wait until every run is there and drawn."""
+    """Wait until every run is finished and drawn."""
     tab.wait_for_function(READY, timeout=120_000).dispose()
 
 
 def copied(tab: Page) -> str:
-    """What *copy as case file* gives."""
+    """The text that *copy as case file* produces."""
     tab.click("#case-file")
     text = tab.input_value("#copied")
     tab.click("#close")
@@ -111,7 +111,7 @@ def compared(tab: Page, when: str) -> Iterator[str]:
 
 
 def differences(text: str, rows: dict[str, Figures], when: str) -> Iterator[str]:
-    """Between figures by controller and a run of the case file's text."""
+    """Differences between the figures of each controller and a run of the case file's text."""
     assert tomllib.loads(text)["simulation"]["fused"] is False
     try:
         case = parse_case(text)
@@ -130,7 +130,7 @@ def differences(text: str, rows: dict[str, Figures], when: str) -> Iterator[str]
 
 
 def judged_alike(tab: Page, when: str) -> Iterator[str]:
-    """Whether the page says of the step what a run of the copied case says."""
+    """Whether the page's statement on the step agrees with a run of the copied case."""
     case, said = parse_case(copied(tab)), tab.evaluate(NUMERICS)
     shown = [controller for controller in case.controllers if controller.name in said]
     for name, run in simulate(case.problem, shown, case.simulation).items():

@@ -1,8 +1,9 @@
-"""The lessons of Section V in a real browser: none is reached from the beginning, each by its example, in the simulator's bits.
+"""The lessons of Section V in a real browser: no goal is met at the start, each is met by its example, and all figures equal the
+simulator's bit for bit.
 
     python tests/browser_lessons.py
 
-What is wrong is printed, a line each, and the exit code is 1.
+Each fault is printed on a line, and the exit code is then 1.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ def main() -> int:
 
 
 def of_page(browser: Browser, file: Path) -> Iterator[str]:
-    """What is wrong with a page and its lessons."""
+    """The faults of a page and its lessons."""
     tab = browser.new_page()
     said = overheard(tab, ("file:", "blob:", "data:"))
     tab.goto(file.as_uri())
@@ -64,7 +65,7 @@ def taught(tab: Page) -> Iterator[str]:
 
 
 def estimated(tab: Page) -> Iterator[str]:
-    """The condition on the filter, estimated by the page, beside what is certified of the copied case."""
+    """The condition on the filter, as estimated by the page and as certified for the copied case."""
     case = parse_case(copied(tab))
     found = [float(value) for value in tab.evaluate(CONDITIONS)]
     certified = certify(case.problem, [one for one in case.controllers if one.name == "L1"], case.simulation)
@@ -85,7 +86,7 @@ def by_address(tab: Page, file: Path) -> Iterator[str]:
 
 
 def goal(tab: Page) -> str | None:
-    """Whether the page says that it is reached."""
+    """Whether the page reports that the goal is met."""
     return tab.get_attribute("#lessons", "data-goal")
 
 

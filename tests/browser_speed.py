@@ -2,7 +2,7 @@
 
     python tests/browser_speed.py
 
-Times are printed, not judged: they are this machine's, in its present load. Growing memory is a finding, with exit code 1.
+Times are printed and not judged, because they depend on this machine and its load. Growing memory is a finding, with exit code 1.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def _native(problem: TrackingProblem, controller: Controller, simulation: Simula
     for segment in segments_of(simulation, recorded=True):
         in_pieces = batch.program.shape.in_pieces
         table = signal_table(problem.signals, simulation, segment.start, segment.steps, in_pieces=in_pieces)
-        began = time.thread_time()  # without the time that other programs have
+        began = time.thread_time()  # without the time used by other programs
         group.call(segment.start, segment.blocks, segment.length, group.state, table)
         spent += time.thread_time() - began
     return spent

@@ -1,4 +1,4 @@
-"""Problems that many tests share, and what the short command leaves to the full one."""
+"""Problems that many tests share, and the tests that the short command leaves to the full one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 hypothesis.settings.register_profile("untimed", deadline=None)
-hypothesis.settings.load_profile("untimed")  # how long an example takes is the machine's matter; a test that asks is a flaky one
+hypothesis.settings.load_profile("untimed")  # the duration of an example depends on the machine; a test that checks it is flaky
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -30,7 +30,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Without an option what is marked ``full``, or lies outside a ``short`` mark, is left out."""
+    """Without an option, tests marked ``full`` or outside a ``short`` mark are left out."""
     everything, rest, one_in = config.getoption("full"), config.getoption("rest"), config.getoption("one_in")
     if everything and rest:
         raise pytest.UsageError("--full runs everything, --rest what is left out without it: give one of them")
@@ -57,7 +57,7 @@ def _draws_samples(item: pytest.Item) -> bool:
 
 @pytest.fixture(autouse=True)
 def _figures_closed() -> Iterator[None]:
-    """Where a test has imported pyplot, it holds every figure that is plotted, and warns of too many."""
+    """After a test has imported pyplot, pyplot keeps every plotted figure and warns if there are too many."""
     yield
     pyplot = sys.modules.get("matplotlib.pyplot")
     if pyplot is not None:
@@ -68,7 +68,7 @@ def _figures_closed() -> Iterator[None]:
 def sample(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
     """``sample(short, full)``: how many random problems a test draws; with --rest a quarter of all, and no fewer than in short.
 
-    Where ``full`` is the smaller one, it is the stride over a list, and --rest takes four times that.
+    If ``full`` is smaller than ``short``, both are strides over a list, and --rest takes four times ``full``.
     """
     if request.config.getoption("full"):
         return lambda short, full: full
@@ -79,7 +79,8 @@ def sample(request: pytest.FixtureRequest) -> Callable[[int, int], int]:
 
 @pytest.fixture(scope="session")
 def by_turns(request: pytest.FixtureRequest) -> Callable[[Sequence[Any], int], list[Any]]:
-    """``by_turns(items, few)``: few in the short command, with --rest a tenth, which the commit draws, and all with --full."""
+    """``by_turns(items, few)``: ``few`` of them in the short command, with --rest a tenth, selected by the commit, and all with
+    --full."""
     if request.config.getoption("full"):
         return lambda items, few: list(items)
     if request.config.getoption("rest"):
@@ -89,7 +90,8 @@ def by_turns(request: pytest.FixtureRequest) -> Callable[[Sequence[Any], int], l
 
 @pytest.fixture(scope="session", autouse=True)
 def _optimised_code(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Most tests' runs are so short that their code is made quickly; the full command's is all optimised, as long runs' is."""
+    """Most tests' runs are short, so their code is compiled without optimisation; the full command optimises all code, as for
+    long runs."""
     with pytest.MonkeyPatch.context() as changed:
         if request.config.getoption("full") or request.config.getoption("rest"):
             changed.setattr("barbalat.run.kernel.step.STEPS_WORTH_OPTIMISING", 0)
@@ -98,14 +100,14 @@ def _optimised_code(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder in which pytest's processes find what one of them has made: see ``turns.once``."""
+    """The folder through which pytest's processes share results: see ``turns.once``."""
     base = tmp_path_factory.getbasetemp()
     return base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
 
 
 @pytest.fixture(scope="session")
 def section_v_runs(shared: Path) -> Runs:
-    """All runs of Section V, as ``reproduce`` makes them; nobody changes them."""
+    """All runs of Section V, as ``reproduce`` makes them; no test changes them."""
     from barbalat.papers.jafari_2013 import section_v
 
     return once(shared, "section-v", section_v.run)
@@ -174,5 +176,5 @@ def third_order() -> Problem:
 
 @pytest.fixture(scope="session")
 def problems() -> dict[int, Problem]:
-    """One gentle problem for each order; all numbers of the order of one, so that absolute errors mean something."""
+    """One well-conditioned problem for each order, with all numbers of order one so that absolute errors are meaningful."""
     return {1: _first_order(), 2: _second_order(), 3: _third_order()}

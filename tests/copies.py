@@ -1,4 +1,4 @@
-"""A copy of the package to add something to, and the program in a process of its own that finds the copy first."""
+"""A copy of the package for additions, and a separate process that imports the copy first."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def package_in(folder: Path) -> Path:
 
 
 def python_says(*arguments: str, path: Path) -> str:
-    """What Python prints in a process of its own whose imports begin at this folder."""
+    """What Python prints in a separate process that imports from this folder first."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(path), *(part for part in sys.path if part)])}
     done = subprocess.run([sys.executable, *arguments], env=environment, capture_output=True, text=True, check=False, cwd=path)
     assert done.returncode == 0, done.stdout[-4000:] + done.stderr
@@ -27,7 +27,7 @@ def python_says(*arguments: str, path: Path) -> str:
 
 
 def barbalat_says(*arguments: str, path: Path) -> str:
-    """What the program prints in a process of its own whose imports begin at this folder."""
+    """What the program prints in a separate process that imports from this folder first."""
     return python_says("-m", "barbalat", *arguments, path=path)
 
 

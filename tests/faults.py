@@ -1,9 +1,10 @@
-"""Plants faults in a copy of the sources, one at a time, and sees which tests find them: ``./dev faults``.
+"""Plants faults in a copy of the sources, one at a time, and reports which tests find them: ``./dev faults``.
 
 A test suite that has become faster must not have become weaker. A seed draws the faults over kinds (a sign, an index, a dropped
-term, swapped arguments, a wrong direction of a bound or a rounding) and rooms of the house. Each is met by the tests of its own
-room, then by all of the short command, both stopped at the first failure; where these find nothing by the rest of the full one.
-The draw depends on the sources, so that a seed names the same faults only at the same commit. ``--from K`` goes on after a stop.
+term, swapped arguments, a wrong direction of a bound or a rounding) and rooms of the house. The tests of its own room run on each
+fault, then the whole short command, both until the first failure; if these find nothing, the rest of the full command runs.
+The draw depends on the sources, so that a seed names the same faults only at the same commit. ``--from K`` continues after a
+stop.
 """
 
 from __future__ import annotations
@@ -95,7 +96,7 @@ class _Places(ast.NodeVisitor):
         )
 
     def visit_Raise(self, node: ast.Raise) -> None:
-        """What a message says is no fault of the kinds planted here."""
+        """The wording of a message is not one of the faults planted here."""
 
     visit_JoinedStr = visit_Import = visit_ImportFrom = visit_Raise
 
@@ -163,7 +164,7 @@ class _Places(ast.NodeVisitor):
 
 
 def _is_text(node: ast.AST) -> bool:
-    """Text and lists are joined by +, not added."""
+    """+ concatenates text and lists and is no sum there."""
     return isinstance(node, (ast.List, ast.Tuple, ast.JoinedStr, ast.ListComp)) or (
         isinstance(node, ast.Constant) and isinstance(node.value, str)
     )
@@ -186,7 +187,7 @@ def places(room: str) -> Iterator[Fault]:
 
 
 def draw(seed: int, count: int) -> list[Fault]:
-    """So many faults, a room after the other, each of a kind that the room's last ones did not have, all drawn by the seed."""
+    """This many faults drawn by the seed, one room after another, each of a kind that the room's last faults did not have."""
     random_ = random.Random(seed)
     left: dict[str, dict[str, list[Fault]]] = {}
     for room in ROOMS:
@@ -211,19 +212,19 @@ class Copy:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        # every file that is kept, as the contracts' tests read many of them
+        # every versioned file, since the contracts' tests read many of them
         kept = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=True).stdout
         for name in filter(None, kept.split("\0")):
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(ROOT / name, folder / name)
-        # compiled once and found by content, as a file changed twice within a second keeps its time
+        # compiled code is looked up by content, since a file changed twice within a second keeps its time stamp
         command = [sys.executable, "-m", "compileall", "-q", "--invalidation-mode", "checked-hash", "src"]
         subprocess.run(command, cwd=folder, check=True)
         threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
         self.environment = os.environ | threads | {"PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
 
     def first_failure(self, *options: str) -> str | None:
-        """The test that fails first; None where all pass."""
+        """The test that fails first; None if all pass."""
         command = [sys.executable, "-m", "pytest", "-x", "-p", "no:cacheprovider", "--tb=no", "-rfE", *options]
         try:
             done = subprocess.run(
@@ -238,7 +239,7 @@ class Copy:
 
 
 def mirror(file: str) -> list[str]:
-    """The tests that know a file best."""
+    """The tests closest to a file."""
     parts = Path(file).relative_to(PACKAGE).parts
     named = MIRRORS.get(parts[0])
     if named is not None:
@@ -251,7 +252,7 @@ def mirror(file: str) -> list[str]:
 
 
 def _nearest_first(fault: Fault, folders: list[str]) -> list[str]:
-    """The test files of these folders: those first that share most words with the fault's file, then the short ones."""
+    """The test files of these folders: first those that share most words with the fault's file, then the short ones."""
     known = _words(Path(fault.file).relative_to(PACKAGE).with_suffix(""))
     paths = [ROOT / folder for folder in folders]
     files = {file for path in paths for file in ([path] if path.is_file() else path.rglob("test_*.py"))}
@@ -267,7 +268,7 @@ def _words(path: Path) -> set[str]:
 
 
 def found_by(copy: Copy, fault: Fault, workers: str, *, full: bool) -> tuple[str, str]:
-    """(command, test) that finds the fault; ("nothing", "") where none does."""
+    """(command, test) that finds the fault; ("nothing", "") if none does."""
     path = copy.folder / fault.file
     source = path.read_bytes()
     path.write_bytes(source[: fault.start] + fault.text.encode() + source[fault.stop :])

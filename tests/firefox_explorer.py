@@ -2,8 +2,8 @@
 
     python tests/firefox_explorer.py [CASE ...]
 
-Needs firefox-esr, or what FIREFOX names, with node and npm, by which puppeteer-core comes into a folder that goes again:
-Playwright drives its own Firefox alone. What is wrong is printed, a line each, and the exit code is 1.
+Needs firefox-esr, or the browser that FIREFOX names, and node and npm, which install puppeteer-core into a temporary folder:
+Playwright drives only its own Firefox. Each fault is printed on a line, and the exit code is then 1.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def main(cases: list[str]) -> int:
         subprocess.run(
             ["npm", "install", "--silent", "--no-audit", "--prefix", folder, DRIVER], check=True, stdout=subprocess.DEVNULL
         )
-        shutil.copy(SCRIPT, made)  # modules are looked for beside it
+        shutil.copy(SCRIPT, made)  # Node looks for modules beside it
         pages = [
             Explorer(TextSource(CaseText.read(case))).save(made / f"{Path(case).stem}.html").as_uri() for case in cases or CASES
         ]

@@ -1,4 +1,4 @@
-"""Controllers as a user outside the package writes them: one that is right, and wrong ones by what is wrong with them."""
+"""Controllers as a user outside the package writes them: a correct one, and faulty ones named by their fault."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Plain:
-    """u = -theta_hat'x + k_0 r with theta_hat' = gamma x (e'P b), by hand: no settings of the package's."""
+    """u = -theta_hat'x + k_0 r with theta_hat' = gamma x (e'P b), by hand: without the package's settings."""
 
     gamma: float
     name: str = "plain"

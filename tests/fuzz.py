@@ -1,7 +1,7 @@
 """Plausible cases through every command: ``./dev fuzz [CASE]``; exit code 1 where one fails.
 
 A case is drawn from the schema (``plausible``), or is a bundled case, or the given one, with changed numbers and further keys.
-It is run and certified, and each other command takes a share of the cases. A command must end with exit code 0 and strict JSON,
+It is run and certified, and each other command runs on a part of the cases. A command must end with exit code 0 and strict JSON,
 or with exit code 2 and one sentence, within its processor time. A guaranteed bound must hold for the figures of the run; where it
 does not, it is compared with runs at finer steps. A case that fails is reduced, key by key, and kept as a case file.
 
@@ -69,7 +69,7 @@ class TooLong(BaseException):
 
 @dataclass(frozen=True)
 class Failure:
-    """What went wrong: the kind and place name it, whatever the numbers."""
+    """A failure, identified by its kind and place, whatever the numbers."""
 
     kind: str
     place: str
@@ -92,7 +92,7 @@ class Said:
 
 @dataclass
 class Tally:
-    """What happened to the commands, and what failed, once for each kind and place."""
+    """The outcomes of the commands, and the failures, one for each kind and place."""
 
     ended: collections.Counter[tuple[str, str]] = field(default_factory=collections.Counter)
     cases: collections.Counter[str] = field(default_factory=collections.Counter)
@@ -104,7 +104,7 @@ class Tally:
 
 
 def drawn(seed: int, given: dict[str, Any] | None, folder: Path) -> dict[str, Any]:
-    """Draw the case of a seed: new in seven of ten, else a change of a bundled one; a change of ``given`` where there is one."""
+    """Draw the case of a seed: new in seven of ten, otherwise a changed bundled case; a changed ``given`` if there is one."""
     rng = random.Random(seed)
     if given is not None:
         return plausible.changed(rng, given, folder)
@@ -185,7 +185,7 @@ COMMANDS: tuple[tuple[float, int, Make], ...] = (
 
 @contextlib.contextmanager
 def processor_time(seconds: int) -> Iterator[None]:
-    """TooLong after that much of this process's processor time."""
+    """Raise TooLong after this much of this process's processor time."""
 
     def stop(*_: object) -> None:
         raise TooLong
@@ -207,7 +207,7 @@ def call(words: list[str], seconds: int) -> Said | Failure:
             code = main([*words, "--json"])
     except TooLong as error:
         return Failure("hang", _place(error), f"more than {seconds} s of processor time", command)
-    except SystemExit as error:  # of the parser: a refusal of the words, which this program chose wrongly
+    except SystemExit as error:  # from the parser: it refused the arguments, which this program chose wrongly
         return Failure("exit", str(error.code), err.getvalue(), command)
     except BaseException as error:  # noqa: BLE001  # also what no program should end by
         return Failure(type(error).__name__, _place(error), traceback.format_exc(), command)
@@ -215,7 +215,7 @@ def call(words: list[str], seconds: int) -> Said | Failure:
 
 
 def _place(error: BaseException) -> str:
-    """The last line of the package's own that the error passed."""
+    """The last line of the package that the error passed through."""
     own = [frame for frame in traceback.extract_tb(error.__traceback__) if f"{os.sep}barbalat{os.sep}" in frame.filename]
     return f"{Path(own[-1].filename).name}:{own[-1].name}" if own else "outside"
 
@@ -225,7 +225,7 @@ def _refuse(constant: str) -> None:
 
 
 def judged(said: Said | Failure, words: list[str]) -> tuple[str, Any]:
-    """What a command's end is worth, "done", "refused" or "failed"; and its JSON, nothing, or the Failure."""
+    """A command's outcome, "done", "refused" or "failed", and its JSON, None or the Failure."""
     if isinstance(said, Failure):
         return "failed", said
     if said.code == 0:
@@ -243,7 +243,7 @@ def judged(said: Said | Failure, words: list[str]) -> tuple[str, Any]:
 def tried(
     seed: int, case: dict[str, Any], folder: Path, only: tuple[str, ...] = (), *, searches: bool = True
 ) -> Iterator[tuple[str, str, Any]]:
-    """(command, how it ended, what it gave) of each command that takes this case; ``only`` are those to repeat."""
+    """(command, outcome, output) of each command that accepts this case; ``only`` selects those to repeat."""
     file = folder / "case.toml"
     file.write_text(text_of(case), encoding="utf-8")
     found = {}
@@ -267,7 +267,7 @@ HELD = {"error_bound": "max_abs_e", "output_bound": "max_abs_y", "control_bound"
 
 
 def broken_bounds(case: dict[str, Any], folder: Path, run: Any, certified: Any) -> Iterator[tuple[str, str, Any]]:
-    """ "held" for each guaranteed bound that was compared, "failed" for one that figures exceed at every step that was tried."""
+    """ "held" for each guaranteed bound that was compared, "failed" for one that the figures exceed at every step tried."""
     for name, certificate in certified["controllers"].items():
         for key in set(certificate.get("guaranteed", ())) & HELD.keys():
             bound = certificate.get(key)
@@ -284,7 +284,7 @@ def broken_bounds(case: dict[str, Any], folder: Path, run: Any, certified: Any) 
 
 
 def _exceeding(case: dict[str, Any], folder: Path, run: Any, name: str, key: str, bound: float, finer: int) -> float | None:
-    """The largest figure beyond the bound at a step ``finer`` times smaller; None where none is."""
+    """The largest figure beyond the bound at a step ``finer`` times smaller; None if there is none."""
     if finer > 1:
         if not _exceeding(case, folder, run, name, key, bound, 1):
             return None
@@ -305,7 +305,7 @@ def _exceeding(case: dict[str, Any], folder: Path, run: Any, name: str, key: str
 
 
 def reduced(seed: int, case: dict[str, Any], failure: Failure, folder: Path) -> dict[str, Any]:
-    """The case with every key left out that the failure does not need."""
+    """The case without the keys that the failure does not need."""
     commands = ("run", "certify") if failure.kind == "bound" else (failure.command[0],)
     attempts = 0
     for path in sorted(plausible.places(case), key=len):
@@ -329,7 +329,7 @@ def reduced(seed: int, case: dict[str, Any], failure: Failure, folder: Path) -> 
 
 
 def work(pipe: Connection, given: dict[str, Any] | None) -> None:
-    """Tries the numbers that arrive; tells each command's end, and "next" after each case."""
+    """Tries the numbers that arrive; reports each command's outcome, and "next" after each case."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     os.environ["BROWSER"] = "true"
     while (asked := pipe.recv()) is not None:
@@ -384,7 +384,7 @@ class Worker:
 
 
 class Fuzz:
-    """Hands numbers of cases to workers, and counts what they say."""
+    """Gives case numbers to workers and counts their reports."""
 
     def __init__(self, options: argparse.Namespace, given: dict[str, Any] | None) -> None:
         self.options, self.given, self.tally = options, given, Tally()
@@ -416,7 +416,7 @@ class Fuzz:
         return self.tally
 
     def feed(self, worker: Worker) -> None:
-        """Give a worker the next case, or none where it has had its share."""
+        """Give a worker the next case, or none if it has had its share."""
         seed = self.next_seed() if worker.left else None
         if seed is None:
             worker.seed = -1
@@ -424,7 +424,7 @@ class Fuzz:
             self.give(worker, seed)
 
     def going(self, worker: Worker) -> Worker | None:
-        """The worker while it has a case; then another one in its place, as long as there are cases."""
+        """Watch a worker while it has a case, then replace it as long as there are cases."""
         if worker.seed >= 0:
             return worker
         worker.stop()

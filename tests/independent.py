@@ -1,4 +1,4 @@
-"""Second methods for the tests: step by step with every sample kept, and a high-order adaptive integration.
+"""Second methods for the tests: stepping that keeps every sample, and a high-order adaptive integration.
 
 Nothing here uses the package's tableaux, tables, blocks, accumulators or machine code.
 """
@@ -53,7 +53,7 @@ def refusal(make: Callable[[], object]) -> str:
 
 
 def as_toml(value: object) -> str:
-    """A value as TOML text, good or bad."""
+    """A value as TOML text, valid or not."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
@@ -163,7 +163,7 @@ def integrate(derivative, y0, t_end: float, t_eval=None, rtol: float = 1e-12, at
 def example_controllers(n: int) -> dict[str, tuple]:
     """For each registered scheme, settings with which the problem of order n is smooth and tracks; see conftest."""
     gamma = {1: 10.0, 2: 2.0, 3: 20.0}[n]
-    gentle = {1: 1.0, 2: 2.0, 3: 20.0}[n]  # for the rule that bursts at more
+    gentle = {1: 1.0, 2: 2.0, 3: 20.0}[n]  # for the rule, which bursts at higher gains
     covariance0 = {1: 50.0, 2: 50.0, 3: 500.0}[n]
     return {
         "mrac": (Mrac(gamma=gamma),),

@@ -2,9 +2,9 @@
 
 The exports are one for every combination of scheme, problem (known set, one input or two, regressor), form, law and modification
 among the tests' examples; ``--quick`` draws a few of them for a minute, ``--all`` takes every example. The mutants of an export
-are compiled once, with a number that selects one. Those that its README says are killed must be, those that it proves to be no
-fault must not. Exit code 1
-where that is not so, or where a score falls below what the weakest kind had. The goal is 97 %; kinds that miss it are named.
+are compiled once, with a number that selects one. Mutants that its README calls killed must be killed; those proven equivalent
+must not. Exit code 1 if this is violated or a score falls below that of the weakest kind. The goal is 97 %; kinds that miss it
+are named.
 """
 
 # ruff: noqa: T201  # a command that prints; the tests' own folder comes before the imports from it

@@ -1,8 +1,8 @@
 """Plausible cases, drawn from the JSON Schema of case files: what a user might write, rather than what a file can get wrong.
 
 Every key of the schema can occur. The schema says which keys a table has, which are required and what shape a value has (a
-description begins with it, such as "(n,)"); what it does not say is what size a value plausibly has, and how keys depend on each
-other. That is what this file adds, by the names of keys, so that a new key joins by itself with a number of the order of one.
+description begins with it, such as "(n,)"); it does not say what size a value plausibly has, or how keys depend on each other.
+This file adds both by the names of keys; a new key is included automatically with a number of order one.
 """
 
 from __future__ import annotations
@@ -214,7 +214,7 @@ class Draw:
         return table | more
 
     def specification(self) -> Table:
-        """One demand at least; a gain is a factor above 1."""
+        """At least one requirement; a gain is a factor above 1."""
         demands = {
             "settling": self.steps * self.dt * self.rng.uniform(0.1, 0.5), "overshoot": self.rng.uniform(0.02, 0.3),
             "u_max": self.number("amplitude"), "delay": self.dt * self.rng.randint(1, 10), "gain": self.rng.uniform(1.1, 2),
@@ -235,7 +235,7 @@ class Draw:
         return spec["properties"]
 
     def variants(self, spec: Table) -> dict[str, Table]:
-        """Of one of several tables, by the name that chooses it."""
+        """The name that selects one of several tables."""
         if "discriminator" not in spec:
             spec = next(one for one in spec["oneOf"] if "discriminator" in one)
         return {name: self.resolved({"$ref": place}) for name, place in spec["discriminator"]["mapping"].items()}
@@ -281,7 +281,7 @@ class Draw:
         return self.table(variants[chosen]) | {key["propertyName"]: chosen}
 
     def modification(self, spec: Table) -> Table | None:
-        """One of those that its keys give: fixed leakage, switching, a dead zone."""
+        """One of the modifications of its keys: fixed leakage, switching, a dead zone."""
         keys = set(self.properties(spec))
         groups = [group for group in ({"sigma"}, {"sigma", "M_0"}, {"nu"}, {"g_0"}) if group <= keys]
         return {key: self.number(key) for key in self.rng.choice(groups)} if groups else None
@@ -302,7 +302,7 @@ class Draw:
         return self.array(spec)
 
     def array(self, spec: Table) -> Any:
-        """By the shape that its description begins with; none where it is written in other words."""
+        """A value of the shape with which its description begins; None if it begins otherwise."""
         shape = SHAPE.search(spec.get("description", ""))
         if not shape:
             return None
@@ -404,7 +404,7 @@ class Draw:
 
 
 def accepted(case: Table, folder: Path) -> bool:
-    """Whether the package does not refuse these tables; what breaks it is kept, for the commands to show."""
+    """Whether the package accepts these tables; tables that crash it are kept, so that the commands show the crash."""
     try:
         CaseText("", folder).case(copy.deepcopy(case))
     except InputError:
@@ -437,7 +437,7 @@ FIXED = frozenset({"simulation", "name", "order", "relative_degree", "sign"})
 
 
 def changed(rng: random.Random, case: Table, folder: Path) -> Table:
-    """A case with numbers that a user might have written in its place, with a key more or less and perhaps another controller."""
+    """A case with other plausible numbers, one key more or less and perhaps another controller."""
     case = copy.deepcopy(case)
     for path in places(case):
         value = at(case, path)

@@ -1,7 +1,7 @@
 """Real faults against a store: its writer killed at random instants, a full disk, flipped bytes, two writers, Ctrl-C.
 
 ``./dev store-faults`` runs all of it, ``--quick`` a short form. After each fault the store holds nothing but whole rows with the
-right bits, and the same command completes it. Exit code 1, and a sentence, where one of that is not so.
+right bits, and the same command completes it. Exit code 1 and a sentence if this is violated.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ INTERRUPTED = 2.0 * max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
 
 
 class Failed(Exception):
-    """What should not be so."""
+    """A violated expectation."""
 
 
 def study() -> Study:
@@ -178,11 +178,11 @@ def full_disk(folder: Path, expected: dict[str, np.ndarray]) -> str:
 
 
 def two_writers(folder: Path, expected: dict[str, np.ndarray]) -> str:
-    """The second is refused; a reader is not."""
+    """The second writer is refused; a reader is not."""
     first = writer(folder)
     while not (folder / INDEX_FILE).exists():
         time.sleep(0.01)
-    first.send_signal(signal.SIGSTOP)  # so that it can't be done before the second one asks
+    first.send_signal(signal.SIGSTOP)  # so that it can't finish before the second one asks
     second = writer(folder)
     _, said = second.communicate()
     read = check(folder, expected, complete=False)

@@ -1,7 +1,7 @@
 """Three laws from outside that declare their state by roles: sixteen weights, two adaptive layers, no estimate at all.
 
-None has a field ``theta_hat``. All are for two states and one input. Not imported by the package's name: the file is given to
-``--controllers`` as it stands.
+None has a field ``theta_hat``. All are for two states and one input. The file is not imported under the package's name:
+``--controllers`` takes it directly.
 """
 
 from __future__ import annotations

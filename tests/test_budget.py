@@ -1,4 +1,5 @@
-"""The budget before work: what it refuses, what it says, that the number it names would do, and that nothing is begun before."""
+"""The budget before work: what it refuses, its message, that the suggested number is accepted, and that no work begins before the
+check."""
 
 import re
 import subprocess
@@ -122,7 +123,7 @@ def test_long_work_is_told_once_and_short_work_never():
     with Budget(told=told.append):
         for seconds in (1.0, 4.9, 40.0, 30.0, 40.0, 100.0):
             require("n", 1, lambda _, seconds=seconds: Estimate(2.0**30, seconds), what=f"{seconds} s of work")
-        require("n", 1, lambda _: Estimate(seconds=1000.0))  # without a word for it nothing is told
+        require("n", 1, lambda _: Estimate(seconds=1000.0))  # without a word for it nothing is reported
     assert told == [
         "40.0 s of work: about 40 s of computing and 1 GiB of memory by estimate",
         "100.0 s of work: about 100 s of computing and 1 GiB of memory by estimate",
@@ -136,7 +137,7 @@ def test_times_are_read_in_their_own_unit():
 
 @dataclass(frozen=True)
 class Size:
-    """A number that sets a size, and what is done with it.
+    """A number that determines a size, and its use.
 
     huge    value that is refused within the budget as it is
     said    in the refusal
@@ -151,7 +152,7 @@ class Size:
 
 
 def recorded(points: int) -> Simulation:
-    """Whose own check, for a loop of common size, is left out."""
+    """Its own check is left out for a loop of common size."""
     with Budget(memory=1e30):
         return Simulation(t_end=10.0, dt=1e-6, record_points=points)
 
@@ -295,7 +296,7 @@ def test_a_smaller_budget_reaches_processes():
 
 
 def test_the_finer_run_of_a_check_keeps_to_the_budget():
-    """What is only looked at beside a run never refuses what was computed: it goes as far as it may."""
+    """An additional check never refuses a computed run: it goes as far as the budget allows."""
     stiff = Simulation(t_end=2.0, dt=1e-3)
     results = simulate(problem(), Mrac(gamma=1e9), stiff)
     assert results["MRAC"].label is not None

@@ -1,4 +1,4 @@
-"""Dictionaries by names that people type: a name that there is not is told with the one that is meant."""
+"""Dictionaries with typed names: an unknown name is reported with the most similar one."""
 
 from __future__ import annotations
 

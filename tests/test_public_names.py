@@ -1,4 +1,4 @@
-"""The package's door: every public name has one home, is imported when it is first used, and is told to who misses it."""
+"""The package's door: every public name has one home, is imported on first use, and is suggested for a misspelt one."""
 
 from __future__ import annotations
 

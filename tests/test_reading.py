@@ -61,7 +61,7 @@ def test_a_budget_beyond_any_memory_asks_for_no_more_than_the_file_has(tmp_path)
 @needs_devices
 @pytest.mark.parametrize("endless", [False, True])
 def test_a_pipe_is_read_up_to_what_the_budget_allows(tmp_path, endless):
-    """A writer without an end is let go; counted is what it got rid of."""
+    """An endless writer is disconnected, and the bytes that it wrote are counted."""
     pipe, written = tmp_path / "pipe", []
     os.mkfifo(pipe)
 
@@ -99,7 +99,7 @@ def test_a_case_may_come_from_a_pipe(tmp_path):
 @needs_devices
 @pytest.mark.parametrize("given", [b"", b"name"])
 def test_who_waits_for_a_pipe_is_told(tmp_path, monkeypatch, given):
-    """Nobody writes until the sentence was said, and so the wait is no longer than it has to be."""
+    """The writer waits until the sentence is printed, so the test waits no longer than necessary."""
     pipe, told, said = tmp_path / "pipe", [], threading.Event()
     os.mkfifo(pipe)
     monkeypatch.setattr(reading, "WAITED_SECONDS", 0.05)
@@ -212,7 +212,7 @@ def test_a_matlab_file_that_is_cut_short_is_no_matlab_file(tmp_path, cut):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such file there")
 def test_a_file_that_does_not_know_its_size_is_read():
-    """What the system makes while it is read says that it has none."""
+    """Files that the system generates while they are read report a size of zero."""
     file = Path("/proc/self/status")
     if file.exists():
         assert file.stat().st_size == 0

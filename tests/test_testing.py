@@ -1,4 +1,4 @@
-"""The checker for controllers and laws of one's own: what is right passes, and each kind of fault is found."""
+"""The checker for controllers and laws of one's own: correct ones pass, and each kind of fault is found."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def one(problems):
 
 
 def test_a_law_that_is_right(one):
-    """Of each look a sentence, among them SciPy's and the compiled C's."""
+    """One sentence for each check, including those against SciPy and the compiled C."""
     text = str(check(Plain(5.0), one))
     assert text.startswith("plain: nothing is wrong\n")
     for words in ("on numbers and on symbols", "what SciPy integrates", "bits of single runs", "keeps theta_hat"):

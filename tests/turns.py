@@ -1,4 +1,5 @@
-"""What tests share: which of many a commit runs, so that all get their turn, and what one of pytest's processes makes for all."""
+"""What tests share: which of many items a commit runs, so that all get their turn, and results that one of pytest's processes
+makes for all."""
 
 from __future__ import annotations
 
@@ -15,7 +16,7 @@ T = TypeVar("T")
 
 
 def drawn(items: Sequence[T], count: int) -> list[T]:
-    """So many of them, in their order, which the sources' commit chooses; always the same ones of what is no clone."""
+    """This many of them in their order, selected by the sources' commit; always the same ones without a clone."""
     command = ["git", "-C", str(Path(__file__).parent), "rev-parse", "HEAD"]
     commit = subprocess.run(command, capture_output=True, text=True, check=False).stdout if shutil.which("git") else ""
     places = random.Random(commit).sample(range(len(items)), min(count, len(items)))
@@ -23,7 +24,7 @@ def drawn(items: Sequence[T], count: int) -> list[T]:
 
 
 def once(folder: Path, name: str, make: Callable[[], T]) -> T:
-    """What the first process that asks makes, and the others, with the same ``folder``, read from it."""
+    """A result that the first process makes and the others with the same ``folder`` read."""
     ready, begun = folder / f"{name}.pickle", folder / f"{name}.begun"
     try:
         begun.touch(exist_ok=False)

@@ -29,7 +29,7 @@ SIGMA, NU = 0.3, 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Modification:
-    """What the tests need to know of a modification, or of several at once."""
+    """What the tests need to know about one modification or several together."""
 
     settings: dict[str, object]
     """The law's keywords."""
@@ -72,7 +72,7 @@ def no_memory(random: np.random.Generator, law, theta) -> tuple:
 
 
 def integrals_of_data(random: np.random.Generator, law, theta) -> integral_cost.Memory:
-    """Of the cost: R of a few random regressors and Q = R theta."""
+    """Memory of the integral cost: R from a few random regressors, and Q = R theta."""
     data = random.normal(size=(len(theta), random.integers(0, 4)))
     return integral_cost.Memory(data @ data.T, data @ data.T @ theta)
 
@@ -101,9 +101,9 @@ def keeps_its_eigenvalues(P: np.ndarray) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Example:
-    """What the tests of the family need to know of a law: the one place where a new one is entered.
+    """What the family's tests need to know about a law; a new law is added only here.
 
-    ``fastest_rate``, ``takes`` and ``unexcited`` are by hand, from the law's source: the tests hold the law against them.
+    ``fastest_rate``, ``takes`` and ``unexcited`` are derived by hand from the law's source; the tests compare the law with them.
     """
 
     numbers: dict[str, float]
@@ -208,7 +208,7 @@ def plain(kind: str, n: int) -> list[dict]:
 
 @dataclass(frozen=True, eq=False)
 class ModifiedLaw:
-    """A law with a modification, and what is known of both."""
+    """A law with a modification, and what is known about both."""
 
     name: str
     law: object
@@ -217,7 +217,7 @@ class ModifiedLaw:
 
 
 def laws(n: int) -> list[ModifiedLaw]:
-    """All that is borne; that the other combinations are refused is tested too."""
+    """All accepted combinations; another test checks that the rest are refused."""
     return [
         ModifiedLaw(f"{kind} {i}, {name}", LAWS[kind](**settings, **modification.settings), example, modification)
         for kind, example in LAW_EXAMPLES.items()

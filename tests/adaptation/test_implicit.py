@@ -1,4 +1,5 @@
-"""The laws' implicit steps: each solves the continuous law at the sample's end, and V keeps the continuous law's inequality."""
+"""The laws' implicit steps: each solves the continuous law at the end of the sample, and V satisfies the continuous law's
+inequality."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ def step(law, T, theta_hat, memory, z, phi, m_s_squared, known_set):
 
 
 def memory_of(random, law, theta):
-    """A memory that the law may have; of past data without modelling error."""
+    """An admissible memory of the law, from past data without modelling error."""
     memory = law.initial(len(theta))
     for _ in range(random.integers(0, 3)):
         memory = step(law, 0.1, np.zeros(len(theta)), memory, *data(random, theta, 0.0), None).memory
@@ -183,7 +184,8 @@ def test_the_step_within_a_set_against_a_quadratic_programme():
 
 
 def test_the_step_of_several_inputs_within_a_box_against_a_quadratic_programme():
-    """As above, with a matrix K for the inputs. Where no guess of the faces proves right it is the step without a set."""
+    """The same as above, with a matrix K for the inputs. If no guess of the active faces is right, the result is the step without
+    a set."""
     random, solved = np.random.default_rng(17), 0
     for _ in range(100):
         n, m = int(random.integers(2, 5)), int(random.integers(2, 4))
@@ -207,7 +209,7 @@ def test_the_step_of_several_inputs_within_a_box_against_a_quadratic_programme()
 
 @pytest.mark.parametrize("leaking", [False, True])
 def test_a_leaking_step_keeps_to_the_set_and_zero(leaking):
-    """The least box that holds the known one and zero, its extremes taken from corners and zero; of a ball the concentric one."""
+    """The smallest box that contains the known one and zero; for a ball, the smallest concentric ball that contains zero."""
     random = np.random.default_rng(17)
     for _ in range(50):
         lower = random.uniform(-3, 2, 3)

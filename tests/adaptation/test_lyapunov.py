@@ -173,7 +173,7 @@ def test_a_scalar_a_diagonal_and_a_matrix_of_equal_entries_are_one_law(problems)
 
 
 def test_members_of_an_ensemble_differ_in_matrix_gain_ball_and_modification(problems):
-    """Each member as it runs alone, to the bit-level roundings of constants that became parameters."""
+    """Each member agrees with its single run, except for roundings of constants that became parameters."""
     simulation = Simulation(t_end=4.0, dt=2.0**-7)
     members = [
         (

@@ -1,4 +1,4 @@
-"""Leakage and dead zone against exact solutions of one parameter, and the robustness that they are for."""
+"""Leakage and dead zone against exact solutions for one parameter, and the robustness that they provide."""
 
 from __future__ import annotations
 
@@ -90,14 +90,14 @@ def test_the_dead_zone_stops_the_covariance_as_well():
 
 
 class Twice(FixedSigma):
-    """A leakage from outside the package: twice another's."""
+    """A leakage from outside the package: twice another leakage."""
 
     def coefficient(self, theta_hat, error):
         return 2 * super().coefficient(theta_hat, error)
 
 
 class Unbounded(Twice):
-    """Another, of which no largest value is known."""
+    """A leakage whose largest value is unknown."""
 
     largest = np.inf
 

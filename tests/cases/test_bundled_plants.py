@@ -1,4 +1,4 @@
-"""What the bundled cases' comments say of their plants."""
+"""Statements in the bundled cases' comments about their plants."""
 
 from __future__ import annotations
 

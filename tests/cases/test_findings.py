@@ -1,4 +1,4 @@
-"""What is told of a case file that is wrong: the first few findings at once, what is meant, values as they were typed."""
+"""Messages about a faulty case file: the first few faults together, with suggestions and the values as they were typed."""
 
 import json
 import tomllib
@@ -76,7 +76,7 @@ def test_the_nearest_thing_that_is_meant(old, new, meant):
     ],
 )  # fmt: skip
 def test_what_an_object_refuses_is_told_as_it_was_typed(old, new, said):
-    """Also where the object shows the number after it was converted, in lists and in tables inside of tables."""
+    """This also holds where the object contains the converted number, in lists and in nested tables."""
     found = refusal(lambda: parse_case(edited((old, new))))
     assert found.endswith(said), found
 
@@ -134,7 +134,7 @@ def test_three_findings_are_told_at_once_then_how_many_more():
     ],
 )
 def test_what_belongs_further_in_is_looked_at_as_if_it_stood_there(given, told):
-    """Nothing is told of keys that nobody wrote, such as the one that is spelt most like it."""
+    """No message mentions a key that the user did not write, such as the one with the most similar spelling."""
     with pytest.raises(InputError) as caught:
         parse_case(edited(("theta = [1.0]", f"theta = [1.0], {given}")))
     name = given.partition(" ")[0]

@@ -1,4 +1,4 @@
-"""Case files: every key arrives where it should, and everything that can't be used is one clear sentence."""
+"""Case files: every key reaches its field, and everything unusable is refused in one clear sentence."""
 
 import re
 from operator import attrgetter
@@ -261,7 +261,7 @@ def test_unmatched_difference_names_the_rest():
 
 
 def test_a_mark_of_the_byte_order_is_no_part_of_the_text(tmp_path):
-    """Windows' editors and PowerShell write one before UTF-8."""
+    """Editors on Windows and PowerShell write a byte-order mark before UTF-8."""
     (tmp_path / "marked.toml").write_text(PAPER, encoding="utf-8-sig", newline="\r\n")
     marked, plain = load_case(tmp_path / "marked.toml"), parse_case(PAPER)
     assert (repr(marked.problem), repr(marked.controllers)) == (repr(plain.problem), repr(plain.controllers))

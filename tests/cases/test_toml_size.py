@@ -1,4 +1,4 @@
-"""What a case file costs to parse is counted before a parser sees it: keys of many parts, brackets inside each other."""
+"""The cost of parsing a case file is counted before a parser reads it: keys with many parts and nested brackets."""
 
 import tomllib
 
@@ -54,7 +54,7 @@ def test_what_is_no_toml_is_counted_too(text):
 
 
 def test_the_count_is_linear():
-    """Twice the text has twice the tokens: nothing is looked at again, whatever was opened and never closed."""
+    """Twice the text has twice the tokens: nothing is read twice, even with unclosed brackets."""
     for unit in ("a.b = 1\n", '"', "'", '"""', "'''", "[", "\\", '"\\"', "x\n"):
         sizes = [sum(1 for _ in load_tokens(unit * count)) for count in (1000, 2000)]
         assert sizes[1] <= 2 * sizes[0] + 2

@@ -1,4 +1,4 @@
-"""Cases that use many keys at once: what the separate tests of keys can't see."""
+"""Cases that use many keys together, which the separate tests of single keys do not cover."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a certificate guarantees, held against a run; and what it states where nothing applies."""
+"""What a certificate guarantees, compared with a run, and what it states although nothing applies."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def at_stake(certificate: Certificate, column: Column) -> bool:
 
 
 def exceeded(certificate: Certificate, column: Column, run: Result) -> list[str]:
-    """What is guaranteed and does not hold on the run."""
+    """The guarantees that a run violates."""
     claimed = {key: certificate.values[key] for key in certificate.guaranteed}
     rows = {key for key, cell in column.cells.items() if cell.kind == "guaranteed"}
     seen = {"stability": runs_away(run), "tracking": runs_away(run)}
@@ -126,7 +126,7 @@ def gains_grow(run: Result) -> bool:
 
 
 def claims_where_nothing_holds(certificate: Certificate, column: Column) -> list[str]:
-    """Rows that do not apply and still state something; bounds that do not apply under a flat key."""
+    """Rows that do not apply but still state something, and bounds that do not apply but have a flat key."""
     document = column.as_json()
     found = [
         key

@@ -1,4 +1,4 @@
-"""Problems that are mixed at random from what disturbs an adaptive loop, and the controllers that fit them."""
+"""Problems that combine disturbances of an adaptive loop at random, and the controllers that fit them."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ FEATURES = (*AT_THE_INPUT, *ELSEWHERE)
 
 
 def disturbed(problem: TrackingProblem, features: tuple[str, ...]) -> TrackingProblem:
-    """The problem with what disturbs it besides."""
+    """The problem with its additional disturbances."""
     settings: dict[str, object] = {}
     path = problem.plant.paths[0]
     for feature in features:
@@ -80,7 +80,7 @@ def disturbed(problem: TrackingProblem, features: tuple[str, ...]) -> TrackingPr
 
 
 def some_features(random: np.random.Generator) -> tuple[str, ...]:
-    """None for two in five: then the guarantees are at stake; otherwise one to three."""
+    """Two problems in five have none, so that the guarantees apply; the others have one to three."""
     count = random.choice([0, 0, 1, 2, 3])
     return tuple(random.choice(FEATURES, size=count, replace=False))
 
@@ -149,7 +149,7 @@ def leakage(random: np.random.Generator) -> object:
 
 
 def parametric_law(random: np.random.Generator) -> object:
-    """Any of the family; now and then with a leakage or a dead zone that is far too large."""
+    """Any law of the family, sometimes with a far too large leakage or dead zone."""
     more = (({}, {}, {"leakage": leakage(random)}, {"dead_zone": DeadZone(g_0=5.0)}))[random.integers(4)]
     P = {"covariance0": random.uniform(1, 20)}
     kinds: list[Callable[[], object]] = [
@@ -203,7 +203,7 @@ def state_controllers(random: np.random.Generator, problem: Problem) -> list[Con
 
 
 def fitting(random: np.random.Generator, problem: TrackingProblem, made: list[Callable[[], Controller]]) -> list[Controller]:
-    """Those that the problem's kind admits; one in three of them sampled."""
+    """The controllers that this kind of problem admits; one in three is sampled."""
     found: list[Controller] = []
     for make in made:
         sampled, form = random.random() < 1 / 3, str(random.choice(["midpoint", "euler"]))

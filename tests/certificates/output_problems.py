@@ -1,4 +1,4 @@
-"""A small problem with a measured output and L1-AC for it, of which tests change what they are about."""
+"""A small problem with a measured output and its L1-AC; each test changes the part that it examines."""
 
 from barbalat.controllers.output.l1 import L1Output
 from barbalat.linear.systems import TransferFunction

@@ -15,7 +15,7 @@ SAMPLED = frozenset({"error_bound_held", "state_bound"})
 
 
 def attacks(document: Document) -> Iterator[tuple[str, Document]]:
-    """What was changed, and the document with that change, each of which proves something false or nothing."""
+    """Each change with the changed document, which now proves something false or nothing."""
     for name, controller in document["controllers"].items():
         for i, line in enumerate(controller["lines"]):
             for what, changed in (*_tightened(line), *_broken_witnesses(line)):

@@ -1,4 +1,4 @@
-"""Whatever the scheme: a run that leaves what its certificate guarantees, for its step, has that said beside the guarantee."""
+"""For every scheme: if a run violates its certificate because of its step, a caveat stands beside the guarantee."""
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def guaranteed_and_notes(given, controller, simulation):
 
 @pytest.mark.parametrize("name", LEAVING)
 def test_a_run_that_leaves_what_is_guaranteed_has_the_caveat(name):
-    """Each run leaves its bound, or diverges, at this step; at one that the solver is known to bear the caveat goes."""
+    """Each run exceeds its bound or diverges at this step; at a step inside the solver's limit the caveat disappears."""
     given, controller, unknown = LEAVING[name]
     (run,) = simulate(given, controller, COARSE).values()
     entries, cells, notes = guaranteed_and_notes(given, controller, COARSE)

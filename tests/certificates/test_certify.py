@@ -1,4 +1,4 @@
-"""The certificates of whole cases: contract keys, what is called guaranteed, and what is said when nothing can be."""
+"""Certificates of whole cases: contract keys, what is called guaranteed, and the message when nothing is."""
 
 import json
 from dataclasses import replace
@@ -64,7 +64,7 @@ def test_gain_and_step_limits_agree():
 
 
 def test_a_step_that_the_solver_does_not_bear_is_said_beside_the_bound():
-    """The run leaves (9), the equations' solution does not: that is the solver's doing."""
+    """The run exceeds (9) although the equations' solution does not, so the solver is the cause."""
     case = load_case("paper")
     controller = Mrac(gamma=1e6, projection=False)
     coarse, fine = Simulation(t_end=1.0, dt=1e-3), Simulation(t_end=1.0, dt=1e-6)
@@ -87,7 +87,7 @@ def test_unmodelled_dynamics_take_the_guarantee_away():
     assert "error_bound" not in found.guaranteed
     assert found.entry("error_bound").why == "actuator"
     plain = certify(variant(), (Mrac(gamma=1.0),), SIMULATION)["MRAC"]
-    assert found.values["delay_margin"] < plain.values["delay_margin"]  # the actuator's lag is spent
+    assert found.values["delay_margin"] < plain.values["delay_margin"]  # the actuator's lag is used up
 
 
 def test_the_adapting_loop_gets_the_input_dynamics_once():

@@ -1,4 +1,4 @@
-"""The formal proofs in proofs/ are accepted by Coq, complete, and of statements that can be false."""
+"""The formal proofs in proofs/ are accepted by Coq, are complete, and prove statements that could be false."""
 
 import re
 import shutil

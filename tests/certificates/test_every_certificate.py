@@ -1,4 +1,4 @@
-"""Every scheme's certificate, whichever it is: its keys have a meaning, Table 1 has all rows, and no run contradicts it."""
+"""Every scheme's certificate: its keys have a meaning, Table 1 has all rows, and no run contradicts it."""
 
 from dataclasses import replace
 

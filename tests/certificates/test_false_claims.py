@@ -1,4 +1,4 @@
-"""What was once guaranteed and is not true: each with a run or a count that contradicts it."""
+"""Former guarantees that are false, each with a run or a count that contradicts it."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def test_what_runs_away_is_not_called_bounded(name):
 
 
 def test_the_worst_of_a_set_says_nothing_of_a_theta_outside_it():
-    """Without projection (9) holds for the case's theta wherever it lies; the largest of the set's bounds is then exceeded."""
+    """Without projection (9) holds for the case's theta anywhere; the largest bound over the set is then exceeded."""
     problem = replace(UNSTABLE, uncertainty=ParameterBox(lower=[-0.1], upper=[0.1]))
     controller = Mrac(gamma=0.5, projection=False)
     certificate, column = judged(problem, controller)
@@ -143,7 +143,7 @@ def test_a_robustness_of_what_breaks_its_conditions():
 
 
 def test_V_of_a_sampled_law_does_grow():
-    """By what the plant does between samples: that no sample time makes it grow was too much said."""
+    """Because of the plant's motion between samples, the claim that no sample time makes V grow was too strong."""
     problem = replace(UNSTABLE, uncertainty=None, plant=replace(UNSTABLE.plant, x0=[2.0]))
     controller = Sampled(controller=Mrac(gamma=100.0, theta_hat0=problem.plant.theta), sample_time=0.4)
     _, column = judged(problem, controller, Simulation(t_end=12.0, dt=4e-3))
@@ -156,7 +156,7 @@ def test_V_of_a_sampled_law_does_grow():
 
 
 class Bolder(Mrac):
-    """Of its parent the settings only: its estimates move the other way."""
+    """It shares only the settings of its parent: its estimates move the other way."""
 
     def bind(self, known):
         return replace(super().bind(known), P=-known.P)

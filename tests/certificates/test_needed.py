@@ -1,4 +1,4 @@
-"""A certificate of which some keys are needed: these are as in the whole one, and what costs much is left out."""
+"""A certificate with only some keys requested: these equal the full certificate's, and the expensive parts are left out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Wherever a run exceeds a number or does what a sentence denies, nothing calls that guaranteed: on mixtures of what disturbs."""
+"""A number or sentence that a run contradicts is never called guaranteed, on random mixtures of disturbances."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ ERROR_BOUNDS = ("error_bound", "error_bound_worst", "error_bound_command")
 
 @pytest.mark.parametrize("name", bundled())
 def test_no_pair_of_disturbing_features_leaves_a_guarantee(name, by_turns, no_searches):
-    """Of the bundled cases; what small gain or Theorem 1 still gives is held against a run."""
+    """For the bundled cases, whatever small gain or Theorem 1 still gives is compared with a run."""
     case = load_case(name)
     horizon = Simulation(t_end=min(case.simulation.t_end, 10.0), dt=5e-4)  # whole steps in every case's sample time
     random = np.random.default_rng(len(name))

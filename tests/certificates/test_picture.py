@@ -30,7 +30,7 @@ def test_the_marks_are_where_the_margins_are(delay):
 
 
 def test_several_certificates_are_a_dictionary_that_shows_itself():
-    """On one line; five lines for each controller, and every loop, in a notebook; it behaves as the plain dictionary does."""
+    """On one line; five lines for each controller, and every loop, in a notebook; it behaves like a plain dictionary."""
     case = load_case("paper")
     found = certify(case.problem, case.controllers, case.simulation)
     assert isinstance(found, dict) and found == dict(found) and pickle.loads(pickle.dumps(found)) == found
@@ -45,7 +45,7 @@ def test_several_certificates_are_a_dictionary_that_shows_itself():
 
 
 def test_many_loops_are_told_apart():
-    """Each by its colour and dash together; the legend has them, and the widths."""
+    """Each line is identified by colour and dash together; the legend shows them and the widths."""
     case = load_case("paper")
     loops = certify(case.problem, case.controllers, case.simulation)["MRAC"].loops
     figure = figure_of([MarginLoop(f"loop {i}", loops[0].system, 0.001 * i) for i in range(9)], "", shown=False)

@@ -1,6 +1,7 @@
-"""Proofs of certificates: accepted by ``barbalat-check`` as they are written, refused with anything false in them.
+"""Proofs of certificates: ``barbalat-check`` accepts them as written and refuses them with any false part.
 
-The checker imports nothing of the package, and nothing here computes a bound: what is accepted and refused is its verdict alone.
+The checker imports nothing of the package, and nothing here computes a bound: acceptance and refusal are the checker's verdict
+alone.
 """
 
 import ast
@@ -55,7 +56,7 @@ def test_every_guaranteed_number_of_a_bundled_case_is_proven_or_named(name, cert
     document = document_of(case, certificates)
     before = ctx.prec
     barbalat_check.check(document)
-    assert ctx.prec == before  # else later bounds of this process would have other last digits
+    assert ctx.prec == before  # otherwise later bounds of this process would differ in their last digits
     for controller, certificate in certificates.items():
         found = document["controllers"][controller]
         proven = {line["key"]: line["value"] for line in found["lines"] if line["claimed"]}
@@ -168,7 +169,7 @@ def test_a_norm_that_is_known_in_closed_form():
 
 
 def test_from_the_command_line_to_the_verdict(tmp_path, capsys):
-    """As a program of its own, in a process of its own: exit 0, 1 with the first line that fails, 2 for no file."""
+    """As a separate program in its own process: exit 0, 1 with the first line that fails, 2 without a file."""
     file = tmp_path / "made" / "paper.json"
     assert main(["certify", "paper", "--proof", str(file)]) == 0
     assert f"barbalat-check {file}" in " ".join(capsys.readouterr().out.split())

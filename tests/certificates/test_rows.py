@@ -1,4 +1,4 @@
-"""A certificate's rows: how a value is shown follows from its form, for keys that are one scheme's alone too."""
+"""A certificate's rows: how a value is shown follows from its form, also for keys of one scheme only."""
 
 from __future__ import annotations
 

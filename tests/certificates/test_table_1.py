@@ -1,4 +1,4 @@
-"""Table 1: its constants are the certificate's, its claims of proof go where the assumptions go."""
+"""Table 1: its constants are the certificate's, it claims a proof only while the assumptions hold."""
 
 import json
 import math
@@ -53,7 +53,9 @@ def test_every_bundled_controller_has_a_column(name, certified):
     for each in found.columns:
         assert set(each.cells) == set(PROPERTIES)
         assert all(cell.text for cell in each.cells.values())
-        assert not any("computation fails" in str(cell) for cell in each.cells.values())  # a fault of ours would say so
+        assert not any(
+            "computation fails" in str(cell) for cell in each.cells.values()
+        )  # a fault of ours would give this message
 
 
 def test_the_constants_are_the_certificates():

@@ -1,4 +1,4 @@
-"""``--budget``: which commands take it, that it is in force while they work, and where what is expected is told."""
+"""``--budget``: which commands accept it, that it applies while they work, and where the estimate is reported."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,5 @@
-"""Cases that once ended in a traceback, an endless loop or a crash: every command does its work or says one sentence."""
+"""Cases that once ended in a traceback, an endless loop or a crash: every command finishes its work or refuses with one
+sentence."""
 
 import json
 import subprocess
@@ -46,7 +47,7 @@ PLOTTED = {*drawn(HOSTILE, len(HOSTILE) // 6), *(case for case in HOSTILE if cas
 
 @pytest.mark.parametrize("case", HOSTILE, ids=lambda path: path.stem)
 def test_every_command_ends_well(case, tmp_path, capsys):
-    """The commit draws whether the certificate is asked for as JSON or on the screen, and which sixth has pictures and a page.
+    """The commit selects JSON or the screen for the certificate, and the sixth of the cases that has pictures and a page.
 
     Where a name is to be shown, there are both screen and pictures.
     """
@@ -78,7 +79,7 @@ def test_every_command_ends_well(case, tmp_path, capsys):
 
 
 def test_every_entry_that_claims_something_is_finite(tmp_path):
-    """fuzz-1401: some bounds overflow; those say so, and all others stand."""
+    """fuzz-1401: some bounds overflow; the certificate says so for these, and the others are unaffected."""
     case = load_case(next(path for path in HOSTILE if path.stem == "fuzz-1401"))
     with pytest.warns(RuntimeWarning):
         (found,) = certify(case.problem, case.controllers, case.simulation).values()

@@ -1,4 +1,4 @@
-"""Ctrl-C stops a command at once, whatever the libraries underneath do with it."""
+"""Ctrl-C stops a command at once, even if a library underneath swallows it."""
 
 import contextlib
 import os
@@ -75,7 +75,7 @@ def test_a_request_to_end_is_told_from_ctrl_c():
 
 @pytest.fixture
 def interrupts():
-    """As in a terminal: where tests run in the background, SIGINT is ignored from the start."""
+    """As in a terminal: if tests run in the background, SIGINT is ignored from the start."""
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
     signal.signal(signal.SIGINT, before)
@@ -83,12 +83,12 @@ def interrupts():
 
 @pytest.mark.usefixtures("interrupts")
 def test_an_interrupt_while_processes_start_is_kept():
-    """They are started deaf to it; what arrives meanwhile acts when they have been started."""
+    """They start with the signal blocked; one that arrives meanwhile acts once they have started."""
     with pytest.raises(KeyboardInterrupt):
         with deaf_children():
             os.kill(os.getpid(), signal.SIGINT)
             started = True
-        time.sleep(10.0)  # another thread may be the one to get the signal: it takes a moment
+        time.sleep(10.0)  # another thread may receive the signal, which takes a moment
         pytest.fail("the interrupt was lost")
     assert started and signal.getsignal(signal.SIGINT) == signal.default_int_handler
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
@@ -96,7 +96,7 @@ def test_an_interrupt_while_processes_start_is_kept():
 
 @pytest.mark.usefixtures("interrupts")
 def test_an_interrupt_within_a_library_that_would_report_it_waits():
-    """As SciPy's Fortran: of what is raised in the function that it calls it writes to the terminal."""
+    """As SciPy's Fortran does: it prints an exception from its callback to the terminal."""
     for _ in range(3):
         said = []
         with pytest.raises(KeyboardInterrupt), interruptible():
@@ -113,7 +113,8 @@ def test_an_interrupt_within_a_library_that_would_report_it_waits():
 @pytest.mark.parametrize("after", [1.0, 1.5, 2.0, 2.5, 5.0])
 @pytest.mark.short(kept=lambda after, number: (after, number) in ((2.5, signal.SIGINT), (2.5, signal.SIGTERM)))
 def test_reproduce_stops_at_once_and_says_one_word(after, number, tmp_path):
-    """Ctrl-C reaches the workers too, a request to end this process alone: so soon they start, later they measure."""
+    """Ctrl-C also reaches the workers, whereas a termination request reaches only this process; early on workers start, later
+    they measure."""
     started = subprocess.Popen(
         [sys.executable, "-m", "barbalat", "reproduce", "--out", str(tmp_path / "out")],
         env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
@@ -122,16 +123,18 @@ def test_reproduce_stops_at_once_and_says_one_word(after, number, tmp_path):
     time.sleep(after)
     (os.killpg if number == signal.SIGINT else os.kill)(started.pid, number)
     try:
-        out, said = started.communicate(timeout=60)  # a lost interrupt runs for minutes; a busy machine is no fault
+        out, said = started.communicate(
+            timeout=60
+        )  # after a lost interrupt the command runs for minutes; a busy machine is no fault
     finally:
         if started.poll() is None:
             os.killpg(started.pid, signal.SIGKILL)
-    if said:  # before the command has begun there is nothing to say
+    if said:  # before the command has begun there is nothing to report
         word = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
         assert (out, said) == ("", f"{word}\n") or ("KeyboardInterrupt" in said and after < 2), said
         assert started.returncode == 128 + number or after < 2
     assert not (tmp_path / "out").exists()
-    for _ in range(20):  # a process that has closed its files, and is about to have ended
+    for _ in range(20):  # a process that has closed its files and is about to end
         if not (left := alive(started.pid)):
             break
         time.sleep(0.1)
@@ -139,7 +142,7 @@ def test_reproduce_stops_at_once_and_says_one_word(after, number, tmp_path):
 
 
 def alive(group: int) -> list[str]:
-    """Of a process group: command lines of all that have not ended."""
+    """The command lines of all processes of a group that have not ended."""
     table = subprocess.run(["ps", "-eo", "pgid=,stat=,args="], capture_output=True, text=True, check=True).stdout
     rows = [line.split(maxsplit=2) for line in table.splitlines()]
     return [" ".join(command) for owner, state, *command in rows if int(owner) == group and not state.startswith("Z")]

@@ -1,4 +1,4 @@
-"""Options with several values, in every spelling, and a dash in the place of a file."""
+"""Options with several values, in every spelling, and a dash instead of a file name."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def parsed(line):
     ],
 )
 def test_every_list_takes_every_spelling(start, option, first, second):
-    """Values after one another or after the option once more; what is run stands before or behind them."""
+    """Values follow each other or a repeated option; the case comes before or after them."""
     place = "name" if start == "fly" else "case"
     key = "failure" if "failure" in option else option.removeprefix("--").replace("-", "_")
     both = shlex.split(f"{first} {second}")
@@ -69,7 +69,7 @@ def test_names_may_have_commas_between():
 
 @pytest.mark.parametrize("name", [None, "paper"])
 def test_a_dash_is_standard_output(name, tmp_path, monkeypatch, capsys):
-    """The text as it is, for a pipe or an editor; no schema file, and no file called by a dash."""
+    """The plain text, for a pipe or an editor, without a schema file or a file named "-"."""
     monkeypatch.chdir(tmp_path)
     assert main(["new", "-", *(["--from", name] if name else [])]) == 0
     said = capsys.readouterr()

@@ -61,7 +61,7 @@ def mutated(rng, case, donors):
 
 
 def within_reason(case):
-    """A run of 10^8 steps is no fault, and no test."""
+    """A run of 10^8 steps is no fault but too long for a test."""
     simulation = case.get("simulation")
     times = [simulation.get(key) for key in ("t_end", "dt")] if isinstance(simulation, dict) else [None]
     if all(type(time) in (int, float) and 0 < time < 1e300 for time in times) and times[0] > MOST_STEPS * times[1]:
@@ -70,7 +70,7 @@ def within_reason(case):
 
 
 def graft(rng, case, donor):
-    """A key of the donor where the case has the same table, or one of its controllers."""
+    """A key of the donor case for a table that the case also has, or one of the donor's controllers."""
     key = rng.choice(list(donor))
     if key == "controller" and isinstance(case.get(key), list):
         case[key].append(copy.deepcopy(rng.choice(donor[key])))
@@ -82,7 +82,7 @@ def graft(rng, case, donor):
 
 
 class TooSlowError(BaseException):
-    """No Exception: whoever catches those would hide it."""
+    """Not an Exception, because code that catches exceptions would hide it."""
 
 
 @contextmanager
@@ -125,7 +125,7 @@ def refuse(constant):
 @pytest.mark.parametrize("part", range(10))
 @pytest.mark.short(kept=lambda part: part == 0)
 def test_mutants_run_or_are_refused_in_one_sentence(part, by_turns, tmp_path, capsys):
-    """1500 of them, in parts that several workers take."""
+    """1500 of them, in parts for several workers."""
     cases = originals()
     for seed in by_turns(range(150 * part, 150 * (part + 1)), 16):
         rng = random.Random(seed)

@@ -1,4 +1,4 @@
-"""``barbalat new FILE.py``: a law that runs as it is written, and that the checker finds nothing wrong with."""
+"""``barbalat new FILE.py``: a law that runs as written and passes the checker."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_what_is_there_is_kept(folder, capsys):
     ("file", "name"), [("gradient_two.py", "GradientTwo"), ("role.py", "MyLaw"), ("None.py", "MyLaw"), ("2nd.py", "MyLaw")]
 )
 def test_the_class_is_called_after_the_file(folder, capsys, file, name):
-    """Unless that would be no name, or one that the file has already."""
+    """The class takes the file's name unless that is not an identifier or is already used in the file."""
     assert main(["new", file, "--json"]) == 0
     assert json.loads(capsys.readouterr().out) == {"law": file}
     (controller,) = user_controllers.run(file).controllers(named={})
@@ -63,7 +63,7 @@ def test_its_own_test_passes_as_a_program_and_in_pytest(folder):
 
 
 def test_it_is_the_standard_mrac_with_its_remedy_against_windup():
-    """As long as no limit acts its bits are close to the MRAC's; at a limit it learns from less error, and stays in its set."""
+    """While no limit acts the law agrees closely with the MRAC; at a limit it learns from less error and stays in its set."""
     kinds, simulation = problem_kinds(), Simulation(2.0, 2e-3)
     for kind in ("one input", "several inputs", "a tight known set"):
         own, known = simulate(kinds[kind], [MyLaw(10.0), Mrac(gamma=10.0)], simulation).values()

@@ -1,4 +1,4 @@
-"""What the commands leave on disk: files of one run, all or none, and one sentence where the system refuses."""
+"""What the commands leave on disk: the files of one run, all or none, and one sentence if the system refuses."""
 
 import json
 import os
@@ -44,7 +44,7 @@ def command(*arguments, **options):
     ],
 )
 def test_a_url_is_no_path(arguments, tmp_path, monkeypatch, capsys):
-    """A path made of one would be a folder with the name of its scheme."""
+    """A path made from a URL would be a folder named after its scheme."""
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
     assert "must be a path on this computer, and URLs are not supported" in capsys.readouterr().err
@@ -92,7 +92,7 @@ def test_a_full_standard_output_is_one_sentence(arguments, case_file, tmp_path):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no limits of resources")
 def test_a_full_disk_is_one_sentence_and_leaves_nothing(case_file, tmp_path):
-    """A limit on the size of files stands for the disk; the run before stays whole."""
+    """A limit on file sizes simulates a full disk; the previous run stays complete."""
     import resource
 
     def limit():
@@ -154,7 +154,7 @@ def test_json_of_what_is_not_finite():
 
 
 def test_an_interrupt_after_the_runs_says_what_is_kept(tmp_path, case_file, monkeypatch, capsys):
-    """The figures and trajectories are whole; there is no page, an older one neither."""
+    """The figures and trajectories are complete; there is no page, not even an older one."""
 
     def interrupted(*_, **__):
         raise KeyboardInterrupt

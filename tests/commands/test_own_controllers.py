@@ -57,7 +57,7 @@ def documents(capsys, case, laws) -> tuple[dict, dict]:
 
 
 def test_a_list_joins_the_cases_own(folder, capsys):
-    """The same lines as the MRAC's, so the same figures; the names in the order in which they stand."""
+    """The same lines as the MRAC's give the same figures; the names keep their order."""
     case, laws = folder(CASE + KNOWN, LAWS + 'CONTROLLERS = [Plain(5.0), Bare(5.0, "second")]\nleft_out = Plain(1.0, "x")')
     run, certified = documents(capsys, case, laws)
     assert list(run) == list(certified) == ["MRAC", "plain", "second"]
@@ -67,7 +67,7 @@ def test_a_list_joins_the_cases_own(folder, capsys):
 
 
 def test_without_a_list_what_is_made_in_the_file(folder, capsys):
-    """A case without controllers of its own is then enough."""
+    """A case without controllers is then sufficient."""
     case, laws = folder(CASE, LAWS + "first, second = Plain(5.0), Proportional([1.0, 1.0])")
     assert list(documents(capsys, case, laws)[0]) == ["plain", "proportional"]
 
@@ -78,7 +78,7 @@ def test_without_any_the_classes_that_need_no_settings(folder):
 
 
 def test_a_case_names_the_files_classes(folder, capsys):
-    """With the keys that their fields are, and those of every controller."""
+    """A case names them with keys for their fields and the keys common to all controllers."""
     case, laws = folder(CASE + OWN + 'sample_time = 0.1\ndiscretization = "euler"\nname = "mine"\n')
     found = load_case(case, laws)
     (controller,) = found.controllers
@@ -149,7 +149,7 @@ def test_an_installed_package(tmp_path, monkeypatch, folder):
 
 
 def test_the_help_loads_nothing_more():
-    """Neither NumPy nor the entry points: the command line starts as fast as without them."""
+    """Neither NumPy nor the entry points are loaded, so the command line starts as fast as without them."""
     code = (
         "import sys; from barbalat.cli import _parser; _parser(); "
         "print([m for m in ('numpy', 'casadi', 'importlib.metadata', 'pydantic') if m in sys.modules])"

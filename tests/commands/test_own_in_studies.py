@@ -56,7 +56,7 @@ def data_of(page):
 
 
 def setting_of(data):
-    """What a page has while nobody has moved anything."""
+    """A page's data before anybody has moved a slider."""
     simulation = data["simulation"]
     return {
         "values": [one["value"] for one in data["numbers"]], "tEnd": simulation["t_end"], "dt": simulation["dt"], "delay": 0.0,
@@ -65,7 +65,7 @@ def setting_of(data):
 
 
 def test_a_page_simulates_them_beside_the_cases(folder):
-    """With the modules that the objects of Python have; what can be moved is the case's."""
+    """The page has the modules of the Python objects; the case determines what can be moved."""
     assert main(["explore", "case.toml", "--controllers", "laws.py", "--no-open"]) == 0
     data = data_of(Path("explore.html").read_text())
     assert [one["name"] for one in data["controllers"]] == ["MRAC", "plain", "second"]
@@ -82,7 +82,7 @@ def test_a_page_simulates_them_beside_the_cases(folder):
 
 @pytest.mark.skipif(shutil.which("node") is None, reason="no JavaScript here")
 def test_what_is_copied_from_the_page_runs(folder):
-    """As Python, with the file beside it: the same figures as those of the case without fused multiply-adds."""
+    """The copied Python script, with the file beside it, gives the figures of the case without fused multiply-adds."""
     assert main(["explore", "case.toml", "--controllers", "laws.py", "--no-open"]) == 0
     data = data_of(Path("explore.html").read_text())
     script = f"import {{ pythonOf }} from {json.dumps(COPIES.as_uri())};\nprocess.stdout.write(pythonOf("

@@ -1,4 +1,4 @@
-"""The fuzzer itself: its cases are plausible, and it sees what it is there to see. ``./dev fuzz`` runs it."""
+"""The fuzzer itself: its cases are plausible, and it detects the faults that it is meant to detect. ``./dev fuzz`` runs it."""
 
 import copy
 import random
@@ -17,7 +17,7 @@ def folder(tmp_path):
 
 
 def test_four_cases_in_five_are_taken_by_the_package(folder, sample):
-    """Else most of its time would go into refusals, which other tests look at."""
+    """Otherwise it would spend most of its time on refusals, which other tests cover."""
     count = sample(40, 300)
     taken = sum(plausible.accepted(fuzz.drawn(seed, None, folder), folder) for seed in range(count))
     assert taken >= 0.8 * count

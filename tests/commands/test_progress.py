@@ -1,4 +1,4 @@
-"""How much of the work is over, and how long it still takes: by a clock that the test turns."""
+"""How much of the work is done and how long the rest takes, by a clock that the test sets."""
 
 import io
 import sys
@@ -13,7 +13,7 @@ from barbalat.commands.progress import Work, say
 
 @pytest.fixture
 def clock(monkeypatch):
-    """Seconds, and how much of a core this process has had of them since."""
+    """Advance the clock by these seconds, of which this process had the given share of a core."""
     now = [100.0, 1.0]
     monkeypatch.setattr(time, "perf_counter", lambda: now[0])
     monkeypatch.setattr(time, "process_time", lambda: 100.0 + now[1] * (now[0] - 100.0))
@@ -21,13 +21,13 @@ def clock(monkeypatch):
 
 
 def test_it_never_runs_backwards_and_is_right_within_a_factor_of_two(clock):
-    """A part that takes four times what was expected of it, beside one that is as expected."""
+    """A part that takes four times its estimate, beside one that takes as long as expected."""
     work, seen = Work({"simulating": 5.0, "drawing": 2.0}, Console()), []
     with work.part("simulating") as progress:
         for k in range(1, 21):
             clock[0] += 1.0
             progress(k / 20)
-            progress(k / 40)  # told late by another thread
+            progress(k / 40)  # reported late by another thread
             true = (20 - k) + 2
             assert true / 2 <= work.left <= 2 * true
             seen.append(work.over)
@@ -57,7 +57,7 @@ def test_what_is_overdue_still_takes_a_moment(clock):
 
 
 def test_on_a_busy_machine_all_takes_as_much_longer(clock):
-    """A quarter of a core: 20 s of work take 80 s, of which so many are over; what others do is not judged by it."""
+    """With a quarter of a core 20 s of work take 80 s; the parts that others do are not judged by it."""
     clock[1] = 0.25
     for here, whole in ((True, 80.0), (False, 20.0)):
         work = Work({"certifying": 12.0, "drawing": 8.0}, Console())
@@ -67,7 +67,8 @@ def test_on_a_busy_machine_all_takes_as_much_longer(clock):
 
 
 def test_no_time_is_told_before_it_is_known_within_a_factor_of_two(clock):
-    """Of a part with a pace, and not while most of what is left is only expected: that is wrong by a factor of three here."""
+    """The remaining time is shown for a part with a known pace, not while most of it is only an estimate, which is wrong by a
+    factor of three here."""
     work = Work({"simulating": 30.0, "drawing": 4.1}, Console())
     known = []
     with work.part("simulating") as progress:
@@ -98,7 +99,7 @@ def test_of_a_long_part_the_time_is_told_from_the_first_hundredths_on(clock):
 
 
 def test_what_is_started_once_is_no_pace(clock):
-    """Code is made for 20 s, then all is done in 10: by the pace in all 400 s would be left, then 200."""
+    """Compiling takes 20 s and everything else 10 s: the overall pace would predict 400 s, then 200 s."""
     work, known = Work({"all": 5.0}, Console()), []
     with work.part("all") as progress:
         clock[0] += 20.0
@@ -112,7 +113,7 @@ def test_what_is_started_once_is_no_pace(clock):
 
 
 class Terminal(io.StringIO):
-    """Standard error of a person."""
+    """Standard error on a terminal."""
 
     def isatty(self):
         return True
@@ -131,7 +132,7 @@ def test_a_long_sentence_is_folded_on_a_terminal_and_one_line_elsewhere(monkeypa
 
 
 def test_without_a_terminal_a_long_work_says_how_far_it_is(monkeypatch, capsys):
-    """In a log or a pipe there is no bar: nothing at first, then a line, and nothing more when the work is over."""
+    """In a log or a pipe there is no bar: nothing at first, then one line, and nothing after the work is done."""
     monkeypatch.setattr(progress, "FIRST_LINE", 0.01)
     with progress.work({"contest": 100.0}) as running, running.part("contest") as advanced:
         advanced(0.25)

@@ -1,4 +1,4 @@
-"""What makes a shell complete a line, and an editor a case file."""
+"""Completion of command lines in shells and of case files in editors."""
 
 import json
 import os
@@ -52,7 +52,7 @@ def test_new_puts_the_schema_beside_the_case(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out) == json.loads(schema.read_text())
     schema.write_text("{}")
     assert main(["new", str(tmp_path / "other.toml"), "--from", "rohrs"]) == 0
-    assert schema.read_text() == "{}"  # it may be the user's
+    assert schema.read_text() == "{}"  # the file may be the user's
     assert tomllib.loads((tmp_path / "other.toml").read_text()) == tomllib.loads(bundled()["rohrs"].read_text())
 
 

@@ -1,4 +1,4 @@
-"""Standard output and error that are closed, on a full disk, or have no reader: one behaviour of every command."""
+"""Standard output and error that are closed, on a full disk, or have no reader: every command behaves in the same way."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def place(tmp_path):
 
 
 def shell(line, folder, **environment):
-    """A command with the redirections of its line: exit code, what it left on standard error."""
+    """Run a command line with redirections: its exit code and its standard error."""
     done = subprocess.run(
         ["bash", "-c", line.replace("barbalat", f"'{sys.executable}' -m barbalat", 1)],
         cwd=folder, env=ENVIRONMENT | environment, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
@@ -60,7 +60,7 @@ def shell(line, folder, **environment):
 @pytest.mark.parametrize("arguments", COMMANDS)
 @pytest.mark.short(kept=lambda arguments, unbuffered: arguments in KEPT and not unbuffered)
 def test_a_closed_standard_output(arguments, unbuffered, place):
-    """One sentence before any work; nothing is left."""
+    """One sentence before any work, and no files are left."""
     assert shell(f"barbalat {arguments} >&-", place, PYTHONUNBUFFERED=unbuffered)[:2] == (1, CLOSED)
     assert shell(f"barbalat {arguments} >&- 2>&-", place, PYTHONUNBUFFERED=unbuffered)[:2] == (1, "")
     assert [file.name for file in place.iterdir()] == ["case.toml"]
@@ -79,7 +79,7 @@ def test_standard_output_on_a_full_disk(arguments, unbuffered, place):
 @pytest.mark.parametrize("arguments", COMMANDS)
 @pytest.mark.short(kept=lambda arguments, unbuffered: arguments == "cases" and not unbuffered)
 def test_a_reader_that_left(arguments, unbuffered, place):
-    """Silence, and the exit code of what SIGPIPE ends."""
+    """The command is silent and has the exit code of a process ended by SIGPIPE."""
     line = f"barbalat {arguments} 2>said | true; echo ${{PIPESTATUS[0]}}"
     _, _, code = shell(line, place, PYTHONUNBUFFERED=unbuffered)
     said = (place / "said").read_text()
@@ -92,14 +92,14 @@ def test_a_reader_that_left(arguments, unbuffered, place):
 )
 @pytest.mark.short(kept=lambda arguments, code, lost: arguments == "new new.toml")
 def test_notes_that_are_lost_change_nothing(arguments, code, lost, place):
-    """Neither the exit code nor what is written; no note goes where results go."""
+    """Neither the exit code nor the output changes; no note is mixed with results."""
     told = shell(f"barbalat {arguments}", place)[2]
     (place / "new.toml").unlink(missing_ok=True)
     assert shell(f"barbalat {arguments} {lost}", place) == (code, "", told)
 
 
 def test_a_file_does_not_get_the_number_of_closed_standard_error(place):
-    """What a library writes there would else stand in the file that was opened next."""
+    """Otherwise a library's output would go into the next file that is opened."""
     script = """
 import os
 from barbalat.commands.streams import notes
@@ -116,7 +116,7 @@ with notes(), open("results", "wb") as file:
 
 
 def test_another_pipe_that_breaks_is_told(monkeypatch, capsys):
-    """A worker's, say: only the reader of standard output may leave in silence."""
+    """For example a worker's pipe: only a closed standard output ends the command silently."""
 
     def broken(_):
         raise BrokenPipeError(32, "Broken pipe")
@@ -128,7 +128,7 @@ def test_another_pipe_that_breaks_is_told(monkeypatch, capsys):
 
 @pytest.mark.parametrize("unbuffered", ["", "1"], ids=["buffered", "PYTHONUNBUFFERED"])
 def test_notes_come_at_once(unbuffered, tmp_path):
-    """Also where Python was told not to buffer: what is said of work under way is not kept back until its end."""
+    """Progress appears during the work and not only at its end, also without Python's buffering."""
     code = "import os, sys\nfrom barbalat.commands.streams import notes\n"
     code += "with notes():\n    print('now', file=sys.stderr)\n    os._exit(0)"
     environment = os.environ | {"PYTHONUNBUFFERED": unbuffered}

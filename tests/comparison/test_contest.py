@@ -45,7 +45,7 @@ def found():
 
 
 class ThenHeld:
-    """The command until t = 4 s, and from then on its largest value of the last quarter, 1."""
+    """The command until t = 4 s, then held at its largest value of the last quarter, 1."""
 
     def __call__(self, t):
         return np.where(np.asarray(t) < 4.0, DRIVE.reference(np.asarray(t)), 1.0)
@@ -55,7 +55,7 @@ class ThenHeld:
 
 
 def borne_by_hand(controller, theta: float, delay: float = 0.0, gain: float = 1.0) -> bool:
-    """Whether u comes to rest with the command held, on a single run that goes on for long."""
+    """Whether u comes to rest with the command held, in a single long run."""
     path = PlantInput(delay=delay, gain=gain) if delay or gain != 1 else None
     plant = Plant(A_m=[[-2.0]], b=[1.5], theta=[theta], x0=[0.3], input=path)
     longer = replace(SIMULATION, t_end=24.0, record_points=10_000)
@@ -96,7 +96,7 @@ def _rms(controller, theta: float) -> float:
 
 
 def test_who_diverges_on_what_no_tuning_saw_is_counted_and_stays_in():
-    """x' = (30 (theta - 1) - 2) x + ...: well on the case's own plant, unstable where theta is above 1.07."""
+    """x' = (30 (theta - 1) - 2) x + ...: stable on the case's own plant, unstable for theta above 1.07."""
     plant = Plant(A_m=[[-2.0]], b=[30.0], theta=[1.0], x0=[0.3])
     problem, simulation = replace(DRIVE, plant=plant), Simulation(t_end=4.0, dt=2e-3)
     rule = Rule(delay_margin=0.01, gain_margin=1.05, plants=1, trials=288)
@@ -148,7 +148,7 @@ def test_a_failure_counts_against_the_one_that_failed_and_nobody_is_left_out():
     assert (one.better.count, one.worse.count, one.both_failed, one.better.judged) == (5, 2, 1, 8)
     assert one.ratio == pytest.approx(0.5) and one.interval[1] == inf
     survivors = np.log([0.5, 2.0, 0.5, 0.5, 0.5])
-    assert np.exp(np.median(survivors)) == pytest.approx(one.ratio)  # here the same; the interval is not
+    assert np.exp(np.median(survivors)) == pytest.approx(one.ratio)  # the values are equal here, the intervals are not
 
 
 def test_a_paced_command_is_the_command_stretched():
@@ -178,7 +178,7 @@ APART = replace(DRIVE, uncertainty=ParameterBox(lower=[-1.0], upper=[3.0]))
 
 @dataclass(frozen=True, eq=False)
 class ExternalFunction:
-    """A law of a user's own whose estimates start where ``theta_hat0`` says."""
+    """A user's law whose estimates start at ``theta_hat0``."""
 
     gamma: float = 1.0
     theta_hat0: object = None
@@ -212,7 +212,7 @@ class OutsideEquations:
 
 @dataclass(frozen=True, eq=False)
 class Chosen(ExternalFunction):
-    """Its user has set where it starts."""
+    """The user has set its initial estimates."""
 
     name: str = "chosen"
 
@@ -224,7 +224,7 @@ class Chosen(ExternalFunction):
 
 @dataclass(frozen=True, eq=False)
 class Fixed(Plain):
-    """It has no field for that, and starts at zero."""
+    """It has no field for initial estimates and starts at zero."""
 
     name: str = "plain"
 
@@ -233,7 +233,7 @@ class Fixed(Plain):
 
 
 def test_a_law_from_outside_starts_where_the_others_do():
-    """Where its class has a field theta_hat0 that is left at its default; what its user has set stays."""
+    """Initial estimates are set if the class has a field theta_hat0 at its default; a user's value is kept."""
     own = [ExternalFunction(), Chosen(), Fixed(1.0)]
     entrants, _ = entrants_of(APART, SIMULATION, schemes=["mrac"], own=own)
     starts = {one.name: start_of(APART, one.controller([2.0])).tolist() for one in entrants}

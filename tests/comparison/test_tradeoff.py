@@ -82,7 +82,7 @@ def test_trade_off_of_one_scheme_and_its_page(section_v, tmp_path):
     assert document["schemes"]["MRAC"]["onset"] == cloud.onset.tolist()
     folder = Folder(tmp_path)
     write.write_tradeoff(folder, found)
-    assert not [path for path in tmp_path.iterdir() if path.is_file()]  # nothing shows before all is there
+    assert not [path for path in tmp_path.iterdir() if path.is_file()]  # nothing is visible before everything is written
     folder.commit()
     assert "Tracking error against the delay" in (tmp_path / "report.html").read_text()
     assert (tmp_path / "tradeoff.svg").stat().st_size > 1000
@@ -94,7 +94,7 @@ TURN = {"first-order", *drawn(STATE_FEEDBACK, 3)}
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.bulk] * (name not in TURN)) for name in STATE_FEEDBACK])
 @pytest.mark.short(kept=lambda name: name == "first-order")
 def test_every_bundled_case_with_measured_state(name):
-    """Few tunings over a sixth of the run: each scheme has some that follow, and a delay that they bear until loss."""
+    """Few tunings over a sixth of the run: each scheme has some that follow, and these tolerate some delay before loss."""
     case = load_case(name)
     simulation = replace(case.simulation, t_end=case.simulation.t_end / 6)
     found = trade_off(case.problem, simulation, density=2, plants=1)
@@ -107,7 +107,8 @@ def test_every_bundled_case_with_measured_state(name):
 
 
 def test_largest_gain_along_a_run_against_the_bound_of_certify(section_v):
-    """|x| along the run is below the bound that certify takes: the gain is larger, by a factor that a sine's bound explains."""
+    """|x| along the run is below the bound that certify takes: the gain is therefore larger, by a factor that the bound of a sine
+    explains."""
     simulation = Simulation(t_end=60.0, dt=1e-3)
     bound = certify(section_v, (Mrac(gamma=1.0),), simulation)["MRAC"].values["gamma_max"]
     found, how = grids.largest_gain(section_v, simulation)
@@ -167,7 +168,7 @@ def test_a_case_with_noise_is_timed_over_runs_that_hold_a_sample_of_it():
     assert (found.clouds[0].error != plain.error).all()
     assert any("without the case's measurement noise" in note for note in found.notes)
     member = noisy, Sampled(Mrac(gamma=1.0), 0.2)
-    assert forecast.Cost.measured([member] * 100, BRIEF).seconds(100, 1, BRIEF.steps) >= 0  # it is made, and not refused
+    assert forecast.Cost.measured([member] * 100, BRIEF).seconds(100, 1, BRIEF.steps) >= 0  # the page is made and not refused
 
 
 @pytest.mark.parametrize("gain", [None, 2.0])
@@ -182,11 +183,11 @@ def test_a_known_set_without_zero_starts_in_its_middle(gain):
     for one in chosen:
         start = bound(apart, one.make(**next(one.tunings()))).initial().theta_hat
         assert start[0] == 1.5
-    assert grids.start_of(SMALL) is None  # elsewhere each scheme starts as it did
+    assert grids.start_of(SMALL) is None  # otherwise each scheme starts as before
 
 
 def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch):
-    """A page with nothing in it helps nobody."""
+    """An empty page is of no use."""
 
     class Never:
         @classmethod
@@ -203,7 +204,9 @@ def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch
     said = refusal(lambda: trade_off(SMALL, BRIEF))
     assert "no scheme takes part in the trade-off: never is omitted: never takes no plant" in said
     still = replace(SMALL, plant=replace(SMALL.plant, theta=[3.0]))
-    idle = _two_gains(lambda gamma: Mrac(gamma=1e-9 * gamma))  # x' = (-2 + 4.5) x + ...: it adapts too slowly to hold that
+    idle = _two_gains(
+        lambda gamma: Mrac(gamma=1e-9 * gamma)
+    )  # x' = (-2 + 4.5) x + ...: it adapts too slowly to stabilise this plant
     assert "none of the tunings that were tried (2 of MRAC) follows the model" in refusal(
         lambda: trade_off(still, BRIEF, knobs=idle, plants=1)
     )
@@ -219,7 +222,7 @@ def test_cost_is_told_apart_from_three_timings(section_v, monkeypatch):
 
 
 def test_forecast_is_refined_by_what_was_seen():
-    """30 s expected: what was expected says which part is how much of it, the pace how long that takes."""
+    """With 30 s expected, the estimates give each part's share and the pace gives its duration."""
     expected = forecast.Forecast({"a": 10.0, "b": 20.0})
     assert expected.total("a", 0.0, 0.0) == 30.0
     assert expected.total("a", 0.5, 10.0) == 60.0  # a sixth of it took 10 s
@@ -229,7 +232,7 @@ def test_forecast_is_refined_by_what_was_seen():
 
 
 def test_a_forecast_wrong_by_a_factor_of_four_is_right_after_a_tenth():
-    """65 s of work of which 260 s were expected, as on a machine that was busy while the small ensembles were timed."""
+    """65 s of work that were estimated as 260 s, as on a machine that was busy while the small ensembles were timed."""
     expected = forecast.Forecast({"a": 80.0, "b": 180.0})
     for seconds in range(7, 20):
         assert expected.total("a", seconds / 20, seconds) == pytest.approx(65.0)
@@ -277,7 +280,7 @@ def test_labels_cover_neither_lines_nor_each_other():
 
 
 def test_a_registered_scheme_brings_its_own_knobs(section_v, monkeypatch):
-    """No list of schemes stands beside the registry: one more line there, and it is compared."""
+    """There is no list of schemes besides the registry: one more line there adds a scheme to the comparison."""
 
     class Slow:
         @classmethod

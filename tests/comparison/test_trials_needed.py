@@ -1,4 +1,4 @@
-"""How many tunings a search needs at least, as the command's help says it."""
+"""The smallest number of tunings of a search, as stated in the command's help."""
 
 import pytest
 

@@ -80,7 +80,7 @@ def test_the_best_of_a_fine_grid_is_not_better_and_its_case_file_gives_the_same_
     assert changed == [f"gamma = {chosen.tuning[next(iter(chosen.tuning))]:.4g}  # by hand"]
     case = parse_case(found.text)
     run = simulate(case.problem, case.controllers, case.simulation)["MRAC"].metrics
-    assert run.rms_e[0, 0] == pytest.approx(chosen.value, rel=1e-12)  # its gamma is compiled in: other last bits
+    assert run.rms_e[0, 0] == pytest.approx(chosen.value, rel=1e-12)  # its gamma is compiled in, so the last bits differ
     assert run.max_abs_u[0] <= limit
     again = tune(drive, "rms_e", **options)
     assert again.as_json() | {"seconds": 0} == found.as_json() | {"seconds": 0}
@@ -123,7 +123,7 @@ modification = { sigma = 0.1 }
 
 @pytest.mark.parametrize(("text", "knobs"), [(OUTPUT, ["filter.kappa"]), (NETWORK, ["gamma", "modification.sigma"])])
 def test_what_a_scheme_says_is_turned_needs_no_vary(tmp_path, text, knobs):
-    """Less of the error than by hand; the ends of the ranges are controllers too."""
+    """The error is smaller than with a tuning by hand; the ends of the ranges are valid controllers too."""
     (tmp_path / "case.toml").write_text(text)
     found = tune(tmp_path / "case.toml", "rms_e", subject_to=["max_abs_u <= 30"], plants=1, trials=288)
     (tuned,) = found.controllers.values()
@@ -134,14 +134,14 @@ def test_what_a_scheme_says_is_turned_needs_no_vary(tmp_path, text, knobs):
 
 
 def test_no_known_set_is_taken_for_a_networks_weights():
-    """Onset asks how far estimates move within the range in which they lie: theta's one is none of the weights'."""
+    """The onset compares the estimates' motion with their own range, and theta's range is not that of the weights."""
     case = parse_case(NETWORK)
     assert np.isinf(known_width(case.problem, case.controllers[0])).all()
     assert known_width(case.problem, Mrac(gamma=1.0)).tolist() == [6.0]
 
 
 def test_margins_of_each_input_count_by_the_worst():
-    """``delay_margin_each`` as a constraint is that of the input that bears least."""
+    """``delay_margin_each`` as a constraint is the margin of the input that tolerates least."""
     case = load_case("lateral-aircraft")
     law = L1PiecewiseConstant(sample_time=0.05, filter=input_filter(0.3))
     certificate = certify(case.problem, [law], case.simulation)[law.name]
@@ -218,7 +218,7 @@ def test_no_worse_than_the_trade_offs_front_at_equal_delay(tmp_path):
         asked = f"delay_onset_simulated >= {float(margin[at])!r}"
         found = tune(path, "rms_e", subject_to=[asked], controller=cloud.scheme, plants=2).controllers[cloud.scheme]
         assert (found.chosen is None) == (bool(found.refused) and not found.step.holds), cloud.scheme
-        best = found.chosen or found.nearest  # what a finer step refuses met what was asked at the trade-off's own step
+        best = found.chosen or found.nearest  # tunings that a finer step rejects met the requirement at the trade-off's own step
         assert best.meets, cloud.scheme
         if found.chosen is None or not found.refused:
             assert best.value <= error[at] * scale * (1 + 1e-9), cloud.scheme
@@ -242,7 +242,7 @@ def test_command_and_its_page(drive, tmp_path, capsys):
 
 
 def test_a_plant_that_no_tuning_controls_is_named_as_the_reason():
-    """Some plants of the known set are unstable, and need more than the limits let through: no constraint is to blame."""
+    """Some plants of the known set are unstable and need more than the limits allow, so no constraint is the cause."""
     text = DRIVE.replace("[reference_model]", "[plant.input]\nsaturation = [-0.1, 0.1]\n[reference_model]")
     text = text.replace("t_end = 4.0", "t_end = 30.0").replace("lower = [-3.0]\nupper = [3.0]", "lower = [-0.5]\nupper = [6.0]")
     found = tune(
@@ -324,7 +324,7 @@ def test_a_controller_without_knobs_is_left_out_of_all_and_refused_alone(tmp_pat
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_search_comes_close_to_where_a_constraint_binds(seed):
-    """The least x that is allowed, with a second number of hardly any influence: as of L1's filter and gain under a delay."""
+    """The smallest admissible x, with a second number of little influence, like L1's filter and gain under a delay."""
     limit = 0.2 + 0.1 * seed
     tried = []
 
@@ -376,7 +376,7 @@ def test_a_tuning_that_the_step_alone_lets_meet_its_constraints_is_not_returned(
         rates.append(
             float(simulate(fine.problem, fine.controllers[:1], fine.simulation)["MRAC"].metrics.theta_hat_variation_rate[0, 0])
         )
-    assert rates[0] <= limit < 1.02 * limit < rates[1]  # seen independently of the check, at another step
+    assert rates[0] <= limit < 1.02 * limit < rates[1]  # found independently of the check, at another step
     assert right.chosen is not None and right.step.holds and right.refused == ()
     assert right.step.value == pytest.approx(right.chosen.value, rel=0.01)  # 0.2 % as above
     document = found["1e3"].as_json()["controllers"]["MRAC"]
@@ -411,7 +411,7 @@ def test_a_requirement_on_a_linear_loop_says_that_it_is_one(tmp_path):
 
 @pytest.mark.full
 def test_a_delay_that_is_asked_of_a_noisy_case_is_tolerated_without_the_noise(tmp_path):
-    """With noise in the onset's runs a gain was returned whose estimates oscillate far below the delay that was asked for."""
+    """With noise in the onset's runs, tune once returned a gain whose estimates oscillate far below the required delay."""
     noise = "[sensor.noise]\nstd = 0.05\nsample_time = 0.01\n"
     (tmp_path / "noisy.toml").write_text(DRIVE.replace("[reference_model]", f"{noise}[reference_model]"))
     asked, found = 0.1, {}
@@ -428,7 +428,7 @@ def test_a_delay_that_is_asked_of_a_noisy_case_is_tolerated_without_the_noise(tm
 
 
 def test_a_trial_that_diverges_on_a_plant_is_written_as_json():
-    """NumPy's own truth values are none that JSON has."""
+    """JSON does not accept NumPy's own truth values."""
     aim = Aim.of("rms_e", [], maximize=False, plants=1, quantile=1.0, seed=0)
     for value in (np.float64(np.inf), np.float64(1.0), None):
         trial = Trial(row=np.zeros(1), value=value, complete=True)

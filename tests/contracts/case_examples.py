@@ -1,4 +1,4 @@
-"""For each registered signal, regressor and law a table of a case file; what is registered without one fails its contract."""
+"""A case file's table for each registered signal, regressor and law; one registered without a table fails its contract."""
 
 from adaptation.examples import LAW_EXAMPLES
 

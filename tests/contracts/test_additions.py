@@ -1,4 +1,4 @@
-"""What an addition takes: CONTRIBUTING's places, each filled in a copy, and nothing else; then all that is asked of it holds.
+"""What an addition needs: only the places that CONTRIBUTING lists, filled in a copy; then all its contracts hold.
 
 A claim and a paper are added in ``tests/papers/test_slices.py``, a vehicle in ``tests/vehicles/test_a_vehicle_is_one_folder.py``.
 """
@@ -60,7 +60,7 @@ ADDED = {"signal": "wave", "scheme": "knower", "law": "descent", "solver": "trap
 
 
 def copied(file: Path, to: Path, **names: str) -> None:
-    """A module of the package, again with other names."""
+    """A module of the package, repeated with other names."""
     text = file.read_text()
     for old, new in names.items():
         text = re.sub(rf"\b{old}\b", new, text)
@@ -69,7 +69,7 @@ def copied(file: Path, to: Path, **names: str) -> None:
 
 
 def inserted(file: Path, after: str, line: str) -> None:
-    """A line of the user's, below the one that is there."""
+    """A line of the user's own, below the existing one."""
     text = file.read_text()
     assert text.count(after) == 1, (file, after)
     file.write_text(text.replace(after, f"{after}\n{line}"))
@@ -157,7 +157,7 @@ def numbers(folder: Path, **names: str) -> tuple[dict, dict]:
 
 @pytest.mark.full
 def test_a_scheme_a_law_a_signal_and_a_solver_take_the_places_of_contributing(tmp_path):
-    """All four in one copy: they are in case files, run and certify, and meet what is asked of everything registered."""
+    """All four in one copy: they work in case files, run, certify, and meet the contracts of everything registered."""
     package, tests = package_in(tmp_path / "src"), tmp_path / "tests"
     shutil.copytree(HERE / "tests", tests, ignore=shutil.ignore_patterns("__pycache__"))
     shutil.copytree(HERE / "docs", tmp_path / "docs", ignore=shutil.ignore_patterns("gallery"))

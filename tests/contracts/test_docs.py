@@ -1,4 +1,4 @@
-"""The pages in docs/ keep to one notation, and what they lead to from the repository's viewer is there."""
+"""The pages in docs/ use one notation, and all their links work in the repository's viewer."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Mathematics on the site: where docutils sets a subscript wrongly, and that no formula of the pages keeps that."""
+"""Mathematics on the site: docutils sets some subscripts wrongly, and every formula of the pages is corrected."""
 
 import importlib.util
 import re

@@ -1,4 +1,4 @@
-"""Numbers that pages state by hand: those that a certificate gives are computed, measured tables say when and where."""
+"""Numbers that pages state by hand: those from certificates are computed, and measured tables state their date and machine."""
 
 import math
 import re

@@ -1,4 +1,5 @@
-"""Laws from outside whose estimates are not the problem's parameters: every use takes them, and says what it can't know."""
+"""Laws from outside whose estimates are not the problem's parameters: every command accepts them and says what it can't know
+about them."""
 
 from __future__ import annotations
 
@@ -82,14 +83,14 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("law", [*CONTROLLERS, *SAMPLED], ids=lambda law: f"{law.name} {type(law).__name__}")
 def test_a_run_compares_what_can_be_compared(linear, law):
-    """True values where there are as many estimates as parameters; else none, and one sentence that says so."""
+    """True values if there are as many estimates as parameters; otherwise none, and one sentence says so."""
     (run,) = simulate(linear, [law], SIMULATION).values()
     count, known = run.theta_hat.shape[1], COMPARED[law.name]
     assert np.isfinite(run.states).all()
     assert [one.true for one in estimates_of(run)] == (linear.plant.theta.tolist() if known else [None] * count)
     assert any("no true values" in warning for warning in run.warnings) == (count == 16)
     if count == 16:
-        assert run.adapting.on_bounds is None  # the set that it keeps as ``box`` is that of two other numbers
+        assert run.adapting.on_bounds is None  # its ``box`` belongs to two other numbers
     if count == 0:
         assert run.adapting is None
 
@@ -123,7 +124,8 @@ def test_certificates(linear, polynomial, law):
 
 
 def test_ensembles_in_which_the_plant_starts_elsewhere(linear):
-    """Predicting's initial state takes floats alone: no symbol stands there for the plant's x0. Each as it is alone."""
+    """Predicting's initial state accepts only floats, so the plant's x0 can't be a symbol there. Each member equals its single
+    run."""
     others = [replace(linear, plant=replace(linear.plant, x0=[value, 0.0])) for value in (0.0, 0.5)]
     for law in (*CONTROLLERS, *SAMPLED):
         together = simulate_ensemble([(problem, law) for problem in others], SIMULATION).metrics.max_abs_e
@@ -149,7 +151,7 @@ def test_trade_offs(linear):
 @pytest.mark.parametrize("target", ["c99", "fmu2", "fmu3"])
 @pytest.mark.parametrize("law", SAMPLED, ids=NAMES)
 def test_exports(linear, law, target):
-    """The sources; that compiled ones have the simulation's bits is every export's own test."""
+    """Only the sources are checked; every export's own test shows that the compiled C equals the simulation bit for bit."""
     if target == "c99":
         assert "controller.c" in files(linear, law, SIMULATION)
     else:
@@ -157,7 +159,7 @@ def test_exports(linear, law, target):
 
 
 def test_a_page_of_sliders(linear):
-    """True values and their lines where there are as many; estimates that have names have them in the page too."""
+    """True values and their lines appear if the numbers agree; named estimates keep their names in the page."""
     (data,) = (explore(linear, CONTROLLERS, SIMULATION).contents.data["controllers"],)
     assert [one["name"] for one in data] == NAMES
     assert [one["true"] is not None for one in data] == [COMPARED[one["name"]] for one in data]
@@ -214,7 +216,7 @@ def test_names_that_are_not_as_many_as_the_estimates(linear):
 
 
 def test_ideal_values_are_the_laws_own_to_know(linear):
-    """As many weights as parameters are no parameters where the law says so."""
+    """Weights are not taken for parameters if the law says so, even if there are equally many."""
 
     class Other(HighOrder):
         def bind(self, known):

@@ -1,4 +1,4 @@
-"""docs/licences.md names whatever is installed with the package, and shows what is under a GNU licence."""
+"""docs/licences.md names everything installed with the package and marks whatever is under a GNU licence."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""What every registered output-feedback scheme owes, as tests/contracts/test_schemes.py says it of the others."""
+"""The contract of every registered output-feedback scheme, as in tests/contracts/test_schemes.py for the others."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_the_exact_jacobian_against_differences(example):
 @pytest.mark.parametrize(("name", "n", "i"), EXAMPLES)
 @pytest.mark.short(kept=lambda name, n, i: n == 2)
 def test_it_tracks(name, n, i):
-    """The tail error is a fraction of the model's output, 0.9; the unstable plants left alone leave all bounds."""
+    """The tail error is a fraction of the model's output, 0.9; without control the unstable plants leave all bounds."""
     run = long_run(n, name, i)
     assert run.diverged_at is None
     assert run.figures["tail_max_abs_e"][0] < 0.5
@@ -179,7 +179,7 @@ def test_a_member_of_an_ensemble_is_the_run_alone(example):
 @pytest.mark.parametrize("discretization", ["euler", "midpoint"])
 @pytest.mark.short(kept=lambda example, discretization: example[1] == 2 and (discretization == "midpoint" or example[2] == 0))
 def test_sampled_fast_it_is_the_continuous_controller(example, discretization):
-    """At a sample time of 2^-9 s the run differs from the continuous one by what a zero-order hold costs."""
+    """At a sample time of 2^-9 s the run differs from the continuous one by the error of a zero-order hold."""
     given, controller = example
     if isinstance(controller.bind(given.known), SampledEquations):
         assert "sampled itself" in refusal(lambda: Sampled(controller, 2.0**-9, discretization=discretization).bind(given.known))

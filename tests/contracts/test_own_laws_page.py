@@ -1,4 +1,4 @@
-"""The page on laws of one's own: its lines run as they stand there."""
+"""The code on the page on own laws runs exactly as printed."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def test_the_pages_law_runs(problems, law):
 
 
 def test_it_is_the_standard_mrac_whatever_the_regressor(problems, law):
-    """Within the roundings of the same sums in another order; phi has two entries of two states, then five."""
+    """Equal up to roundings of reordered sums; phi has two entries for two states, then five."""
     linear = problems[2]
     plant = replace(linear.plant, theta=[0.5, 0.3, 0.2, 0.1, 0.1], regressor=Polynomial(degree=2))
     for problem in (linear, replace(linear, plant=plant, uncertainty=None)):
@@ -44,7 +44,7 @@ def test_it_is_the_standard_mrac_whatever_the_regressor(problems, law):
 
 
 def test_what_the_pages_law_does_not_take_it_refuses(problems, law):
-    """An input gain, which the standard MRAC of the page does not estimate, and a second input; the checker tells both."""
+    """The checker reports an input gain, which the page's standard MRAC does not estimate, and a second input."""
     message = refusal(lambda: check_controller(law, replace(problems[2], input_gain=(0.5, 2.0))))
     assert "takes plants with one input of known gain" in message
     kinds = {
@@ -54,7 +54,7 @@ def test_what_the_pages_law_does_not_take_it_refuses(problems, law):
 
 
 def test_the_pages_roles_are_those_of_a_state_like_it():
-    """The example of a declaration, which is no cell of the page, is as it is read."""
+    """The example of a declaration, which is not a cell of the page, behaves as described."""
     scope = {"np": np, "NamedTuple": NamedTuple, "Role": Role}
     exec(
         PAGE.partition("```python\nclass State(NamedTuple):")[2].partition("```")[0].join(["class State(NamedTuple):", ""]), scope

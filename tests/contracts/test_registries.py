@@ -1,4 +1,5 @@
-"""What every registered name owes: an example, a row of docs/cases.md, a scheme its certificate; and that a case file says it."""
+"""The contract of every registered name: an example, a row of docs/cases.md, for a scheme its certificate, and a form in case
+files."""
 
 from __future__ import annotations
 
@@ -162,7 +163,7 @@ stands for what a tolerance chooses."""
 
 @pytest.mark.parametrize("room", ROOMS)
 def test_everything_written_is_registered(room):
-    """A class or tableau of one of these rooms, folders or a file, that no registry names."""
+    """A class or tableau in one of these folders or files that is missing from every registry."""
     place = import_module(f"barbalat.{room}")
     inside = [import_module(found.name) for found in walk_packages(getattr(place, "__path__", ()), f"{place.__name__}.")]
     written = {name: value for module in (place, *inside) for name, value in vars(module).items() if ROOMS[room](value)}
@@ -214,10 +215,12 @@ def of_case_file(registry, name, folder):
 
 @pytest.mark.parametrize(("registry", "name"), [(r, name) for r in ("signal", "regressor", "law") for name in EXAMPLES[r][0]])
 def test_a_case_file_says_it(registry, name, folder):
-    """Each key arrives in the field of its name."""
+    """Each key sets the field of the same name."""
     registered, examples = EXAMPLES[registry]
     found = of_case_file(registry, name, folder)
-    assert type(found) is {MatFile: Recorded}.get(registered[name], registered[name])  # a MATLAB file is another way to write one
+    assert type(found) is {MatFile: Recorded}.get(
+        registered[name], registered[name]
+    )  # a MATLAB file is another form of the same signal
     for key, value in examples[name].items():
         if key != "file":
             np.testing.assert_array_equal(getattr(found, key), value)
@@ -261,7 +264,7 @@ def test_a_signal_says_where_it_jumps_or_bends(name, folder):
 
 @pytest.mark.parametrize("name", SIGNALS)
 def test_the_bound_of_a_signal_bounds_it(name, folder):
-    """Over a dense grid; and it is no wild guess."""
+    """The bound holds on a dense grid and is not far too large."""
     signal = of_case_file("signal", name, folder)
     largest = np.abs(signal(np.linspace(0, 50, 20_001))).max()
     assert 0.6 * signal.bound <= largest <= signal.bound
@@ -269,7 +272,7 @@ def test_the_bound_of_a_signal_bounds_it(name, folder):
 
 @pytest.mark.parametrize("name", SIGNALS)
 def test_a_signal_says_whether_it_settles(name, folder):
-    """After a thousand seconds, by which every example that settles has."""
+    """After a thousand seconds every example that settles has settled."""
     signal = of_case_file("signal", name, folder)
     assert isinstance(signal, SettlingSignal)
     assert signal.settles == (np.ptp(signal(np.linspace(1000, 1100, 1001))) == 0)

@@ -60,7 +60,7 @@ def linear(problems):
 
 @pytest.fixture
 def told(tmp_path, monkeypatch, capsys):
-    """What a command prints of a case with the three laws, or with those of another file."""
+    """What a command prints for a case with the three laws, or with those of another file."""
     (tmp_path / "case.toml").write_text(CASE)
     monkeypatch.chdir(tmp_path)
 
@@ -73,7 +73,7 @@ def told(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.parametrize("laws", [CONTROLLERS, SAMPLED], ids=["continuous", "sampled"])
 def test_results_follow_the_roles(linear, laws):
-    """The first layer fills theta_hat, a second one stands beside it; true values are those that a role knows."""
+    """The first layer fills theta_hat and a second one has its own columns; true values are those declared by a role."""
     sixteen, layers, none = (simulate(linear, laws, SIMULATION)[name] for name in NAMES)
     theta = linear.plant.theta.tolist()
     assert [sixteen.theta_hat.shape[1], layers.theta_hat.shape[1], none.theta_hat.shape[1]] == [16, 2, 0]
@@ -85,7 +85,7 @@ def test_results_follow_the_roles(linear, laws):
 
 
 def test_columns_hold_the_whole_state(linear):
-    """Each entry of the controller's state once, by a name that says what it is; the same in pandas, xarray."""
+    """Each entry of the controller's state appears once, under a descriptive name; the same in pandas and xarray."""
     (run,) = simulate(linear, [TwoLayers()], SIMULATION).values()
     own = ["theta_hat_1", "theta_hat_2", "ahead_1", "ahead_2", "P_1_1", "P_1_2", "P_2_1", "P_2_2", "x_hat_1", "x_hat_2"]
     columns = run.columns()
@@ -101,20 +101,20 @@ def test_columns_hold_the_whole_state(linear):
 
 
 def test_names_of_columns_are_nobody_elses():
-    """A field that is called as a signal, and two parts with one last name, have longer names."""
+    """A field named like a signal, and two parts with the same last name, get longer names."""
     one, two = (state_parts(object(), strangers.Lead(np.zeros(1)))[0]._replace(path=path) for path in ("a.x", "b.x"))
     assert list(column_names([one, two], {"x"}).values()) == ["a_x", "b_x"]
     assert list(column_names([one._replace(path="x")], {"x"}).values()) == ["controller_x"]
 
 
 def test_what_diverges_is_the_first_layer(linear):
-    """Weights that run away count as a run that does, as theta_hat does."""
+    """Diverging weights count as a diverging run, as for theta_hat."""
     wild = Sixteen(gamma=-1e4)
     assert simulate(linear, [wild], Simulation(t_end=20.0, dt=1e-2))["sixteen"].diverged_at is not None
 
 
 def test_a_freeze_keeps_every_layer_and_the_memory(linear):
-    """And lets the predictor go on, also where the controller is sampled."""
+    """It lets the predictor continue, also in sampled controllers."""
     loop = ClosedLoop.of(linear, SAMPLED[1])
     start = loop.computer.initial(np.array([0.3, -0.2]))
     moved = loop.computer.act(start, np.array([0.5, 0.1]), np.array(1.0))
@@ -125,7 +125,7 @@ def test_a_freeze_keeps_every_layer_and_the_memory(linear):
 
 
 def test_a_margin_tells_where_the_loop_rests(linear):
-    """Under the largest command; every layer at its true value, where one is known, or where Newton's method has found it."""
+    """Under the largest command, every layer is at its true value if one is known, or else where Newton's method found it."""
     found = certify(linear, CONTROLLERS, SIMULATION)
     layers = found["two layers"].entry("delay_margin").rest
     assert [one.true for one in layers.estimates] == [True, True] and layers.where == "k_hat = k, h_hat = h"
@@ -172,7 +172,7 @@ def test_roles_that_do_not_fit_are_refused(linear, roles, words):
 
 
 def test_a_role_is_taken_by_its_kind():
-    """Whatever declares it: equations, or a law with a memory of its own."""
+    """The same for a declaration by equations or by a law with its own memory."""
     kinds = {"theta_hat": "estimates", "memory": "memory", "z": "predictor", "f": "filter", "g": "other"}
     roles = {path: getattr(Role, kind)() for path, kind in kinds.items()}
     by_name, by_role = (SimpleNamespace(roles=found) for found in (kinds, roles))

@@ -1,4 +1,4 @@
-"""What every registered scheme owes: a new scheme joins SCHEMES, gets an example in independent.py, and is tested here."""
+"""The contract of every registered scheme: a new scheme joins SCHEMES, gets an example in independent.py, and is tested here."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def example(request, problems):
 
 @pytest.fixture
 def adaptive(example):
-    """An example that estimates parameters, or what follows from them; what has none to estimate has nothing to owe here."""
+    """An example that estimates parameters, or what follows from them; examples without estimates are exempt here."""
     problem, controller = example
     equations = controller.bind(problem.known)
     if not isinstance(equations, Estimating):
@@ -104,7 +104,7 @@ def test_the_kernel_does_what_plain_stepping_does(example, solver):
 
 
 def with_setting(controller, **changes):
-    """The same settings but for some."""
+    """The same settings with some replaced."""
     return type(controller)(**({f.name: getattr(controller, f.name) for f in fields(controller)} | changes))
 
 
@@ -127,17 +127,19 @@ def test_the_estimate_stays_in_a_box_that_it_wants_to_leave(adaptive):
 
 @pytest.mark.short(kept=lambda example: example[1] == 2)
 def test_tracking_at_a_moderate_gain(example):
-    """The tail error is a fraction of that of the same plant left alone (theta_hat = 0): what adaptation is for."""
+    """The tail error is a fraction of that without adaptation (theta_hat = 0), which is the purpose of adaptation."""
     problem, controller = example
     left_alone = long_run(problem, Mrac(gamma=1e-30))
     adapted = long_run(problem, controller)
-    if isinstance(controller, BaselineAlone) and controller.nominal is None:  # it is that plant, but for roundings of its list
+    if (
+        isinstance(controller, BaselineAlone) and controller.nominal is None
+    ):  # it is the same plant up to roundings of its operation list
         assert adapted.diverged_at == left_alone.diverged_at
         if adapted.diverged_at is None:
             assert adapted.figures["tail_max_abs_e"] == pytest.approx(left_alone.figures["tail_max_abs_e"], rel=1e-12)
         return
     assert adapted.diverged_at is None
-    if isinstance(controller, BaselineAlone):  # gains of its own keep it bounded, and need not come nearer
+    if isinstance(controller, BaselineAlone):  # its fixed gains keep it bounded but need not reduce the error
         return
     limit = np.inf if left_alone.diverged_at else max(left_alone.figures["tail_max_abs_e"])
     assert max(adapted.figures["tail_max_abs_e"]) < 0.75 * limit
@@ -233,7 +235,7 @@ def test_rest_stays_rest(example):
 
 @pytest.mark.short(kept=lambda example: example[1] == 1)
 def test_a_disturbance_reaches_the_plant(example):
-    """With d the run differs; with d = 0 it is the run without, to the roundings of sums that are associated otherwise."""
+    """With d the run differs; with d = 0 it equals the run without d, up to roundings of sums in another order."""
     given, controller = example
     arguments = {"plant": given.plant, "reference": given.reference, "uncertainty": given.uncertainty}
     simulation = Simulation(t_end=4.0, dt=2.0**-8)

@@ -1,4 +1,4 @@
-"""What every registered solver owes; the methods' own mathematics is in tests/solvers."""
+"""The contract of every registered solver; tests/solvers covers the mathematics of the methods."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_a_polynomial_of_its_degree_is_integrated_exactly(solver):
 
 
 def test_the_limit_acts_on_every_stage(solver):
-    """Each value that the derivative is asked at, and the result, has passed the limit: docs/equations.md, section 2."""
+    """The limit is applied before each evaluation of the derivative and to the result: docs/equations.md, section 2."""
     asked = []
 
     def derivative(y, _):

@@ -1,4 +1,4 @@
-"""Classes from outside the package: they run, and what can't be known of them is said."""
+"""Classes from outside the package run, and the output says what can't be known about them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SIMULATION = Simulation(t_end=2.0, dt=1e-3)
 
 @dataclass(frozen=True)
 class Strange:
-    """The gradient law, without what is known of it."""
+    """The gradient law without its declarations."""
 
     gamma: float
 
@@ -66,7 +66,7 @@ def test_nothing_is_claimed_of_a_law_from_outside(problems):
 
 
 def test_a_scheme_from_outside(problems):
-    """It runs, continuous and sampled; the midpoint form is its own to know."""
+    """It runs, continuous and sampled; only the class itself could know a midpoint form."""
     plain = Plain(5.0)
     run = simulate(problems[2], [plain], SIMULATION)["plain"]
     assert np.isfinite(run.states).all() and run.adapting.on_bounds is None and run.adapting.excitation is None
@@ -86,7 +86,7 @@ def test_the_form_of_a_class_from_outside_does_not_matter(problems):
 
 
 def test_simulated_margins_and_trade_offs_of_classes_from_outside(problems):
-    """Those of the MRAC whose lines they are; margins by name, as results are."""
+    """They equal those of the MRAC with the same equations; margins are accessed by name, like results."""
     problem, simulation = problems[2], Simulation(t_end=5.0, dt=1e-2)
     controllers = [Mrac(gamma=10.0, projection=False), Plain(10.0), Bare(10.0), Proportional([1.0, 1.0])]
     found = delay_margins(problem, controllers, simulation, scan=4, resolution=0.2)
@@ -106,7 +106,7 @@ def test_what_is_no_law():
 
 @pytest.mark.parametrize("name", LAWS)
 def test_every_registered_law_knows_what_it_guarantees(name):
-    """In words: bounded and to zero without a set and without modifications, unless its example says otherwise."""
+    """In words: bounded, and converging to zero without a set and modifications, unless the law's example says otherwise."""
     example = LAW_EXAMPLES[name]
     found = guarantee_of(LAWS[name](**example.numbers), None)
     assert found.bounded == found.error_to_zero == example.unexcited

@@ -1,6 +1,7 @@
-"""The whole table, scheme x option x plant x signal x target: each cell is built, or refused as it is declared.
+"""The whole table, scheme x option x plant x signal x target: each cell is either built or refused as declared.
 
-What is registered joins by itself; a setting of a scheme, of a plant's input or of a sensor without an example here fails a test.
+Registered names join automatically; a setting of a scheme, of a plant's input or of a sensor without an example here fails a
+test.
 """
 
 from __future__ import annotations
@@ -123,7 +124,7 @@ FEATURED = {
 
 @dataclass(frozen=True)
 class Cell:
-    """A scheme with one thing beside it."""
+    """A scheme combined with one option."""
 
     scheme: str
     beside: str
@@ -145,13 +146,13 @@ def schemes(wanted: str = "") -> Iterator[tuple[str, type, tuple[Any, ...], Any]
 
 
 def optional(kind: type) -> list[str]:
-    """The settings that may be left out, but for names."""
+    """The optional settings, except names."""
     given = [one for one in fields(kind) if one.init and one.name != "name"]
     return [one.name for one in given if one.default is not MISSING or one.default_factory is not MISSING]
 
 
 def with_options(scheme: str) -> Iterator[Cell]:
-    """A value of a setting that no example of the scheme takes makes no cell: another scheme's setting has that name."""
+    """A value that no example of the scheme accepts makes no cell: another scheme's setting has that name."""
     for name, kind, examples, problem in schemes(scheme):
         for i, controller in enumerate(examples):
             yield Cell(name, f"example-{i + 1}", problem, controller)
@@ -197,7 +198,7 @@ def at_samples(cell: Cell) -> Any:
 
 
 def traced(cell: Cell) -> None:
-    """As a page's and an FMU's lists are traced: with symbols in place of numbers, which is where a branch on a value shows."""
+    """Traced as for a page and an FMU, with symbols in place of numbers, which reveals a branch on a value."""
     opened = replace(SIMULATION, fused=False)
     Family.of([(cell.problem, cell.controller)], opened)
     sampled = at_samples(cell)
@@ -207,7 +208,7 @@ def traced(cell: Cell) -> None:
 
 
 def paged(problem: Any, controller: Any) -> None:
-    """All of a page but its sliders."""
+    """A whole page without its sliders."""
     described = Described.of(ObjectSource(Case(problem, (controller,), SIMULATION)))
     described.__dict__["sliders"] = []
     described.as_data()
@@ -249,7 +250,7 @@ def test_every_setting_of_a_scheme_has_an_example_that_it_takes():
 @pytest.mark.short(kept=lambda scheme, which: which == 0)
 @pytest.mark.parametrize("scheme", NAMES)
 def test_every_scheme_bears_open_numbers_with_every_option_and_plant(scheme, which):
-    """Continuous and sampled, as a page's module and an FMU have them: everything else computes with numbers alone."""
+    """Continuous and sampled, as in a page's module and an FMU: everything else computes only with numbers."""
     cells = cells_of(scheme)
     assert len(cells) > EVERY
     for cell in cells[(which + NAMES.index(scheme)) % EVERY :: EVERY]:
@@ -259,7 +260,7 @@ def test_every_scheme_bears_open_numbers_with_every_option_and_plant(scheme, whi
 @pytest.mark.full
 @pytest.mark.parametrize("scheme", NAMES)
 def test_every_target_builds_every_scheme(scheme):
-    """The targets take turns at a scheme's cells; what runs in continuous time they get both ways, where they take it."""
+    """The targets alternate over a scheme's cells; a target that accepts continuous time gets both forms."""
     for (k, cell), (target, build) in zip(enumerate(cells_of(scheme)), cycle(TARGETS_BUILT.items()), strict=False):
         sampled = at_samples(cell)
         if sampled is not cell.controller and target.startswith("export"):
@@ -295,7 +296,7 @@ def fitted(controller: Any, problem: Any) -> Any:
 
 @pytest.mark.parametrize("name", SIGNALS)
 def test_a_page_keeps_a_signal_as_it_is_declared(name, tmp_path):
-    """Of the command and of a disturbance rows, points and module are made."""
+    """Rows, points and the module are made for the command and for a disturbance."""
     signal = signal_of(name, tmp_path)
     assert in_pages(signal) == in_pages(SIGNALS[name])
     assert is_formula(signal) == (in_pages(signal) == "formula") and is_computed(signal) == (in_pages(signal) != "rows")
@@ -326,7 +327,7 @@ def signal_of(name: str, tmp_path: Path) -> Any:
 
 
 def test_targets_ask_for_what_they_declare():
-    """Each need has a problem that lacks it; the command refuses that one, and takes one that has everything."""
+    """For each requirement there is a problem that lacks it and is refused; a problem that meets all is accepted."""
     clocked = replace(PLAIN_OUTPUT, plant=replace(PLAIN_OUTPUT.plant, nonlinear="0.1*sin(t)*y"))
     lacking = {MEASURED_STATE: PLAIN_OUTPUT, KNOWN_SET: replace(PLAIN, uncertainty=None), NO_CLOCK: clocked}
     assert lacking.keys() == {need for target in TARGETS for need in target.problem}
@@ -346,7 +347,7 @@ def test_targets_ask_for_what_they_declare():
 
 
 def test_who_takes_part_in_a_contest_is_who_says_what_is_tuned():
-    """But for those that do not take the plant, as each is said to be."""
+    """Except the schemes that do not accept the plant, each of which is listed as left out."""
     found, left = entrants_of(FEATURED["several inputs"], Simulation(t_end=2.0, dt=1e-2))
     taking = [name for name, kind in SCHEMES.items() if is_tunable(kind) and "several inputs" not in kind.beyond]
     assert len(found) == len(taking) - 1  # the baseline alone takes part beside a baseline

@@ -68,7 +68,7 @@ def test_the_piecewise_constant_law_tends_to_it_with_its_sample_time(section_v):
 
 
 def test_a_constant_disturbance_vanishes_and_is_what_is_estimated(problems):
-    """f = theta'x + d: the estimate's error obeys f_tilde' = -omega_o f_tilde - f', of which nothing is left at rest."""
+    """f = theta'x + d: the estimate's error obeys f_tilde' = -omega_o f_tilde - f', which vanishes at rest."""
     problem = replace(problems[2], reference=Constant(1.0), disturbance=Step(amplitude=3.0, start=1.0))
     for controller in (Adrc(bandwidth=10.0), Adrc(bandwidth=15.0, output=[1.0, 0.0])):
         (run,) = simulate(problem, [controller], Simulation(t_end=40.0, dt=2e-3)).values()
@@ -101,7 +101,7 @@ def test_several_inputs():
 
 
 def test_a_limit_that_the_observer_knows_does_not_wind_it_up(problems):
-    """A disturbance of 3 with |u| <= 1 for 5 s: after it the observer that was fed with u asks for far more than is needed."""
+    """A disturbance of 3 with |u| <= 1 for 5 s: afterwards the observer that was fed with u demands far more than needed."""
     plant = replace(problems[2].plant, input=PlantInput(saturation=[-1.0, 1.0]), theta=[0.0, 0.0], x0=[0.0, 0.0])
     held = Step(amplitude=3.0, start=1.0)
     problem = replace(problems[2], plant=plant, reference=Constant(0.0), disturbance=held, uncertainty=None)

@@ -1,4 +1,4 @@
-"""A baseline with laws that add to it: against SciPy, python-control's formulas by hand, and what Lavretsky and Wise state."""
+"""A baseline with laws that add to it: against SciPy, python-control's formulas by hand, and statements of Lavretsky and Wise."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def controllers(n):
 
 @pytest.mark.parametrize("kind", BASELINES)
 def test_on_the_nominal_plant_every_loop_is_the_model(kind):
-    """Whatever adapts has nothing to learn: e stays at the roundings of 8,000 steps, and the estimates stay the baseline's."""
+    """The laws have nothing to learn: e stays at the roundings of 8,000 steps, and the estimates stay at the baseline's gains."""
     problem = posed(kind)
     found = simulate(problem, controllers(problem.plant.n), SIMULATION)
     moved = np.abs(found["Baseline"].x_m).max()
@@ -90,7 +90,7 @@ def test_on_the_nominal_plant_every_loop_is_the_model(kind):
 
 
 def off_nominal(kind):
-    """A plant that differs by a theta of its own, with half of the input's effectiveness."""
+    """A plant that differs by theta, with half the input effectiveness."""
     truth = Truth(A=A + np.outer(B, [0.3, -0.1]), b=0.5 * B)
     return posed(kind, truth=truth, input_gain=(0.4, 1.5))
 
@@ -195,7 +195,7 @@ def test_symbols_are_numbers(kind):
 
 
 def test_l1_filters_what_adapts_and_not_the_baseline():
-    """With a filter that lets next to nothing through the loop is the baseline's; unfiltered, L1-AC would lose this plant."""
+    """With a filter that passes almost nothing the loop is the baseline's; unfiltered, L1-AC would lose this plant."""
     problem = off_nominal("lqi")
     runs = simulate(problem, [L1Adaptive(gamma=20.0, filter=input_filter(1e6)), BaselineAlone()], SIMULATION)
     np.testing.assert_allclose(runs["L1"].x, runs["Baseline"].x, atol=1e-5)

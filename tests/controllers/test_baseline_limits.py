@@ -32,13 +32,13 @@ SIMULATION = Simulation(t_end=6.0, dt=1e-3, record_points=300)
 
 
 def drive(baseline, reference=None, limit=LIMIT, **more):
-    """A drive whose command its limit just lets it reach, after seconds at the limit."""
+    """A drive that can just reach its command, after seconds at the limit."""
     plant = Plant(A=A, b=B, baseline=baseline, input=PlantInput(saturation=[-limit, limit]))
     return Problem(plant=plant, reference=reference or Constant(2.0), **more)
 
 
 def by_textbook(kind, x, own, r):
-    """u, the integral's own part and the rates without tracking, of the kind's own definition: e = r - x."""
+    """u, the integral's part and the rates without anti-windup, from the definition of this kind: e = r - x."""
     e, given = r - x, KINDS[kind]
     if kind == "lqi":
         K = drive(given).plant.theta
@@ -149,7 +149,7 @@ void flown(int count, const double *x, const double *r, const double *u_baseline
 
 
 def test_an_existing_loop_of_its_own_code_is_heard(tmp_path):
-    """Its PI by another rule, by Python: u is what it says plus what adapts, and the limits see the sum."""
+    """Its PI by another rule, in Python: u is its output plus the adaptive part, and the limits act on the sum."""
     compiler = require_compiler()
     folder = export_controller(EXTERNAL, Sampled(Mrac(gamma=20.0), 0.02), SIMULATION, out=tmp_path / "out")
     texts = {name: (folder / name).read_text() for name in ("controller.h", "controller.c")}

@@ -1,4 +1,4 @@
-"""The controller that knows its parameters, against what is known of the loop it makes: the reference model."""
+"""The controller with known parameters: its loop equals the reference model."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def ideal(problem):
 @pytest.mark.parametrize("gain", [None, (0.3, 2.0)])
 @pytest.mark.parametrize("regressor", [None, Terms(terms=("x1*x2", "sin(x1)"))])
 def test_the_loop_is_the_model(problems, gain, regressor):
-    """Whatever phi(x) is, and with the gain that the plant has: e stays at the roundings of some 1e4 steps."""
+    """For any phi(x) and any gain of the plant, e stays at the roundings of about 1e4 steps."""
     problem, path = problems[2], PlantInput(gain=0.6)
     plant = problem.plant if regressor is None else replace(problem.plant, regressor=regressor)
     if gain is not None:

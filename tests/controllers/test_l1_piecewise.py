@@ -1,4 +1,4 @@
-"""The piecewise-constant L1 law against what it is said to be: SciPy's discretisations, formulas by hand, simulations."""
+"""The piecewise-constant L1 law against SciPy's discretisations, formulas by hand and simulations."""
 
 from __future__ import annotations
 
@@ -107,7 +107,8 @@ def test_the_estimate_is_a_difference_of_two_measurements(name):
 
 @pytest.mark.parametrize("name", ["exact", "several"])
 def test_u_is_what_scipys_trapezoidal_rule_makes_of_the_estimates(name):
-    """From 5 s on: SciPy's filter starts before the first sample, ours with it, which both have forgotten then (e^-50)."""
+    """From 5 s on: SciPy's filter starts before the first sample and ours at it, but both have forgotten their start by then
+    (e^-50)."""
     problem, controller = CASES[name]
     m, T, C = problem.plant.inputs, controller.sample_time, controller.filter
     _, _, r, u, sigma_hat = sampled_run(problem, controller)
@@ -188,7 +189,7 @@ def test_noise_grows_in_the_estimate_and_not_in_u(T):
     """s sqrt(2)/T in sigma_hat. In u s w_c/sqrt(2): the trapezoidal rule's mean of two samples takes a root of 2.
 
     5 %: 1/sqrt(2 N) of N >= 5000 samples is 1 %; the loop's own answer and w_c T are of the order of 2 %. 15 % in u, where
-    the baseline, of gain 1 beside w_c = 10, adds its own; what it is exactly stands in the certificate.
+    the baseline, of gain 1 beside w_c = 10, adds its own; the certificate has the exact value.
     """
     s, w_c = 0.01, 10.0
     problem = integrator(reference=Constant(0.0), sensor=Sensor(noise=Noise(std=s, sample_time=T, seed=2)))
@@ -213,7 +214,7 @@ def test_a_loop_that_runs_five_times_as_fast_as_told_has_five_times_its_baseline
 
 @pytest.mark.parametrize(("ratio", "lost"), [(1.9, False), (2.1, True)])
 def test_without_the_filter_it_is_lost_at_twice_the_assumed_sample_time(ratio, lost):
-    """u[k] = u_b - (r - 1) u[k-1]: with the filter the same ratio is borne."""
+    """u[k] = u_b - (r - 1) u[k-1]: with the filter the loop tolerates the same ratio."""
     T = 1e-3
     run, *_ = sampled_run(integrator(), flown(T, None, assumed=T / ratio), t_end=5.0, steps=1)
     assert (run.diverged_at is not None or np.abs(run.u).max() > 1e3) == lost
@@ -224,7 +225,7 @@ def test_without_the_filter_it_is_lost_at_twice_the_assumed_sample_time(ratio, l
 def test_for_short_samples_section_v_has_the_tail_of_the_gradient_law_at_a_high_gain(section_v):
     """In proportion to T, so that two sample times give the limit; 1 %: the gradient law's own sample time leaves 0.6 %.
 
-    The sampled gradient law bears Gamma = 1e8. No known set: its projection would act.
+    The sampled gradient law tolerates Gamma = 1e8. No known set: its projection would act.
     """
     problem = Problem(plant=section_v.plant, reference_model=section_v.reference_model, reference=section_v.reference)
     C = input_filter(0.02)
@@ -265,7 +266,8 @@ def test_the_compensation_is_the_inverse_over_all_frequencies():
 
 
 def test_a_saturated_command_into_the_predictor_keeps_the_estimate():
-    """With sat(u) sigma_hat is what acts, of size 1; without, the missing input is taken for a disturbance and u runs away."""
+    """With sat(u) sigma_hat equals the disturbance, of size 1; without it, the missing input is taken for a disturbance and u
+    diverges."""
     plant = Plant(A_m=[[-1.0]], b=[1.0], theta=[0.0], input=PlantInput(saturation=[-1.0, 1.0]))
     problem = Problem(plant=plant, disturbance=Constant(-2.0), reference=Constant(3.0))
     runs = [
@@ -356,7 +358,7 @@ def test_it_is_sampled_by_nature():
 def test_after_a_gap_the_estimate_has_answered_once_what_acted_in_it(gap) -> None:
     """In one dimension, where the weight of a gap is exact: a jump at its beginning is answered as without a gap.
 
-    The answer of the sample after it is the same: the predictor forgets what it was.
+    The response to the next sample is the same: the predictor forgets its past.
     """
     a, T, steps = -2.0, 0.02, np.exp(-2.0 * 0.02)
     plant = Plant(A_m=[[a]], b=[1.0], theta=[0.0], x0=[0.0])

@@ -1,4 +1,5 @@
-"""The MIT rule: the textbook's example, the gradient that it follows, and how a high gain or a large command loses it."""
+"""The MIT rule: the textbook's example, the gradient that it follows, and the loss of stability at a high gain or a large
+command."""
 
 from dataclasses import replace
 
@@ -34,7 +35,7 @@ def textbook(gamma, until):
 
 
 def test_the_textbook_s_first_order_plant():
-    """RK4 at 1 ms over 100 s, of motions of a second: 1e-9."""
+    """1e-9: RK4 at 1 ms over 100 s, with motions on a scale of a second."""
     case = load_case("astrom-wittenmark")
     run = simulate(case.problem, case.controllers, case.simulation)["MIT rule"]
     y, y_m, theta_1, theta_2 = textbook(1.0, 100.0)
@@ -72,7 +73,7 @@ def feedforward_textbook(gamma, until, *, amplitude=1.0, k=1.0, k_0=2.0):
 
 
 def test_the_textbook_s_feedforward_gain():
-    """RK4 at 1 ms over 20 s: 1e-9. How far theta goes beyond 2 stands in docs/plants.md."""
+    """RK4 at 1 ms over 20 s: 1e-9. docs/plants.md states how far theta overshoots 2."""
     case = load_case("mit-feedforward")
     runs = simulate(case.problem, case.controllers, case.simulation)
     for gamma, largest in ((0.5, 2.0), (1.0, 2.53), (2.0, 3.09)):
@@ -83,7 +84,8 @@ def test_the_textbook_s_feedforward_gain():
 
 
 def test_a_small_command_makes_it_slow_and_a_large_one_bursts():
-    """The numbers of docs/plants.md, by the textbook's equations: from a tenth of the command theta is not there after 400 s."""
+    """The numbers of docs/plants.md, by the textbook's equations: with a tenth of the command theta has not converged after 400
+    s."""
     assert round(feedforward_textbook(1.0, 400.0, amplitude=0.1)[2], 2) == 1.73
     case = load_case("mit-feedforward")
     large = replace(case.problem, reference=replace(case.problem.reference, amplitude=10.0))
@@ -128,7 +130,7 @@ def test_a_feedforward_alone_bursts_above_it(factor):
 
 
 def test_with_all_its_gains_frozen_a_feedforward_is_no_loop():
-    """Any delay is borne then; with its law in it the loop has a margin."""
+    """The loop then tolerates any delay; with its law active it has a finite margin."""
     case = load_case("mit-feedforward")
     found = certify(case.problem, case.controllers[:1], case.simulation)["gamma = 0.5"].values
     assert found["delay_margin"] is None and 0 < found["delay_margin_adapting"] < 10
@@ -143,7 +145,7 @@ A_1, A_2 = 1.2, 0.8  # of G = 1/(s^2 + A_1 s + A_2)
 
 
 def at_constant_command(r, gamma, **more):
-    """A second-order plant at rest on the model's state, its gains a thousandth off; and what certify says of the law."""
+    """A second-order plant at rest on the model's state with gains off by a thousandth, and what certify says about the law."""
     plant = Plant(A_m=[[0.0, 1.0], [-A_2, -A_1]], b=[0.0, 1.0], theta=[0.5, -0.4], x0=[r, 0.0], input=PlantInput(gain=2.0))
     problem = Problem(plant=plant, reference_model=ReferenceModel(k_0=A_2), reference=Constant(r))
     controller = MitRule(gamma=gamma, theta_hat0=[0.2501, -0.2], k_r0=A_2 / 2, **more)

@@ -33,7 +33,7 @@ def textbook(gamma, until):
 
 @pytest.mark.parametrize(("name", "gamma"), [("Direct MRAC", 1.0), ("Direct MRAC, gamma = 5", 5.0)])
 def test_the_textbook_s_first_order_plant(name, gamma):
-    """RK4 at 1 ms over 100 s, of motions of a second: 1e-9."""
+    """1e-9: RK4 at 1 ms over 100 s, with motions on a scale of a second."""
     case = load_case("astrom-wittenmark")
     run = simulate(case.problem, case.controllers, case.simulation)[name]
     y, y_m, theta_1, theta_2 = textbook(gamma, 100.0)
@@ -81,7 +81,9 @@ def test_the_sets_of_the_ideal_gains(problems, theta):
     for point, omega in zip(points, np.concatenate([rng.uniform(0.5, 4.0, 400), [0.5, 4.0] * 100]), strict=False):
         assert equations.gains.estimate_set.contains(point / omega * (1 - 1e-12))
         assert equations.gains.interval.contains(np.array([2.0 / omega]))
-    given = replace(problem, plant=replace(plant, theta=10 * theta.middle))  # what makes the estimates run to the bounds
+    given = replace(
+        problem, plant=replace(plant, theta=10 * theta.middle)
+    )  # the setting that drives the estimates to their bounds
     (run,) = simulate(given, [DirectMrac(gamma=500.0)], Simulation(t_end=5.0, dt=1e-3)).values()
     assert all(equations.gains.estimate_set.contains(point) for point in run.theta_hat)
     assert (run.reported["k_r_hat"] >= 0.5).all() and (run.reported["k_r_hat"] <= 4.0).all()
@@ -119,7 +121,7 @@ def by_matrices(gamma, gamma_r, until):
 
 
 def test_several_inputs_are_the_textbooks_matrices():
-    """RK4 at 1 ms over 20 s of motions of a second: 1e-8."""
+    """1e-8: RK4 at 1 ms over 20 s, with motions on a scale of a second."""
     (run,) = simulate(several(), [DirectMrac(gamma=6.0, gamma_r=2.0)], Simulation(t_end=20.0, dt=1e-3)).values()
     expected = by_matrices(6.0, 2.0, 20.0)
     found = np.concatenate([run.x[-1], run.x[-1] - run.e[-1], run.theta_hat[-1], run.reported["k_r_hat"][-1]])

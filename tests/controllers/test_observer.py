@@ -51,12 +51,12 @@ from barbalat.plants import (
 from barbalat.signals import Sine
 from independent import refusal, symbols_against_numbers
 
-# two carts with a spring: the first one's place and the spring's length are measured, u pushes the first
+# two carts with a spring: the first cart's position and the spring's length are measured, and u pushes the first cart
 A = np.array([[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0], [0.0, 3.0, -0.4, 0.0], [0.0, -8.0, 0.4, -0.2]])
 B = np.array([0.0, 0.0, 2.0, -2.0])
 C = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]])
 POLES = (-1.5, -2.0, [-2.0, 2.0])
-TRUE_A = A + np.outer(B, [0.2, -0.3, 0.1, 0.1]) + np.diag([0.0, 0.0, 0.0, -0.1])  # partly out of the input's reach
+TRUE_A = A + np.outer(B, [0.2, -0.3, 0.1, 0.1]) + np.diag([0.0, 0.0, 0.0, -0.1])  # partly uncontrollable
 X0 = np.array([0.1, -0.05, 0.2, 0.3])
 COMMAND = Sine(amplitude=0.5, frequency=1.3)
 T = 0.01
@@ -110,7 +110,7 @@ class ByHand:
 
 @pytest.mark.parametrize("kind", OBSERVERS)
 def test_mrac_on_the_estimate_is_what_scipy_integrates(kind):
-    """Off the nominal plant, with the sensor's lag and with limits that act on the plant and in the observer."""
+    """A plant that differs from the nominal one, with a sensor lag and with limits that act on the plant and in the observer."""
     low, high = -1.0, 1.2
     problem = posed(kind, input=PlantInput(saturation=[low, high]), sensor=Sensor(lag=0.02))
     gamma, hand = 3.0, ByHand(kind, None)
@@ -137,7 +137,7 @@ def test_mrac_on_the_estimate_is_what_scipy_integrates(kind):
 
 @pytest.mark.parametrize("kind", OBSERVERS)
 def test_a_sampled_observer_is_its_difference_equation(kind):
-    """Around the truth's exact motion under the held u; the current estimator, and Tustin's form of the derivative."""
+    """The current estimator and Tustin's form of the derivative, along the exact motion under the held u."""
     problem = posed(kind)
     alone = Sampled(controller=BaselineAlone(nominal=problem.plant.theta), sample_time=T)
     run = simulate(problem, [alone], replace(SIMULATION, record_points=4001))["Baseline"]
@@ -199,7 +199,8 @@ def test_a_lost_sample_is_predicted_and_corrects_nothing(kind):
 @pytest.mark.parametrize("kind", ("luenberger", "kalman"))
 @pytest.mark.parametrize("delay", (0.4 * T, T, 2.3 * T))
 def test_a_sampled_observer_contains_the_delay_of_the_input(kind, delay):
-    """The nominal plant from an x0 that is measured: as without an observer, whose truth may have another delay."""
+    """On the nominal plant from a measured x0 the run is the one without an observer; the simulated plant may have another
+    delay."""
     still = np.array([0.1, -0.05, 0.0, 0.0])
     limits = PlantInput(saturation=[-0.4, 0.3], delay=delay)
     watched = replace(posed(kind, input=limits), truth=None)
@@ -223,7 +224,7 @@ def test_a_sampled_observer_contains_the_delay_of_two_inputs():
 
 
 def test_an_exact_model_is_estimated_exactly_and_changes_nothing():
-    """From an x0 that is measured the nominal plant's estimate is its state: the run is the one without an observer."""
+    """From a measured x0 the estimate equals the nominal plant's state, so the run is the one without an observer."""
     still = np.array([0.1, -0.05, 0.0, 0.0])
     plant = replace(posed("kalman").plant, x0=still)
     for kind in ("luenberger", "kalman"):
@@ -336,7 +337,8 @@ def test_nothing_is_guaranteed_beside_an_observer():
 
 
 def test_a_sampled_controller_needs_no_continuous_observer(monkeypatch):
-    """Neither to run nor to be certified: a plant whose continuous Riccati equation fails is no reason to refuse it."""
+    """A failing continuous Riccati equation is no reason to refuse a sampled controller, neither in a run nor in a
+    certificate."""
 
     def refused(self, plant):
         raise AssertionError("the continuous filter was formed")
@@ -400,7 +402,8 @@ def test_exported_c_flies_as_simulated(kind):
 
 
 def test_a_shell_and_faults_reach_the_measurement_and_the_observer():
-    """Lost encoder samples: C, with the case's shell around it, has the bits of the simulation, and the run is another one."""
+    """With lost encoder samples the C in the case's shell equals the simulation bit for bit, and the run differs from the one
+    without losses."""
     labels, T_n = Labels(names=["place", "length", "rate", "length_rate"]), T
     sensor = Sensor(noise=Noise(std=[1e-4, 2e-4], sample_time=T_n))
     problem = posed("kalman", labels=labels, sensor=sensor, shell=Shell(range={"length": [-2.0, 2.0]}))
@@ -487,7 +490,7 @@ def test_a_fine_encoder_has_a_kalman_filter(step):
 
 
 def test_why_there_is_no_filter_is_told():
-    """An integrator that Q leaves undriven is named; without one the numbers are to blame, and no mode."""
+    """An integrator that Q leaves undriven is named; without one the message blames the numbers and not a mode."""
     plant = Plant(A=[[0.0, 0.0], [0.0, -1.0]], b=[1.0, 1.0], poles=[-1.0, -2.0])
     posed = Problem(plant=plant, observer=KalmanObserver([0.0, 1.0], 1.0, measured=[[1.0, 1.0]]))
     for step in (None, 0.01):

@@ -199,7 +199,7 @@ def test_a_limit_that_the_model_knows_is_not_learnt_from():
 
 
 def test_an_aircraft_beside_the_others():
-    """lateral-aircraft, whose actuators it does not know: it follows, and Table 1 says what carries over."""
+    """On lateral-aircraft, whose actuators the scheme does not know, it follows, and Table 1 says which properties remain."""
     case = load_case("lateral-aircraft")
     controller = RobustMrac(tau=0.5, law=Gradient(gamma=100.0), normalization=Normalization(alpha_0=1.0))
     (run,) = simulate(case.problem, [controller], Simulation(t_end=10.0, dt=5e-3)).values()

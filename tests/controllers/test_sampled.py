@@ -184,7 +184,7 @@ def test_the_predictor_of_mrac_tends_to_the_model_with_the_sample_time(section_v
 
 def test_the_fast_loop_bears_one_sample_of_delay(section_v):
     """Gamma -> infinity: u_next = u - v - theta'phi + k_0 r with v what reaches the plant, so z^2 - a z + a = 0 for a delay of
-    a T: |z|^2 = a. 0.9 T is borne without chatter, 1.1 T is not; with a filter five samples and more are.
+    a T: |z|^2 = a. 0.9 T is tolerated without chatter and 1.1 T is not; with a filter five samples and more are tolerated.
     """
     T = 1e-3
     rates = {}
@@ -203,7 +203,7 @@ def test_the_fast_loop_bears_one_sample_of_delay(section_v):
 
 @pytest.mark.parametrize("remedy", [ModifiedError(), ModifiedError(mu=0.5, margin=0.1)])
 def test_modified_error_by_the_midpoint_form(problems, remedy):
-    """Against windup: the predictor, fed with sat(u), is the adapted model. Short samples tend to the continuous controller."""
+    """Anti-windup: the predictor, fed with sat(u), equals the adapted model. Short samples tend to the continuous controller."""
     problem = replace(problems[2], plant=replace(problems[2].plant, input=PlantInput(saturation=[-2.5, 2.5])))
     controller, simulation = Mrac(gamma=20.0, modified_error=remedy, name="c"), Simulation(t_end=4.0, dt=2.0**-9)
     exact = simulate(problem, [controller], simulation)["c"]
@@ -322,7 +322,7 @@ def test_output_refusal():
 
 
 def test_the_normalising_signal_of_a_sampled_controller(problems):
-    """(16) under the u that was held: n_d(t) = integral_0^t e^(-delta_0 (t - s)) u(s)^2 ds, by pieces of constant u."""
+    """(16) under the held u: n_d(t) = integral_0^t e^(-delta_0 (t - s)) u(s)^2 ds, by pieces of constant u."""
     T, delta_0 = 2.0**-6, 0.7
     law = LeastSquares(covariance0=20.0)
     continuous = RobustMrac(tau=0.3, law=law, normalization=Normalization(alpha_0=0.3, delta_0=delta_0), name="c")

@@ -22,7 +22,7 @@ from barbalat.signals import Sine
 
 
 def random_known(random, n, m=1, *, gain_unknown=False, box=None):
-    """A Hurwitz A_m with time constants from 0.01 to 10 s, B and everything a controller may know."""
+    """A Hurwitz A_m with time constants from 0.01 to 10 s, B, and everything that a controller may know."""
     while True:
         A_m = random.normal(size=(n, n)) * 10 ** random.uniform(-1, 1)
         A_m -= (max(np.linalg.eigvals(A_m).real.max(), 0) + 10 ** random.uniform(-1, 1)) * np.eye(n)
@@ -131,7 +131,8 @@ class Case:
         return 1e-11 * self.stiffness * (sum(V) + np.abs(self.x_next).max() ** 2 * np.linalg.norm(self.P, 2))
 
     def moved(self, before, after):
-        """|x_tilde_next - x_tilde|_P^2 + |theta_hat_next - theta_hat|^2 in V's metric: what the implicit step takes besides."""
+        """|x_tilde_next - x_tilde|_P^2 + |theta_hat_next - theta_hat|^2 in V's metric: the additional decrease due to the
+        implicit step."""
         x = self.x_next - after.x_hat - self.x + before.x_hat
         theta = after.theta_hat - before.theta_hat
         return x @ self.P @ x + theta @ self.metric @ theta
@@ -155,7 +156,8 @@ def test_lyapunov_identity_at_any_gain_and_sample_time(m, gain_unknown, sample):
 
 
 def test_V_falls_with_a_matrix_gain():
-    """In a box of two parameters; beyond two its corners are cut, for which it is not claimed. 1e-7: Gamma^-1 is computed."""
+    """In a box of two parameters; with more its corners are cut, and the inequality is not claimed there. 1e-7: Gamma^-1 is
+    computed."""
     random = np.random.default_rng(5)
     for _ in range(300):
         case = Case(random, matrix=True)
@@ -181,7 +183,7 @@ def test_the_predictor_is_fed_with_the_estimate_inside_the_set(sample):
                 start = before.x_hat + case.T * (entering - A_m @ (case.x_next - case.x) / 2)
                 x_hat = np.linalg.solve(np.eye(case.n) - case.T * A_m, start)
                 agree.append(np.abs(x_hat - after.x_hat).max() <= 1e-9 * (np.abs(x_hat).max() + np.abs(start).max()))
-        assert np.mean(agree) > (0.99 if m == 1 else 0.9)  # several inputs: where the active faces were found
+        assert np.mean(agree) > (0.99 if m == 1 else 0.9)  # several inputs: only if the active faces were found
 
 
 LEAKAGES = {
@@ -195,7 +197,7 @@ LEAKAGES = {
 def test_leakage(kind, sample):
     """V_next - V = fall - moved - 2 T w theta_tilde'theta_hat without a set; with one, at most fall + T w |theta|^2/2.
 
-    The switching one takes V below what it would be without, since |theta| < M_0, in every case.
+    The switching leakage lowers V in every case, since |theta| < M_0.
     """
     random = np.random.default_rng(23)
     for i in range(sample(100, 400)):
@@ -210,7 +212,7 @@ def test_leakage(kind, sample):
                 case.known.b * (phi @ before.theta_hat + case.u) - case.known.A_m @ (case.x_next - case.x) / 2
             )
             still = np.linalg.solve(np.eye(case.n) - case.T * case.known.A_m, start)
-            error = (case.x_next - still) @ case.P @ case.known.b  # e'P b, were the estimates to rest
+            error = (case.x_next - still) @ case.P @ case.known.b  # e'P b with the estimates at rest
             w = {"sigma": 0.3, "epsilon": 0.5 * abs(error), "switching": 0.0}[kind]
             slack = ease * case.slack(V, V_next, case.T * w * after.theta_hat @ after.theta_hat)
             if known_set is None and kind != "switching":

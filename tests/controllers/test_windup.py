@@ -1,4 +1,4 @@
-"""Remedies against windup: nothing changes without a limit at work; with one, nothing wrong is learnt."""
+"""Anti-windup: nothing changes unless a limit is active; with an active limit, nothing wrong is learnt."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def unstable(level, **given):
 
 @pytest.mark.parametrize("name", PAIRS | ON_THE_MODEL)
 def test_without_a_limit_at_work_nothing_changes(problems, name):
-    """The run to rounding, since the kernel may order other sums otherwise; the equations to the last bit."""
+    """The runs agree to rounding, since the kernel may reorder sums; the equations agree exactly."""
     problem, pair = limited(problems[2], 1e4), (PAIRS | ON_THE_MODEL)[name]
     plain, remedied = (simulate(problem, [controller], SIMULATION)["c"] for controller in pair)
     both, loop = [controller.bind(problem.known) for controller in pair], remedied.loop
@@ -145,7 +145,7 @@ def test_the_parametric_model_is_exact_at_the_limit(name, sample_time):
 
 @pytest.mark.parametrize("name", ["RobustMrac, least squares", "RobustMrac, gradient"])
 def test_what_winds_up_without_the_remedy_stays_bounded_with_it(name):
-    """The plain scheme learns the limit as if it were the plant, to the corner of the known set; u grows twentyfold and more."""
+    """The plain scheme mistakes the limit for the plant and goes to the corner of the known set; u grows more than twentyfold."""
     problem = unstable(2.0)
     plain, remedied = (simulate(problem, [c], Simulation(t_end=20.0, dt=1e-3))["c"] for c in ON_THE_MODEL[name])
     assert (plain.theta_hat[-1] == 4.0).all()
@@ -177,7 +177,7 @@ def test_positive_mu_keeps_the_control_nearer_to_its_limits(problems):
 
 
 def test_the_sampled_predictor_takes_what_is_left_of_u(problems):
-    """Midpoint: the estimates of the remedied form move less astray than those of the plain one."""
+    """In the midpoint form the estimates drift less with anti-windup than without."""
     problem = limited(problems[2], 3.0)
     astray = []
     for controller in PAIRS["l1"]:
@@ -200,7 +200,7 @@ def test_refusals(problems):
 
 
 def test_a_pi_with_anti_windup_is_back_calculation_with_its_own_time_constant():
-    """(d/dt) of what the integrator gives to u is k_p/T_i e + (sat(u) - u)/T_i."""
+    """The rate of the integrator's contribution to u is k_p/T_i e + (sat(u) - u)/T_i."""
     problem, k_p, T_i = limited(load_case("paper").problem, 1.0), 3.0, 0.7
     pi = LinearFeedback(TransferFunction([k_p * T_i, k_p], [T_i, 0.0]), output=[0.0, 1.0], anti_windup=k_p)
     equations = pi.bind(problem.known)
@@ -210,7 +210,7 @@ def test_a_pi_with_anti_windup_is_back_calculation_with_its_own_time_constant():
 
 
 def test_anti_windup_makes_any_linear_controller_forget_at_a_limit():
-    """Also of an order above one, with an integrator and without a direct part: A - L C is stable."""
+    """The same for an order above one, with an integrator and without feedthrough: A - L C is stable."""
     A = np.array([[0.0, 1.0, 0.0], [0.0, -2.0, 5.0], [0.0, 0.0, -30.0]])
     K = StateSpace(A, np.array([0.0, 0.0, 30.0]), np.array([1.0, 0.3, 0.0]), 0.0)
     equations = LinearFeedback(K, anti_windup=0.5).bind(limited(load_case("paper").problem, 1.0).known)

@@ -151,7 +151,7 @@ def test_the_loop_is_the_one_that_was_designed(section_v):
 
 @pytest.mark.parametrize("case", ["lateral-aircraft", "wing-rock", "f16-short-period"])
 def test_plants_that_are_no_linear_siso_ones_are_refused(case):
-    """Several inputs, a nonlinear regressor, an unknown input gain: one sentence from the design already."""
+    """Several inputs, a nonlinear regressor, an unknown input gain: the design itself refuses them in one sentence."""
     known = load_case(case).problem.known
     plain = known.inputs == 1 and not known.matched.gain_unknown and isinstance(known.matched.regressor, Linear)
     if plain:
@@ -180,7 +180,7 @@ def test_a_nominal_set_off_zero(section_v):
 
 
 def test_hinf_bears_more_than_pi_for_the_same_delay(section_v):
-    """What the synthesis is for: it uses what the delay leaves. (pi_controller keeps a margin.)"""
+    """The purpose of the synthesis: it uses the bandwidth that the delay allows. (pi_controller keeps a margin.)"""
     pytest.importorskip("slycot")
     known, delay = section_v.known, 0.02
     findings: list[str] = []
@@ -198,7 +198,7 @@ def test_hinf_bears_more_than_pi_for_the_same_delay(section_v):
 
 @pytest.mark.parametrize("design", ["pi", "hinf"])
 def test_every_key_of_a_linear_controller_goes_with_a_design(design):
-    """Case files hand a design all keys of the scheme but the controller that it makes; here with a value for each."""
+    """Case files pass a design all keys of the scheme except the controller that it makes; here each key has a value."""
     if design == "hinf":
         pytest.importorskip("slycot", reason="needs the extra robust")
     case = """

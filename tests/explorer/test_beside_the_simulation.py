@@ -1,4 +1,4 @@
-"""Signals and options that a page has to compute in its own way: the figures are those of a run, in every bit."""
+"""Signals and options that a page computes in its own way: its figures equal those of a run bit for bit."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def recorded_case(folder, *, mu=1.5, disturbance="", rows=40):
     ],
 )
 def test_a_recorded_command_and_the_modified_error_have_the_bits_of_a_run(tmp_path, disturbance):
-    """By the page's own scripts; beside a formula and a signal that jumps, whose columns stand between the record's."""
+    """Computed by the page's own scripts, beside a formula and a jumping signal whose columns lie between the record's."""
     source = recorded_case(tmp_path, disturbance=disturbance)
     described = Described.of(source)
     found = figures(described.as_data(), tmp_path)
@@ -81,7 +81,7 @@ def test_a_recorded_command_and_the_modified_error_have_the_bits_of_a_run(tmp_pa
 
 
 def test_numbers_beside_a_record_have_sliders(tmp_path):
-    """Every case of another number reads the record anew: it is the same one."""
+    """Every case with a changed number rereads the record, which is the same one."""
     paths = {str(one.number.path): one for one in Described.of(recorded_case(tmp_path)).sliders}
     assert {"plant.theta[0]", "controller[0].gamma", "controller[0].modified_error.mu", "plant.input.saturation[1]"} <= set(paths)
     assert paths["plant.theta[0]"].copied and paths["controller[0].modified_error.mu"].copied
@@ -89,7 +89,7 @@ def test_numbers_beside_a_record_have_sliders(tmp_path):
 
 @needs_node
 def test_a_slider_moves_the_modified_error_from_zero_on(tmp_path):
-    """A case with mu = 0 has the whole formula in its module, with the bits of the one that leaves it out."""
+    """With mu = 0 the module contains the whole formula and equals, bit for bit, the one without it."""
     source = recorded_case(tmp_path, mu=0.0)
     described = Described.of(source)
     (slider,) = [one for one in described.sliders if str(one.number.path) == "controller[0].modified_error.mu"]
@@ -138,7 +138,7 @@ sample_time = 0.02
 
 @needs_node
 def test_an_observer_has_the_bits_of_a_run_and_a_slider(tmp_path):
-    """With fewer measured quantities than states, of which each has its noise."""
+    """With fewer measured quantities than states, each with its own noise."""
     (tmp_path / "case.toml").write_text(OBSERVED)
     source = TextSource(CaseText.read(str(tmp_path / "case.toml")))
     described = Described.of(source)
@@ -154,7 +154,7 @@ def test_an_observer_has_the_bits_of_a_run_and_a_slider(tmp_path):
 
 
 def test_a_record_longer_than_a_page_is_refused_in_a_sentence():
-    """Beyond the longest horizon of a page its points are not needed."""
+    """Points beyond the longest horizon of a page are not needed."""
     times = np.arange(MOST_POINTS + 10) * 1e-3
     record = Recorded(times, np.sin(times))
     assert points_of(record, 1.0).keys() == {"times", "values"}
@@ -165,7 +165,7 @@ def test_a_record_longer_than_a_page_is_refused_in_a_sentence():
 
 @dataclass(frozen=True)
 class Stranger:
-    """A table of its own, equal to no other array-like by ==."""
+    """A separate table that == never finds equal to another array-like."""
 
     times: np.ndarray
     values: np.ndarray
@@ -196,7 +196,7 @@ def test_a_signal_from_outside_that_knows_its_points_is_a_record_too(tmp_path):
 
 @dataclass(frozen=True)
 class Pulses:
-    """A stranger with an array among its fields, whose equality no tuple can ask for."""
+    """A class from outside with an array among its fields, which a tuple can't compare."""
 
     instants: np.ndarray
 

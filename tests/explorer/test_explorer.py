@@ -1,4 +1,4 @@
-"""Explorers without a browser: what stands in a page, and that its numbers are the simulator's. See ``browser_explorer.py``."""
+"""Explorers without a browser: the contents of a page, and that its numbers are the simulator's. See ``browser_explorer.py``."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def test_every_number_of_the_loop_has_a_slider(page) -> None:
     wanted = {"controller[0].gamma", "controller[0].filter.kappa", "reference.amplitude", "reference.frequency", "plant.theta[0]"}
     assert wanted < set(paths)
     assert paths["controller[0].gamma"]["copied"]
-    assert not paths["controller[0].filter.kappa"]["copied"]  # -1/kappa and 1/kappa are what the module is handed
+    assert not paths["controller[0].filter.kappa"]["copied"]  # the module receives -1/kappa and 1/kappa
     assert paths["controller[0].gamma"]["log"]
     assert not paths["plant.theta[0]"]["log"]
 
@@ -113,7 +113,7 @@ def test_gains_of_sampled_controllers_have_sliders(controller) -> None:
 
 
 def test_numbers_that_move_the_same_entries_name_each_other() -> None:
-    """P follows from all entries of A_m, of which a page has the values one at a time; b, gamma and kappa stand alone."""
+    """P follows from all entries of A_m, which a page changes one at a time; b, gamma and kappa are independent."""
     text = CASE.replace("[[-4.0]]", "[[0.0, 1.0], [-4.0, -2.8]]").replace("[1.0]", "[0.0, 1.0]").replace("[5.0]", "[1.0, -0.5]")
     sliders = Described.of(TextSource(CaseText(text.replace("[-10.0]", "[-3.0, -3.0]").replace("[10.0]", "[3.0, 3.0]")))).sliders
     excludes = {str(one.number.path): sum(one.excludes(other) for other in sliders if other is not one) for one in sliders}
@@ -229,7 +229,7 @@ def test_a_module_s_commands_have_a_run_s_bits() -> None:
 
 
 def test_what_jumps_is_kept_as_runs_of_rows() -> None:
-    """Put together again they are the table that a run has, jumps inside of steps included."""
+    """Reassembled they equal a run's table, including jumps inside steps."""
     signals = (Square(1.5, 0.7),)
     simulation = Simulation(t_end=20.0, dt=1e-2, fused=False)
     grid = Grid.of(signals, simulation)
@@ -292,7 +292,7 @@ def test_the_amplitude_of_a_command_that_jumps_multiplies_its_rows_and_its_frequ
 
 
 def test_a_gain_of_one_is_another_kernel_and_no_slider_s_value() -> None:
-    """With it nothing is multiplied by the gain, and sums are in another order: the copied case's last bits were others."""
+    """With a gain of 1 the multiplication was left out and sums were reordered, so the copied case differed in its last bits."""
     (gain,) = [
         one.number for one in Described.of(TextSource(CaseText(GAIN))).sliders if str(one.number.path) == "plant.input.gain"
     ]
@@ -302,7 +302,8 @@ def test_a_gain_of_one_is_another_kernel_and_no_slider_s_value() -> None:
 
 
 def test_of_the_amplitude_and_what_shifts_a_jumping_command_one_moves_at_a_time() -> None:
-    """A page multiplies kept rows to have another amplitude: right at another frequency or phase, wrong about another middle."""
+    """A page multiplies kept rows to have another amplitude: this is right for another frequency or phase, but wrong for another
+    constant part."""
     text = JUMPING.replace("frequency = 3.0", "frequency = 3.0\nphase = 0.0\nconstant = 0.0")
     source = TextSource(CaseText(text.replace('"l1"', '"mrac"').replace("filter = { kappa = 0.05 }\n", "")))
     sliders = {str(one.number.path).removeprefix("reference."): one for one in Described.of(source).sliders}

@@ -1,4 +1,4 @@
-"""A page with a shell and faults: what it draws is the package's, and its runs have the bits of ``simulate``."""
+"""A page with a shell and faults: its draws are the package's, and its runs equal ``simulate`` bit for bit."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def test_sliders_of_faults_and_of_the_shell_move_them_at_another_step(tmp_path) 
     for path in ("shell.rate.x_2", "shell.longest_outage"):  # in a kernel by the sample time: tabulated
         values = page.sliders[paths.index(path)].number.values
         moved[path] = float(values[len(values) // 4])
-    assert "faults[0].seed" not in paths  # 2^64 - 1, and a page's numbers have 53 bits
+    assert "faults[0].seed" not in paths  # 2^64 - 1, whereas a page's numbers have 53 bits
     values = [moved.get(path, one.number.value) for path, one in zip(paths, page.sliders, strict=True)]
     found = figures(page.as_data(), tmp_path, values=values, dt=2.5e-3, tEnd=6.0)
     case = page.source.at({page.sliders[paths.index(path)].number.path: value for path, value in moved.items()})
@@ -80,7 +80,7 @@ def test_sliders_of_faults_and_of_the_shell_move_them_at_another_step(tmp_path) 
 
 
 def test_a_verdict_is_the_judge_s_with_faults_that_come_and_go(tmp_path: Path) -> None:
-    """A wandering limit cycle is confirmed with faults held: a dropout that was held too would open the loop."""
+    """A wandering limit cycle is confirmed with faults held: holding a dropout too would open the loop."""
     compare(*judged(CASE, tmp_path))
 
 

@@ -1,4 +1,4 @@
-"""Lessons without a browser: their goals by the simulator. ``browser_lessons.py`` has them on the page."""
+"""Lessons without a browser: their goals by the simulator. ``browser_lessons.py`` checks them on the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LESSONS = [(file, lesson) for file, lessons in PAGES.items() for lesson in lesso
 
 
 def figures_of(file, lesson, numbers):
-    """Of the lesson's controllers, without fused multiply-adds, by name."""
+    """The figures of the lesson's controllers by name, without fused multiply-adds."""
     source = explorer(file).source
     names = [controller.name for controller in source.at({}).controllers]
     toggled = [names.index(name) for name, on in lesson.projection.items() if on != source.projected(names.index(name))]
@@ -32,7 +32,7 @@ def holds(goal, numbers, found, started) -> bool:
         value = numbers.get(goal.path)
         return value is None or (value <= goal.value if goal.relation == "<=" else value >= goal.value)
     if not isinstance(goal, FigureGoal):
-        return True  # that projection stays off is the setting's
+        return True  # the setting keeps projection off
     other = {None: None, "start": started.get(goal.controller)}.get(goal.share_of, found.get(goal.share_of))
     value = found[goal.controller][goal.figure]
     if None in value:

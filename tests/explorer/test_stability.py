@@ -1,4 +1,4 @@
-"""What a page says of the step is what a run says of it: the page's own scripts, outside of a browser."""
+"""A page's statement on the step agrees with a run's; the page's own scripts run without a browser."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ RARER = ("a jump between two steps", "a delay")
 
 
 class WithoutSliders(TextSource):
-    """The case as it is given: finding out what each number moves takes a page most of its time."""
+    """The case as given: a page spends most of its time on finding what each number affects."""
 
     def numbers(self):
         return iter(())
@@ -118,7 +118,7 @@ def compare(said: dict, runs: dict) -> None:
 
 
 def test_a_divergence_of_the_loops_is_not_the_solvers(tmp_path):
-    """Drawn are the instants of the run's record but for the last, after which it diverges; all of it is finite."""
+    """All recorded instants are drawn except the last, after which the run diverges; every drawn value is finite."""
     said, runs = judged(ROHRS, tmp_path)
     compare(said, runs)
     assert runs["Classical"].diverged_at is not None and said["Classical"]["numerics"]["unstable"] is None
@@ -127,7 +127,7 @@ def test_a_divergence_of_the_loops_is_not_the_solvers(tmp_path):
 
 @pytest.mark.parametrize(("x_1", "told"), [("1e3", "within"), ("1e-3", "and by")])
 def test_the_state_that_is_declared_to_follow_comes_first_on_a_page(tmp_path, x_1, told):
-    """It is inside its band, or outside like the other one, which is worse."""
+    """The controller is inside its band, or outside it like the other one, which is worse."""
     judge = f'follow = "x_1"\n[judge]\nfollows = {{ x_1 = {x_1}, x_2 = 1e-6 }}'
     text = (
         L1.replace("k_0 = 4.0", judge)
@@ -141,7 +141,7 @@ def test_the_state_that_is_declared_to_follow_comes_first_on_a_page(tmp_path, x_
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=pytest.mark.full) if name in RARER else name for name in MORE])
 def test_the_first_step_outside_is_the_runs(tmp_path, name):
-    """With all that a run has beside its equations, to the step."""
+    """With everything that a run adds to its equations, in every step."""
     said, runs = judged(L1.replace(*MORE[name]) if name != "smooth" else L1, tmp_path)
     compare(said, runs)
     assert any(run.stiffness.unstable_from is not None for run in runs.values())
@@ -227,7 +227,7 @@ gamma = 50.0
 
 @pytest.mark.parametrize("text", [UNSTABLE, OUTPUT], ids=["of the state", "of the output"])
 def test_a_run_that_is_lost_is_said_to_be(text, tmp_path):
-    """In the words of a run; neither has diverged."""
+    """The words are those of a run; neither has diverged."""
     said, runs = judged(text, tmp_path)
     compare(said, runs)
     run = runs["runs away"]
@@ -235,7 +235,7 @@ def test_a_run_that_is_lost_is_said_to_be(text, tmp_path):
 
 
 def test_a_limit_cycle_is_found_on_the_page(tmp_path):
-    """With everything held, past the page's own end: amplitude and frequency are those of the run."""
+    """With everything held beyond the page's own end, amplitude and frequency equal those of the run."""
     said, runs = judged(CYCLE, tmp_path)
     compare(said, runs)
     found, cycle = said["cycles"]["verdict"], runs["cycles"].verdict.cycle

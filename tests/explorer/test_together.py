@@ -1,4 +1,4 @@
-"""Which sliders must not be moved together, against functions of which that is known, and on a case with two inputs."""
+"""Which sliders must not be moved together, against functions for which the answer is known, and on a case with two inputs."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOVED = {0: 2.0, 1: -3.0}
 
 
 def found(function, count: int, kinds=None, allowed=lambda x: True) -> tuple[set[tuple[int, int]], set[int], int]:
-    """Pairs that are apart, numbers that were dropped, and how many settings were tried."""
+    """The pairs kept apart, the numbers dropped, and the number of settings tried."""
     base, tried = np.zeros(count), []
 
     def outcome(moves) -> Outcome:
@@ -63,7 +63,7 @@ def test_an_entry_stands_for_its_matrix() -> None:
 
 
 def test_settings_that_make_no_case_hide_nothing() -> None:
-    """Bounds that cross at some values leave the others; two numbers that never make a case are apart."""
+    """Bounds that cross at some values do not exclude the others; two numbers that never make a valid case are kept apart."""
     apart, _, _ = found(lambda x: np.array([*x, x[0] * x[1]]), 8, allowed=lambda x: x[2] <= x[3] + 4 and not (x[5] and x[6]))
     assert apart == {(0, 1), (5, 6)}
 

@@ -62,11 +62,11 @@ def test_the_page_simulates_the_member_that_has_the_largest_error(tmp_path):
         case = parse_case(file)
         assert case.name == f"Two tanks, member {one.row.member}" and [c.name for c in case.controllers] == [name]
         again = simulate(case.problem, case.controllers, case.simulation)[name].metrics.max_abs_e[0, 0]
-        assert again == pytest.approx(errors.max(), rel=1e-10)  # only the rounding of fused multiply-adds is another
+        assert again == pytest.approx(errors.max(), rel=1e-10)  # only the rounding of fused multiply-adds differs
 
 
 def _filled(part, data):
-    """What the page puts there while nobody has moved a slider."""
+    """What the page shows before anybody has moved a slider."""
     simulation = data["simulation"]
     if "number" in part:
         values = [*(one["value"] for one in data["numbers"]), simulation["t_end"], simulation["dt"]]

@@ -63,7 +63,7 @@ class Engaged:
         self._library.enable((ctypes.c_double * 2)(*x), (ctypes.c_double * 1)(u_now), samples, keep)
 
     def __call__(self, x: np.ndarray, r: float) -> tuple[float, float, float]:
-        """u and sigma_hat at the next sample, which is none that is refused."""
+        """u and sigma_hat at the next sample, which must be accepted."""
         u, sigma_hat = (ctypes.c_double * 1)(), (ctypes.c_double * 2)()
         assert self._library.act((ctypes.c_double * 2)(*x), r, u, sigma_hat) == 0
         return u[0], *sigma_hat

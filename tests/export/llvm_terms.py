@@ -13,7 +13,7 @@ Value = object
 """A term's number, ("pointer", base, offset), or ("whole", number or term of truth)."""
 PHI = re.compile(r"\[ (\S+), %(\w+) \]")
 
-COMPARED = {  # ordered: false where one is NaN; unordered: not the opposite one
+COMPARED = {  # ordered: false if one is NaN; unordered: the negation of the opposite
     "oeq": ("eq", 0, 0), "olt": ("lt", 0, 0), "ole": ("le", 0, 0), "ogt": ("lt", 1, 0), "oge": ("le", 1, 0),
     "une": ("eq", 0, 1), "uge": ("lt", 0, 1), "ugt": ("le", 0, 1), "ule": ("lt", 1, 1), "ult": ("le", 1, 1),
 }  # fmt: skip
@@ -45,7 +45,7 @@ class Run:
             elif line.strip():
                 blocks[label].append(re.sub(r", (align \d+|!\S+( !\d+)?)", "", line.split(";")[0]).strip())
         self.reached[str(count)] = self.terms.make("true")
-        for label, lines in blocks.items():  # in an order in which none comes before what leads to it, which is checked
+        for label, lines in blocks.items():  # in topological order, which is checked
             assert label in self.reached, f"a loop, or a block out of order: {label}"
             for line in lines:
                 self._line(line, label)

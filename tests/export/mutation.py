@@ -58,7 +58,7 @@ class Found:
     killed: tuple[bool, ...]
 
     def counted(self, *, ties: bool = False) -> tuple[int, int, int]:
-        """Mutants, those killed, those proven to be no fault."""
+        """The numbers of mutants, of killed ones and of those proven equivalent."""
         pairs = [(one, killed) for one, killed in zip(self.vectors.mutants, self.killed, strict=True) if one.tie == ties]
         proven = sum(bool(self.vectors.missed.get(one)) for one, _ in pairs)
         return len(pairs), sum(killed for _, killed in pairs), proven
@@ -70,7 +70,7 @@ class Found:
 
     @property
     def contradictions(self) -> list[Mutant]:
-        """Mutants that the vectors are said to kill and the C survives, or that are proven to be none and are killed."""
+        """Mutants that survive although the vectors should kill them, or that are killed although proven equivalent."""
         return [
             one
             for one, killed in zip(self.vectors.mutants, self.killed, strict=True)
@@ -138,7 +138,7 @@ def found_in_c(printed: Printed, folder: Path) -> Found:
 
 
 def coverage(printed: Printed, folder: Path) -> str:
-    """What of ``advance`` the self-test takes: clang-19's MC/DC where it is there, else the outcomes of branches by gcov."""
+    """What the self-test covers of ``advance``: clang-19's MC/DC if installed, otherwise the outcomes of branches by gcov."""
     write(folder, {"controller.h": header(printed), "controller.c": source(printed), "selftest.c": selftest(printed)})
     return _modified_conditions(folder) if shutil.which("clang-19") and shutil.which("llvm-cov-19") else _branches(folder)
 

@@ -17,7 +17,7 @@ from export.targets import write
 OPTIONS = (
     "-eva", "-eva-precision", "0",
     "-eva-min-loop-unroll", "256",  # every check of an entry followed by itself
-    "-eva-split-return", "full",  # what a check has returned, together with what it has seen
+    "-eva-split-return", "full",  # a check's result together with the values that it has seen
     "-eva-slevel-function", "advance:20",  # no check is in it: its choices of numbers, kept apart, cost a minute and show nothing
     "-warn-special-float", "non-finite",
 )  # fmt: skip
@@ -51,12 +51,12 @@ int main(void)
 
 
 def alarms(printed: Printed, folder: Path, states: int = STATES) -> list[str]:
-    """What Eva can't exclude in one step, from whatever finite numbers; the contract of the header among it."""
+    """What Eva can't exclude in one step from any finite numbers, including violations of the header's contract."""
     assert unbounded_alone(printed.contents.step), "an infinite constant is not a bound here: it may be computed with"
     text = source(printed).replace("INFINITY", LARGEST[printed.real])
     write(folder, {"controller.h": header(printed), "controller.c": text, "main.c": _main(printed)})
     command = ["frama-c", *OPTIONS, "-eva-slevel", str(states), "controller.c", "main.c"]
-    surroundings = {**os.environ, "PWD": str(folder)}  # that Frama-C finds the files by
+    surroundings = {**os.environ, "PWD": str(folder)}  # by which Frama-C finds the files
     done = subprocess.run(command, cwd=folder, env=surroundings, capture_output=True, text=True, timeout=SECONDS, check=True)
     text = done.stdout
     assert "100% of the logical properties reached have been proven" in text or "[eva:alarm]" in text, text[-2000:]
@@ -66,7 +66,7 @@ def alarms(printed: Printed, folder: Path, states: int = STATES) -> list[str]:
 
 
 def unbounded_alone(program: Program) -> bool:
-    """Whether infinite constants are nothing but bounds that bound nothing: second operands of a minimum or maximum.
+    """Whether every infinite constant is an inactive bound: the second operand of a minimum or maximum.
 
     Then the largest finite number does the same in their place, and Eva, which counts an infinite constant as an alarm, may be
     given that: it shows that every number beside it is finite, so none is beyond it, and the bound is never the result.

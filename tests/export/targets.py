@@ -19,7 +19,7 @@ needs_gxx = pytest.mark.skipif(shutil.which("g++") is None, reason="g++ is not i
 
 
 def needs(*programs: str) -> pytest.MarkDecorator:
-    """Skip, with its reason, where one of them is not installed."""
+    """Skip with the reason if one of them is not installed."""
     missing = [program for program in programs if shutil.which(program) is None]
     return pytest.mark.skipif(bool(missing), reason=f"{', '.join(missing)} not installed: this target is left out")
 
@@ -32,7 +32,7 @@ def write(folder: Path, files: dict[str, str]) -> Path:
 
 
 def run_selftest(folder: Path, *command: str, emulator: tuple[str, ...] = ()) -> subprocess.CompletedProcess[str]:
-    """Compile with the command, warnings as errors, and run; nobody tries longer than a minute."""
+    """Compile with the command, warnings as errors, and run, for at most a minute."""
     made = folder / "selftest"
     subprocess.run([*command, "controller.c", "selftest.c", "-o", str(made), "-lm"], cwd=folder, check=True, timeout=60)
     return subprocess.run([*emulator, str(made)], capture_output=True, text=True, timeout=60, check=False)
@@ -64,7 +64,7 @@ void drive(int samples, const {real} *measured, const {real} *commands, const in
 
 @dataclass
 class Driven:
-    """What came of a row of samples: (K, m) twice, (K, p), all that is kept in the order of the layout, (K,)."""
+    """The results of a row of samples: (K, m) twice, (K, p), the whole state in the order of the layout, (K,)."""
 
     u: np.ndarray
     limited: np.ndarray
@@ -101,7 +101,7 @@ def drive(printed, folder: Path, measured, commands, freeze=None, compiler=("gcc
 
 
 def same_bits(a: np.ndarray, b: np.ndarray) -> bool:
-    """Equal to the sign of zero; none of what is compared may be NaN."""
+    """Equal including the sign of zero; no compared value may be NaN."""
     a, b = np.ascontiguousarray(a, dtype=float), np.ascontiguousarray(b, dtype=float)
     assert np.isfinite(a).all() and np.isfinite(b).all()
     return bool(np.array_equal(a.view(np.int64), b.view(np.int64)))

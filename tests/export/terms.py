@@ -1,4 +1,4 @@
-"""Terms over floats: nothing is known of them but what IEEE 754 says of signs, of the order of two operands, of comparisons.
+"""Terms over floats: the only facts used are those of IEEE 754 on signs, on the order of two operands and on comparisons.
 
 + * / sqrt, sin, ... are uninterpreted functions: two terms are equal only where the same operations are taken of the same.
 """
@@ -20,7 +20,7 @@ SOLVER_SECONDS = 120
 
 @dataclass(eq=False)
 class Terms:
-    """Every term once, by its number; ``numbers`` is the type that constants are computed in."""
+    """Each term is stored once, under its number; ``numbers`` is the type that constants are computed in."""
 
     numbers: type[np.floating]
     nodes: list[tuple[object, ...]] = field(default_factory=list)
@@ -33,11 +33,11 @@ class Terms:
         return self.places[node]
 
     def input(self, base: str, offset: int, *, kind: str = "input") -> int:
-        """A number, or with the kind "flag" a truth value, of which nothing is known."""
+        """An arbitrary number or, with the kind "flag", an arbitrary truth value."""
         return self.make(kind, base, str(offset))
 
     def constant(self, value: float) -> int:
-        """By its bits: negative ones as the negative of another."""
+        """A constant by its bits; a negative one is the negation of another."""
         with np.errstate(over="ignore"):
             value = float(self.numbers(value))
         made = self.make("constant", "nan" if math.isnan(value) else abs(value).hex())
@@ -58,7 +58,7 @@ class Terms:
         return self._within_choice(self.neg, x) or self.make("neg", x)
 
     def of(self, name: str, *x: int) -> int:
-        """add, mul or div, of constants its value; by a power of two the product; x + -0, x 1 and x/1 are x."""
+        """add, mul or div; for constants the value; by a power of two the product; x + -0, x 1 and x/1 are x."""
         if (found := self._within_choice(lambda *at: self.of(name, *at), *x)) is not None:
             return found
         values = [self.value(one) for one in x]
@@ -79,7 +79,7 @@ class Terms:
         return self.neg(made) if (plain[0] != x[0]) != (plain[1] != x[1]) else made
 
     def _within_choice(self, made: Callable[..., int], *x: int) -> int | None:
-        """Of constants, but for one choice between two of them: the choice between the two results."""
+        """An operation on constants and one choice between two constants: the choice between the two results."""
         chosen = [i for i, one in enumerate(x) if self.value(one) is None]
         if len(chosen) != 1 or self.nodes[x[chosen[0]]][0] != "ite":
             return None
@@ -106,7 +106,7 @@ class Terms:
         return self.make(name, *(sorted((a, b)) if name == "eq" else (a, b)))
 
     def never_below_zero(self, term: int) -> bool:
-        """Sizes, squares, and sums and products of such: at least zero, or no number."""
+        """Magnitudes, squares, and their sums and products: at least zero, or NaN."""
         name, *x = self.nodes[term]
         if name in ("add", "mul"):
             return all(map(self.never_below_zero, x)) or (name == "mul" and x[0] == x[1])
@@ -133,7 +133,7 @@ class Terms:
         return self.make("and", *sorted(first)) if len(first) == 2 else (first or [true])[0]
 
     def below(self, *terms: int) -> list[int]:
-        """These and all that they are made of, operands first."""
+        """These terms and all their operands, operands first."""
         found: set[int] = set()
         waiting = list(terms)
         while waiting:
@@ -144,7 +144,7 @@ class Terms:
         return sorted(found)
 
     def differ(self, pairs: list[tuple[int, int]]) -> bool:
-        """Whether z3 finds values, whatever the functions are, for which two of a pair are not the same."""
+        """Whether z3 finds functions and values for which the two terms of a pair differ."""
         pairs = [(a, b) for a, b in pairs if a != b]
         if not pairs:
             return False
@@ -154,7 +154,8 @@ class Terms:
         return done.stdout.strip() == "sat"
 
     def _script(self, pairs: list[tuple[int, int]]) -> str:
-        """SMT-LIB 2 in the theory of equality: each term a definition, and what IEEE 754 says of it as ground axioms."""
+        """SMT-LIB 2 in the theory of equality: each term is a definition, with the facts of IEEE 754 about it as ground
+        axioms."""
         terms = self.below(*(term for pair in pairs for term in pair))
         lines = ["(set-logic QF_UF)", "(declare-sort F 0)", "(declare-fun neg (F) F)"]
         arities = {node[0]: len(node) - 1 for node in map(self.nodes.__getitem__, terms) if node[0] not in LOGIC}

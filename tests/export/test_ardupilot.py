@@ -1,7 +1,7 @@
 """``--target ardupilot``: the backend compiled against interfaces written from ArduPilot's published headers, and called.
 
-This is not ArduPilot: no vehicle was linked or flown. What is shown is that the class overrides what it must, that it is
-without a bump when it is engaged, leaves the ground and other axes to the main controller, and computes what the C computes.
+This is not ArduPilot: no vehicle was linked or flown. The tests show that the class overrides the required methods, engages
+without a bump, leaves the ground and other axes to the main controller, and computes what the C computes.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ struct Open : AC_CustomControl_Pitch {
 
 @needs_gxx
 def test_parameters_of_the_case_are_the_autopilots(tmp_path) -> None:
-    """Each has a name of its own that ArduPilot has room for, and each refusal is told once."""
+    """Each has its own name that fits ArduPilot's limit, and each refusal is reported once."""
     backend("Mrac-state-midpoint", tmp_path, parameters=True)
     text = (tmp_path / "AC_CustomControl_Pitch.cpp").read_text()
     names = re.findall(r'AP_GROUPINFO\("(\w+)", (\d+), \w+, _parameter\[', text)
@@ -144,7 +144,7 @@ def test_parameters_of_the_case_are_the_autopilots(tmp_path) -> None:
     assert all(len(f"CC3_{name}") <= 16 for name, _ in names) and [int(i) for _, i in names] == list(range(5, 5 + len(names)))
     assert all(f"| `CC3_{name}` |" in (tmp_path / "ARDUPILOT.md").read_text() for name, _ in names)
     lines = [one.splitlines() for one in compile_and_run(SET, tmp_path).split("pitch: ")]
-    assert [one[0] for one in lines if one].count("parameter 1 is refused") == 2  # below 0, and no number
+    assert [one[0] for one in lines if one].count("parameter 1 is refused") == 2  # below 0, and NaN
 
 
 def test_lines_of_the_log_fit_into_what_the_logger_takes(tmp_path) -> None:

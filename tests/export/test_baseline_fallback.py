@@ -1,4 +1,4 @@
-"""The baseline as the fallback after an outage: what acts then, without a bump, and the same in C in every bit."""
+"""The baseline as the fallback after an outage: what acts then, without a bump, and the same bits in C."""
 
 from __future__ import annotations
 
@@ -65,7 +65,9 @@ def test_the_baseline_alone_acts_after_the_longest_outage(kind, scheme) -> None:
     missed = round(OUT / T)
     assert np.ptp(u[k - 1 : k + missed]) == 0  # held up to the longest outage
     fixed = posed.fixed
-    slope = 2.0 * 1.0 * abs(float(fixed.k_r[0, 0])) * T  # [u] by which the command alone can move the baseline in a sample
+    slope = (
+        2.0 * 1.0 * abs(float(fixed.k_r[0, 0])) * T
+    )  # [u] the largest change of the baseline in a sample due to the command alone
     step = abs(u[k + missed] - u[k + missed - 1])
     assert step <= 1e-12 + slope  # no bump as the baseline takes over
     alone = np.diff(u[k + missed + round(FADE / T) + 1 : k + 100])

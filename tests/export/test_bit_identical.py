@@ -26,7 +26,7 @@ SAMPLES, LONG_SAMPLES = 10_000, 100_000
 
 
 def kinds(name: str) -> tuple[str, ...]:
-    """What an example is one of: scheme, problem, form, and the kinds of law and modifications; not their numbers."""
+    """An example's class: scheme, problem, form, and the kinds of law and modifications, without their numbers."""
     problem, controller = EXAMPLES[name]
     inner = controller.controller if isinstance(controller, Sampled) else controller
     fields = [getattr(controller, "discretization", ""), *(f"{key}:{type(vars(inner).get(key)).__name__}" for key in KINDS)]
@@ -55,7 +55,8 @@ def test_every_scheme_is_among_the_examples() -> None:
 
 
 def replayed(name, folder, simulation, samples, compiler=("gcc", *ISO, "-O2")) -> None:
-    """Measured with noise, lag, delay and limits by the simulation, handed to C: u and the estimates are the simulation's."""
+    """Samples measured with noise, lag, delay and limits by the simulation are passed to C: u and the estimates equal the
+    simulation's."""
     printed = exported(name, folder)
     layout = printed.contents.layout
     run = recorded(*EXAMPLES[name], simulation, samples)
@@ -102,7 +103,8 @@ def test_a_hundred_thousand_samples(name, compiler, tmp_path) -> None:
 @pytest.mark.parametrize("name", FEW)
 @pytest.mark.short(kept=lambda name: name in FEW[:2])
 def test_c_against_the_equations_evaluated_on_numbers(name, tmp_path) -> None:
-    """The scheme's own lines in NumPy, sample by sample, with the freeze switch on and off: a second way to the same numbers.
+    """The scheme's own lines in NumPy, sample by sample, with the freeze switch on and off: a second computation of the same
+    numbers.
 
     1e-7: the same sums in another order over 400 samples of a loop that is driven, not closed.
     """
@@ -137,7 +139,7 @@ def test_the_model_from_sample_to_sample_is_the_continuous_one_under_a_held_comm
         x_m = np.array([run.loop.computer.initial(np.zeros(run.measured.shape[1])).held.x_m])
         rows = [unflatten(initial_acting(run.loop), state, 0)[0].held.x_m for state in run.states]
         np.testing.assert_array_equal(rows[0], x_m[0])
-        steps = 64  # the integral by Gauss's rule on so many pieces is exact to rounding
+        steps = 64  # with this many pieces Gauss's rule gives the integral to rounding
         nodes, weights = np.polynomial.legendre.leggauss(8)
         s = (T / steps) * (np.arange(steps)[:, None] + (nodes + 1) / 2)
         integral = sum(w * T / steps / 2 * expm(A * float(t)) @ B[:, 0] for row in s for t, w in zip(row, weights, strict=True))

@@ -1,4 +1,4 @@
-"""The table of what a sample costs on a Cortex-M4F: made by a command, and still true."""
+"""The table of a sample's cost on a Cortex-M4F is made by a command and still correct."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def test_every_scheme_has_a_row() -> None:
 @pytest.mark.full
 @needs("arm-none-eabi-gcc", "qemu-system-arm")
 def test_the_table_is_what_is_counted() -> None:
-    """By the compiler that the page names; another one makes other code, within a quarter."""
+    """With the compiler named on the page; other compilers agree within a quarter."""
     same, shown, rows = flight.tools() in flight.PAGE.read_text(), _shown(), [*CASES, *SHELLED]
     assert set(shown) >= {name for name, _, _ in rows}
     for name, problem, controller in rows:
@@ -49,7 +49,7 @@ def _shown() -> dict[str, list[int]]:
 
 
 def test_a_shell_costs_a_tenth_of_a_sample_at_most() -> None:
-    """As the page has it, which the test before counts again."""
+    """The numbers of the page, which the previous test recounts."""
     shown = _shown()
     for name, _, _ in SHELLED:
         without = shown[name.removesuffix(", with a shell")][2]
@@ -95,7 +95,7 @@ int main(void)
 @pytest.mark.full
 @needs("arm-none-eabi-gcc", "qemu-system-arm")
 def test_a_timer_counts_the_same(tmp_path) -> None:
-    """The emulated board's own timer, under ``-icount``, where an instruction lasts 1 ns: the first sample, but for its call."""
+    """The emulated board's own timer, under ``-icount``, where an instruction lasts 1 ns: the first sample without its call."""
     _, problem, controller = next(case for case in CASES if case[0] == "robust MRAC, least squares")
     printed = Printed(Contents.of(problem, controller, flight.SIMULATION, FLOAT), prefix="flown")
     flight.build(tmp_path, printed, flight.main_program(printed))
@@ -107,7 +107,8 @@ def test_a_timer_counts_the_same(tmp_path) -> None:
 
 
 def test_the_cycles_are_those_of_arms_table() -> None:
-    """Read from the manual by hand: a product one, a quotient fourteen, a load two, N registers one more, a branch its refill."""
+    """Read from the manual by hand: a product takes one cycle, a quotient fourteen, a load two, N registers N + 1, and a branch
+    its refill."""
     for wanted, name, operands, taken in (
         (1, "vmul.f32", "s15, s14, s13", False),
         (14, "vdiv.f32", "s0, s1, s2", False),

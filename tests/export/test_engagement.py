@@ -1,7 +1,7 @@
-"""What users of the piecewise-constant law met in flight, on the exported C in a loop with a plant, and on the equations.
+"""Problems that users of the piecewise-constant law met in flight, on the exported C in a loop with a plant and on the equations.
 
-The law is reset or started as the mode is entered, enabled after it was disabled, met by its first sample away from where it
-was made for, and limited by its actuator. The plant is written out here.
+The law is reset or started as the mode is entered, enabled after it was disabled, first sampled away from its initial state, and
+limited by its actuator. The plant is written out here.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ pytestmark = needs_gcc
 
 @dataclass
 class Flight:
-    """The plant, and the C that flies it; ``x`` is where it is, ``rows`` are u and sigma_hat of the samples so far."""
+    """The plant and the C that controls it; ``x`` is where it is, ``rows`` are u and sigma_hat of the samples so far."""
 
     law: Engaged
     x: np.ndarray
@@ -69,13 +69,14 @@ class Flight:
 
     @property
     def acting(self) -> float:
-        """With the input, as an observer sees it who knows the plant."""
+        """With the input, as computed by an observer that knows the plant."""
         return float(THETA @ self.x + ACTS)
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_enabled_after_disabled_it_has_no_kick_where_it_is_started_and_one_where_it_only_goes_on(name) -> None:
-    """3 s by hand, in which the plant goes elsewhere. What went on with its old predictor takes the way for a disturbance."""
+    """3 s of manual control, in which the plant moves away. A law that kept its old predictor takes this motion for a
+    disturbance."""
     found = {}
     for started in (True, False):
         flight = Flight.of(LAWS[name])
@@ -85,17 +86,17 @@ def test_enabled_after_disabled_it_has_no_kick_where_it_is_started_and_one_where
         if started:
             flight.enable(by_hand, 50, keep=False)
         found[started] = flight.fly(400)
-        assert abs(found[started][-1, 0] - before[-1, 0]) < 0.01  # the same equilibrium again, and nothing is left of the start
+        assert abs(found[started][-1, 0] - before[-1, 0]) < 0.01  # the same equilibrium again, without any trace of the start
     first = found[True][:, 0]
     assert first[0] == pytest.approx(by_hand, abs=1e-12)  # what the actuator has
-    assert np.abs(np.diff(first[:3])).max() < 0.1 * LIMIT  # 2 % of the bump at a sample, and what the filter takes on
+    assert np.abs(np.diff(first[:3])).max() < 0.1 * LIMIT  # 2 % of the bump at a sample, plus the filter's contribution
     assert np.abs(found[True][:, 1:]).max() < 2 * ACTS
     assert np.abs(found[False][:, 1:]).max() > 20 * ACTS
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_what_it_learnt_is_kept_or_not_as_it_is_asked(name) -> None:
-    """With it, what acts is known at the first sample; without, one sample later."""
+    """With it, the disturbance is known at the first sample; without it, one sample later."""
     flight = Flight.of(LAWS[name])
     known = flight.fly(400)[-1, 1]
     flight.enable(0.0, 0, keep=True)
@@ -103,12 +104,12 @@ def test_what_it_learnt_is_kept_or_not_as_it_is_asked(name) -> None:
     flight.enable(0.0, 0, keep=False)
     first, second = flight.fly(2)
     assert (first[1:] == 0).all()
-    assert second[1] == pytest.approx(flight.acting, rel=0.1)  # a sample's mean, and what the law leaves of it at DC
+    assert second[1] == pytest.approx(flight.acting, rel=0.1)  # a sample's mean, and the part that the law leaves at DC
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_a_reset_in_flight_is_not_a_start(name) -> None:
-    """``_reset`` puts the predictor where the case begins, at x = 0: away from there the law sees a distance over T."""
+    """``_reset`` puts the predictor where the case begins, at x = 0: elsewhere the law sees the distance divided by T."""
     away = np.array([0.3, 0.5])
     found = []
     for enter in (Flight.enable, None):
@@ -126,7 +127,7 @@ def test_a_reset_in_flight_is_not_a_start(name) -> None:
 
 @pytest.mark.parametrize("name", LAWS)
 def test_the_predictor_is_told_what_is_put_out_while_the_start_fades(name) -> None:
-    """The equations in NumPy, started where the plant is and handed the C's u, estimate the same at every sample."""
+    """The equations in NumPy, started at the plant's state and given the C's u, produce the same estimate at every sample."""
     flight = Flight.of(LAWS[name])
     flight.fly(100)
     flight.drift(3.0, 0.5)
@@ -148,7 +149,8 @@ def test_the_predictor_is_told_what_is_put_out_while_the_start_fades(name) -> No
 @pytest.mark.parametrize("name", LAWS)
 @pytest.mark.short(kept=lambda name: name == "as flown")
 def test_at_the_limit_the_estimate_stays_what_acts(name) -> None:
-    """A command of three times the limit for 2 s. Fed with its own u instead, the law takes what is cut off for a disturbance."""
+    """A command of three times the limit for 2 s. Fed with its own u instead, the law takes the clipped part for a
+    disturbance."""
     largest = {}
     for saturated in (True, False):
         flight = Flight.of(LAWS[name] if saturated else replace(LAWS[name], saturated_predictor=False))

@@ -1,4 +1,4 @@
-"""What flies with software in the loop: the compiled C, sample by sample, against the simulation's; and what is said of it."""
+"""What flies with software in the loop: the compiled C, sample by sample, against the simulation's, and the report about it."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ pytestmark = needs_gcc
 @pytest.mark.parametrize("controller", CONTROLLERS, ids=lambda one: one.name)
 @pytest.mark.short(kept=lambda controller: controller is CONTROLLERS[2])
 def test_sample_by_sample_it_is_the_simulated_one_in_every_bit(controller) -> None:
-    """Also at the actuator's limits, and after a reset; whatever was loaded beside it has a state of its own."""
+    """Also at the actuator's limits, and after a reset; libraries loaded beside it have their own state."""
     expected = recorded(PROBLEM, controller, Simulation(t_end=2, dt=1e-3), 200)
     loop = expected.loop
     u = expected.states[:, loop.unpack(np.arange(loop.size)).held.u - loop.size]  # counted from the end
@@ -80,7 +80,7 @@ def test_several_inputs() -> None:
 
 
 def test_it_is_the_c_that_a_user_gets(monkeypatch) -> None:
-    """But for the names' beginning, and the number by which the files of an export know each other."""
+    """Equal except for the prefix of names and the number that ties the files of an export together."""
     seen = {}
 
     def keeping(compiler, texts, *options, **named):
@@ -102,7 +102,7 @@ def test_it_is_the_c_that_a_user_gets(monkeypatch) -> None:
 @pytest.mark.parametrize("controller", CONTROLLERS, ids=lambda one: one.name)
 @pytest.mark.short(kept=lambda controller: controller is CONTROLLERS[0])
 def test_without_fused_sums_the_c_has_the_bits_of_such_a_run(controller, tmp_path) -> None:
-    """These runs have symbols for a controller's numbers, which leaves other operations than numbers do."""
+    """These runs have symbols for a controller's numbers, which gives other operations than numbers."""
     folder = write(tmp_path / "made", files(PROBLEM, controller, Simulation(t_end=2.0, dt=0.01, fused=False)))
     done = run_selftest(folder, "gcc", *ISO, "-O2")
     assert done.returncode == 0, done.stdout
@@ -110,7 +110,7 @@ def test_without_fused_sums_the_c_has_the_bits_of_such_a_run(controller, tmp_pat
 
 
 def test_a_last_bit_in_the_c_is_told(monkeypatch) -> None:
-    """And what flew is C's: its control is not the list's."""
+    """The C really flew: its control differs from the list's."""
     right = exported_step.source
 
     def wrong(printed):

@@ -1,4 +1,4 @@
-"""Units of FMI 2.0 and 3.0, by FMPy: valid in whole, complete, equal to simulations in every bit, their states kept as bytes."""
+"""Units of FMI 2.0 and 3.0, checked by FMPy: valid, complete, equal to simulations bit for bit, with states saved as bytes."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def declared(version: int) -> set[str]:
 @pytest.mark.parametrize(("name", "version"), [(name, 2 + i % 2) for i, name in enumerate([*CHOSEN, CHOSEN[0]])])
 @pytest.mark.short(kept=lambda name, version: name == CHOSEN[1])
 def test_a_loop_of_units_is_the_simulation(name, version, tmp_path) -> None:
-    """FMPy's validation of the whole finds nothing. A master closes the loop of controller and plant; that, and the unit of the
+    """FMPy's validation finds no fault. A master closes the loop of controller and plant; that, and the unit of the
     loop, give the state of an ensemble in which each parameter has another value in one member: in every bit.
     """
     from fmpy.validation import validate_fmu
@@ -233,7 +233,7 @@ def test_a_state_goes_on_in_another_process(version, tmp_path) -> None:
 @pytest.mark.full
 @pytest.mark.parametrize("version", [2, 3])
 def test_states_are_got_set_and_freed(version, tmp_path) -> None:
-    """A step is taken back, and taken once more; bytes of another unit, or too few of them, are refused."""
+    """A step is undone and repeated; bytes of another unit, or too few bytes, are refused."""
     paths = write_units(tmp_path, *EXAMPLES[one("Mrac-state-midpoint")], SHORT, version)
     slave, other = Slave(paths["loop"], tmp_path), Slave(paths["plant"], tmp_path)
     slave.step(0.0, T)
@@ -255,7 +255,7 @@ def test_states_are_got_set_and_freed(version, tmp_path) -> None:
 @needs_gcc
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_step_that_is_repeated_or_left_out_is_refused_however_late(version, tmp_path) -> None:
-    """After a million samples and more; a point that is off by the rounding of a sum of as many steps is the right one."""
+    """After a million samples and more; a point that is off by the accumulated rounding of that many steps is accepted."""
     made = units(FREE, EXAMPLES[one("Mrac-free-euler")][1], SHORT, version=version)
     (path,) = (write(tmp_path / "made", {}) / name for name in made)
     path.write_bytes(made[path.name])
@@ -297,7 +297,9 @@ def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:
         one_of.step(0.0, T)
         one_of.step(T, 2 * T)  # several samples at once
     assert slave.get_all("u") == right.get_all("u")
-    slave.set({"x[1]": float("nan")})  # no number: as the last good one once more, frozen, with the last u; the status says why
+    slave.set(
+        {"x[1]": float("nan")}
+    )  # NaN: treated as the last good sample, frozen, with the last u; the status gives the reason
     right.freeze(True)
     held = slave.get_all("u")
     for one_of in (slave, right):
@@ -317,7 +319,8 @@ def test_misuse_is_refused_and_changes_nothing(version, tmp_path) -> None:
 
 
 def test_parameters_are_what_enters_as_it_is() -> None:
-    """Gains, limits, bounds of the known set, initial estimates are; a filter's poles, P and the sample time are compiled in."""
+    """Gains, limits, bounds of the known set and initial estimates are parameters; a filter's poles, P and the sample time are
+    compiled in."""
     problem, controller = EXAMPLES[one("L1Adaptive-state-midpoint")]
     opened = Opened.of(problem, controller, SHORT, tunable=True)
     names = [one.name for one in opened.parameters]
@@ -372,7 +375,7 @@ def test_bounds_that_cross_are_refused_and_can_be_moved_past_each_other_together
 @pytest.mark.full
 @pytest.mark.parametrize("name", ["Mrac-state-midpoint", "Mrac-state-euler", "NormalizedMrac-ball-midpoint", "RobustMrac-state"])
 def test_a_bound_that_is_moved_past_an_estimate_brings_it_in(name, tmp_path) -> None:
-    """No sample is refused for it: the estimate is at the new bound after the next one, or nearer."""
+    """No sample is refused because of it: after the next sample the estimate is at the new bound or inside it."""
     paths = write_units(tmp_path, *EXAMPLES[one(name)], SHORT, 2)
     slave = Slave(paths["loop"], tmp_path, {"controller[0].theta_hat0[0]": 1.0})
     ball = "uncertainty.radius" in slave.at
@@ -427,7 +430,7 @@ def test_units_have_units(tmp_path) -> None:
             bases = {one.name: one.baseUnit for one in described.unitDefinitions}
             assert (bases["rad"].rad, bases["rad/s"].rad, bases["rad/s"].s, bases["deg"].rad) == (1, 1, -1, 1)
             assert math.isclose(bases["deg"].factor, math.pi / 180)
-    taken = replace(FREE, labels=Labels(names=("u", "q")))  # names of other variables stay theirs
+    taken = replace(FREE, labels=Labels(names=("u", "q")))  # names of other variables are unchanged
     (content,) = units(taken, controller, SHORT, version=2, compiled=False).values()
     (tmp_path / "taken.fmu").write_bytes(content)
     assert {"x[1]", "q", "u"} <= {one.name for one in fmpy.read_model_description(str(tmp_path / "taken.fmu")).modelVariables}
@@ -480,7 +483,7 @@ def test_what_is_refused(tmp_path, monkeypatch, capsys) -> None:
 
 
 def test_the_check_that_is_named_can_be_run(tmp_path, capsys) -> None:
-    """As it stands, in a shell, for one unit and for three, in a folder whose name has a space."""
+    """Run literally in a shell, for one unit and for three, in a folder whose name has a space."""
     for given in ([], ["--closed-loop"]):
         asked = ["export", "first-order", "--controller", "MRAC, sampled", "--target", "fmu2", "--sources-only"]
         assert main([*asked, *given, "--out", str(tmp_path / "a folder")]) == 0
@@ -493,7 +496,7 @@ def test_the_check_that_is_named_can_be_run(tmp_path, capsys) -> None:
 @needs_gcc
 @pytest.mark.full
 def test_a_jump_inside_of_a_step_ends_the_replay(tmp_path) -> None:
-    """The simulation cuts its step there, an exported plant does not: at t = pi, after 314 samples of 0.01 s."""
+    """The simulation splits its step there but an exported plant does not: at t = pi, after 314 samples of 0.01 s."""
     problem = replace(
         FREE, reference=Square(amplitude=1.0, frequency=1.0), sensor=None, plant=replace(FREE.plant, input=PlantInput())
     )

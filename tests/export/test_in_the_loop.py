@@ -1,4 +1,4 @@
-"""The compiled export in the loop, in the place of its origin: the same run, to the last bit, and another one where it is not."""
+"""The compiled export replaces its controller in the loop: the run is the same bit for bit, and differs if the export differs."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_the_same_run_in_every_bit(name) -> None:
 
 
 def test_another_bit_in_the_c_is_another_run(monkeypatch) -> None:
-    """One that is not equal is seen: the control in the loop really is C's."""
+    """An export that differs is detected: the control in the loop really comes from C."""
     controller = Sampled(controller=Mrac(gamma=5.0), sample_time=T)
     origin = simulate(STATE, [controller], SIMULATION)[controller.name]
     right = in_the_loop.source

@@ -57,7 +57,7 @@ void drive(int samples, const double *measured, const double *commands, double *
 
 
 def driven(printed: Printed, folder, measured, commands) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """By their names in C the logged numbers after each sample, and what is put out within the limits."""
+    """The logged numbers after each sample by their names in C, and the output within the limits."""
     names = {"name": printed.name, "macro": printed.macro, "measured": printed.measured}
     write(folder, {"controller.h": header(printed), "controller.c": source(printed), "driver.c": DRIVER.format(**names)})
     command = ["gcc", *ISO, *STRICT, "-shared", "-fPIC", "controller.c", "driver.c", "-o", "driver.so", "-lm"]
@@ -74,8 +74,8 @@ def driven(printed: Printed, folder, measured, commands) -> tuple[dict[str, np.n
 @pytest.mark.parametrize("name", KINDS)
 @pytest.mark.short(kept=lambda name: name in KINDS[:6:2])
 def test_the_log_has_the_simulations_columns(name, tmp_path) -> None:
-    """Every column of the controller's own state, the estimates and u, in every bit: what a sample has made stands there until
-    the next one. At the instant of the sample a result evaluates it once more, with fused products: last bits differ there.
+    """Every column of the controller's own state, the estimates and u, in every bit: the values of a sample remain until the next
+    one. At the sample's instant a result re-evaluates it with fused products, so the last bits differ.
     """
     problem, controller = EXAMPLES[name]
     printed = Printed(Contents.of(problem, controller, SHORT, DOUBLE))

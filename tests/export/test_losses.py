@@ -1,4 +1,4 @@
-"""Samples that are lost: what the exported C does is held against the list, against the equations, and in a loop with a plant."""
+"""Samples that are lost: the exported C is compared with the list and the equations, and run in a loop with a plant."""
 
 from __future__ import annotations
 
@@ -74,10 +74,11 @@ class Losses:
 
 
 def through_losses(act, losses: Losses, run) -> list[tuple[np.ndarray, np.ndarray]]:
-    """u and the whole state after each sample: ``act`` is one good sample of a state, of y, r, freeze, and what u then stays.
+    """u and the whole state after each sample: ``act`` is one good sample of a state, of y, r, freeze, and the u that is then
+    held.
 
-    A lost measurement is the last good one, frozen, with u as it was; a lost command is the last good one; nothing begins
-    before a sample that has both.
+    A lost measurement is the last good one, frozen, with u as it was; a lost command is the last good one; nothing starts before
+    a sample with both.
     """
     found, y, r, u, state = [], None, None, np.zeros(len(np.atleast_1d(act.u))), act.state
     for k in range(len(run.measured)):
@@ -127,7 +128,7 @@ class Numbers:
 @pytest.mark.parametrize("name", [pytest.param(x, marks=() if x in REPLAYED else pytest.mark.bulk) for x in EXAMPLES])
 @pytest.mark.short(kept=lambda name: name in SHORT or name == "DirectMrac-state-euler-53")
 def test_through_random_losses_the_c_is_the_list_in_every_bit_and_an_outage_brings_it_to_rest(name, tmp_path) -> None:
-    """u and all that is kept, sample by sample, and each loss is told; then the same library in an outage without end."""
+    """u and the whole state, sample by sample, with each loss reported; then the same library in an endless outage."""
     printed = exported(tmp_path, *EXAMPLES[name])
     run, losses = recorded(*EXAMPLES[name], SIMULATION, SAMPLES), Losses(name, SAMPLES)
     found = drive(printed, tmp_path, *losses.spoilt(run), losses.freeze)
@@ -150,9 +151,9 @@ def outage(printed: Printed, folder, run):
 
 
 def assert_rest(printed: Printed, found) -> None:
-    """After 200 good samples nothing comes any more, for 200 s: u stays, all that was learnt stays, and nothing runs away.
+    """After 200 good samples no sample arrives for 200 s: u and everything learnt are held, and nothing diverges.
 
-    1e-3 of the largest number that is kept, over the last 10 s: the slowest filter has forgotten by then.
+    1e-3 of the largest stored number, over the last 10 s: the slowest filter has decayed by then.
     """
     learnt = [i for i, row in enumerate(printed.contents.layout.rows) if row in printed.contents.learnt]
     assert (found.status[200:] == BOTH_LOST).all()
@@ -165,7 +166,7 @@ def assert_rest(printed: Printed, found) -> None:
 @pytest.mark.parametrize("name", FEW)
 @pytest.mark.short(kept=lambda name: name in FEW[:2])
 def test_through_random_losses_the_c_is_the_equations(name, tmp_path) -> None:
-    """1e-7: the same sums in another order over 400 samples that are handed in, not fed back."""
+    """1e-7: the same sums in another order over 400 samples that are given, not fed back."""
     printed = exported(tmp_path, *EXAMPLES[name])
     run, losses = recorded(*EXAMPLES[name], SIMULATION, SAMPLES), Losses(name, SAMPLES)
     found = drive(printed, tmp_path, *losses.spoilt(run), losses.freeze)
@@ -214,7 +215,7 @@ class SectionV:
         return exported_c(case.problem, Sampled(controller=chosen, sample_time=PLANT_T)).library
 
     def largest_error(self, lost, *, by_caller: bool, seconds: float = 30.0) -> float:
-        """max |x - x_m| after the first losses; ``by_caller``: the last good measurement is handed in instead of NaN."""
+        """max |x - x_m| after the first losses; ``by_caller``: the caller passes the last good measurement instead of NaN."""
         library = loaded(self.library)
         library.barbalat_begin()
         act, handed, u, kept = library.barbalat_act, np.zeros(3), np.zeros(1), np.zeros(100)
@@ -237,9 +238,9 @@ class SectionV:
 @pytest.mark.parametrize("pattern", PATTERNS)
 @pytest.mark.short(kept=lambda controller, pattern: controller != "Robust MRAC" and pattern == "every second")
 def test_a_loop_with_losses_is_as_good_as_its_caller_can_make_it(controller, pattern) -> None:
-    """Section V at 1 ms with its unstable plant. Without losses |e| is 41, 1.1 and 4.3; a caller who repeats the last good sample
-    has about that too. 1.2: u is held instead of computed once more, and nothing is learnt from a repeated sample. With nine of
-    ten lost nothing is learnt for nine tenths of the time, of which L1's predictor, made for a high gain, suffers most: 15.
+    """Section V at 1 ms with its unstable plant. Without losses |e| is 41, 1.1 and 4.3; a caller that repeats the last good
+    sample has about the same. 1.2: u is held instead of recomputed, and nothing is learnt from a repeated sample. With nine
+    samples of ten lost the laws learn for only a tenth of the time; L1's predictor, designed for a high gain, suffers most: 15.
     """
     loop = SectionV(controller)
     nan, repeated = (loop.largest_error(PATTERNS[pattern], by_caller=by_caller) for by_caller in (False, True))
@@ -289,7 +290,7 @@ class ExactLoop:
         return moved[:-1, :-1], moved[:-1, -1]
 
     def largest_error(self, lost, *, seconds: float = 30.0) -> float:
-        """max |e| where from the eleventh sample on those are lost that ``lost`` says."""
+        """max |e| if the samples given by ``lost`` are lost from the eleventh on."""
         library = loaded(self.library)
         library.barbalat_begin()
         (F, b, C), (F_m, b_m, C_m), (x, x_m) = self.plant, self.model, self.start
@@ -312,7 +313,7 @@ TOO_FAST = {("LinearOutput", "nine of ten"), ("L1Output", "nine of ten")}
 @pytest.mark.parametrize("name", IN_GAPS)
 @pytest.mark.short(kept=lambda name: "Piecewise" in name)
 def test_no_scheme_runs_away_where_most_measurements_are_lost(name) -> None:
-    """Twice the error without losses, and half of the command's amplitude, which a u that stays for 0.1 s may cost."""
+    """Twice the error without losses, and half of the command's amplitude, which holding u for 0.1 s may cost."""
     loop, scheme = ExactLoop(*EXAMPLES[name]), name.split("-")[0]
     without = loop.largest_error(lambda k, _: False)
     found = {pattern: loop.largest_error(lost) for pattern, lost in GAPS.items() if (scheme, pattern) not in TOO_FAST}
@@ -328,10 +329,10 @@ def test_every_registered_scheme_is_among_them() -> None:
 @pytest.mark.parametrize("pattern", GAPS)
 @pytest.mark.short(kept=lambda kappa, factor, pattern: pattern in ("two of three", "nine of ten"))
 def test_the_piecewise_law_answers_what_one_sample_left_of_a_gap(kappa, factor, pattern) -> None:
-    """Section V at 1 ms: the whole of an error that gathered over m samples is m times too much, until the next measurement.
+    """Section V at 1 ms: applying the full error accumulated over m samples is m times too much, until the next measurement.
 
     Without losses |e| is 116, and 4.9 without C(s); with nine of ten lost, in gaps of up to some 80 ms, it is 186 and 29. A
-    caller who repeats the last good measurement has 116, and without C(s) runs away from two of three on.
+    caller that repeats the last good measurement has 116, and without C(s) diverges if two of three samples are lost.
     """
     loop = SectionV(f"piecewise {kappa}")
     assert loop.largest_error(GAPS[pattern], by_caller=False) < factor * loop.largest_error(lambda k, _: False, by_caller=False)
@@ -340,7 +341,7 @@ def test_the_piecewise_law_answers_what_one_sample_left_of_a_gap(kappa, factor, 
 @pytest.mark.parametrize("name", [name for name in EXAMPLES if name in LINEAR and "midpoint" in name])
 @pytest.mark.short(kept=lambda name: name.startswith("LinearOutput"))
 def test_an_integrator_adds_up_the_last_error_and_u_stays(name, tmp_path) -> None:
-    """Evenly, sample by sample, and no faster: so README.md says, and to start again after a long outage."""
+    """Evenly, sample by sample, and no faster; README.md says so and advises a restart after a long outage."""
     found = outage(exported(tmp_path, *EXAMPLES[name]), tmp_path, recorded(*EXAMPLES[name], SIMULATION, 200))
     assert (found.u[200:] == found.u[199]).all()
     first, middle, last = found.kept[[-2001, -1001, -1]]
@@ -349,7 +350,8 @@ def test_an_integrator_adds_up_the_last_error_and_u_stays(name, tmp_path) -> Non
 
 
 def test_where_even_a_lost_sample_leads_out_of_range_nothing_moves_and_it_is_told(tmp_path) -> None:
-    """An integrator whose last good error was half of the range is at its end soon; the next good sample goes on from there."""
+    """An integrator whose last good error was half of the range soon reaches its limit; the next good sample continues from
+    there."""
     controller = Sampled(controller=LinearOutput(loop=TransferFunction([2.0], [1.0, 0.0]), name="integral"), sample_time=T)
     printed = exported(tmp_path, OUTPUT, controller)
     range_ = printed.contents.range
@@ -366,7 +368,7 @@ def test_where_even_a_lost_sample_leads_out_of_range_nothing_moves_and_it_is_tol
 
 
 def test_a_timers_inaccuracy_is_no_other_sample_time(tmp_path) -> None:
-    """A crystal's 10 and 100 ppm and a microsecond of 1 ms pass; 0.2 %, another rate and no number are flagged. u is the same."""
+    """A crystal's 10 and 100 ppm and a microsecond of 1 ms pass; 0.2 %, another rate and NaN are flagged. u is unchanged."""
     printed = exported(tmp_path, *EXAMPLES["Mrac-state-euler-0"])
     run = recorded(*EXAMPLES["Mrac-state-euler-0"], SIMULATION, 12)
     off = np.array([0, 1e-5, -1e-5, 1e-4, -1e-4, 9.99e-4, -9.99e-4, 2e-3, -2e-3, 1.0, -0.5, np.nan])
@@ -376,7 +378,7 @@ def test_a_timers_inaccuracy_is_no_other_sample_time(tmp_path) -> None:
 
 
 def test_one_of_two_actuators_has_limits(tmp_path) -> None:
-    """Its control is put out within them, the other one's as it is; the header and the self-test know both."""
+    """Its control is output within the limits and the other one's unchanged; the header and the self-test cover both."""
     limited = PlantInput(saturation=[-0.5, 0.25])
     name = next(name for name in EXAMPLES if name.startswith("Mrac-several"))
     problem = replace(SEVERAL, plant=replace(SEVERAL.plant, input=(limited, PlantInput())))
@@ -397,7 +399,7 @@ def test_one_of_two_actuators_has_limits(tmp_path) -> None:
     ids=["luenberger", "derivative"],
 )
 def test_the_self_test_has_an_observer_that_predicts_through_lost_samples(design, tmp_path) -> None:
-    """With a delay in its model; the C's freeze has its own value for a lost measurement, and the test sees another."""
+    """With a delay in its model, the C's freeze has its own value for a lost measurement, and the test sees a different one."""
     plant = Plant(A=[[0.0, 1.0], [-2.0, -0.5]], b=[0.0, 1.0], poles=[-2.0, -3.0], input=PlantInput(delay=1.5 * T))
     problem = Problem(
         plant=plant, reference_model=ReferenceModel(follow="x_1"), reference=Sine(amplitude=1.0, frequency=2.0), observer=design

@@ -1,4 +1,4 @@
-"""``--name``: what an export's identifiers and files begin with, so that several controllers of one name fly in one program."""
+"""``--name``: the prefix of an export's identifiers and files, with which several controllers of one name fit in one program."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_exports_in_one_folder_are_one_component(tmp_path) -> None:
     included = [line for line in (tmp_path / "controllers.h").read_text().splitlines() if line.startswith("#include")]
     assert included == ['#include "pitch_controller.h"', '#include "roll_controller.h"']
     assert "[pitch_README.md](pitch_README.md)" in (tmp_path / "README.md").read_text()
-    with pytest.raises(InputError, match="by more than their case"):  # their macros would be the same
+    with pytest.raises(InputError, match="by more than their case"):  # their macros would collide
         export_controller(STATE, CONTROLLER, SIMULATION, out=tmp_path, name="Pitch")
 
 

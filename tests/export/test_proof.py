@@ -77,7 +77,7 @@ def printed(name: str, real: Real = DOUBLE) -> Printed:
 @pytest.mark.full
 @pytest.mark.parametrize("name", PROVEN)
 def test_no_step_can_go_wrong(name, tmp_path) -> None:
-    states = 10 * STATES if name in {THIRD_ORDER, TWO_INPUTS} else STATES  # of which these have twice the entries
+    states = 10 * STATES if name in {THIRD_ORDER, TWO_INPUTS} else STATES  # these have twice as many entries
     assert alarms(printed(name), tmp_path, states) == []
 
 
@@ -95,7 +95,7 @@ def with_a_shell() -> Printed:
 @needs("frama-c")
 @pytest.mark.full
 def test_no_step_with_a_shell_can_go_wrong(tmp_path) -> None:
-    """With all that a shell has, from every count of misses and at every time that a timer may tell."""
+    """With every option of a shell, from every count of misses and at every time that a timer may report."""
     assert alarms(with_a_shell(), tmp_path) == []
 
 
@@ -107,7 +107,7 @@ def test_no_step_in_32_bits_can_go_wrong(name, tmp_path) -> None:
 
 
 def test_an_infinite_constant_is_a_bound_or_nothing() -> None:
-    """What the proofs put a finite number in the place of: never where it could be computed with."""
+    """The proofs replace infinite constants by finite numbers, and only those that enter no computation."""
 
     def bounded(*last: Operation) -> bool:
         first = (Operation("input"), Operation("constant", value=math.inf), Operation("constant", value=-math.inf))
@@ -170,6 +170,6 @@ def test_misra(make, tmp_path) -> None:
     found = set(re.findall(r"misra-c2012-([\d.]+)", done.stderr))
     assert found, "the addon found nothing at all: it did not run"
     assert found <= MISRA.keys()
-    # cppcheck 2.10 takes a bound in hexadecimal for another number, and the range around zero for empty
+    # cppcheck 2.10 misreads a hexadecimal bound and takes the range around zero for empty
     others = set(re.findall(r"\[(\w+)\]$", done.stderr, re.MULTILINE)) - {"unusedStructMember", "incorrectLogicOperator"}
     assert not others, done.stderr

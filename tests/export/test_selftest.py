@@ -1,4 +1,4 @@
-"""The self-test that goes with an export: it passes where it should, and finds faults planted in the controller."""
+"""An export's self-test passes for the correct controller and finds faults planted in it."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def exported(name, folder, *, float32=False):
 @pytest.mark.parametrize(("name", "float32"), [(name, False) for name in CHOSEN] + [(name, True) for name in CHOSEN])
 @pytest.mark.short(kept=lambda name, float32: name in (CHOSEN[5:14:8] if float32 else CHOSEN[1:14:8]))
 def test_it_passes(name, float32, tmp_path) -> None:
-    """Without a warning, also of a promotion to double, and in float32 without a number of double precision."""
+    """Compiled without warnings, including those on promotion to double; with float32 no number has double precision."""
     exported(name, tmp_path, float32=float32)
     done = run_selftest(tmp_path, "gcc", *ISO, "-O2", *STRICT)
     assert done.returncode == 0, done.stdout
@@ -69,7 +69,7 @@ def test_it_passes(name, float32, tmp_path) -> None:
 
 @needs_gcc
 def test_a_scheme_from_outside_the_package(tmp_path) -> None:
-    """A class of a user's own, by hand, is exported like a built-in one: its model, its freeze, its names."""
+    """A user's own class is exported like a built-in one: its model, its freeze, its names."""
     controller = Sampled(controller=Plain(gamma=2.0, name="my own"), sample_time=T, discretization="euler")
     write(tmp_path, files(FREE, controller, SIMULATION))
     done = run_selftest(tmp_path, "gcc", *ISO, "-O2", *STRICT)
@@ -156,7 +156,7 @@ BOARD = Path(__file__).parent / "cortex_m4"
 @pytest.mark.parametrize("name", CHOSEN)
 @pytest.mark.short(kept=lambda name: name == CHOSEN[4])
 def test_float32_on_a_cortex_m4f(name, tmp_path) -> None:
-    """The bits of float32 on this machine, which the vectors are, without a helper for double precision in the controller;
+    """The vectors are this machine's float32 bits, and the controller needs no support routine for double precision;
     with fused multiply-adds, which GNU mode takes, the self-test fails.
     """
     exported(name, tmp_path, float32=True)
@@ -189,7 +189,7 @@ def _other_operand(text: str, drawn: random.Random) -> str:
 
 
 def _last_bit(text: str, drawn: random.Random) -> str:
-    """A constant that is off by one unit in its last place."""
+    """A constant changed by one unit in its last place."""
     body = text[text.index("static void advance(") :]
     found = drawn.choice([m for m in CONSTANT.finditer(body) if not m[2].lstrip("-").startswith("0x1.0000000000000p")])
     mantissa, power = found[2].split("p")
@@ -218,8 +218,10 @@ FAULTS = [
 @pytest.mark.parametrize("name", [one("Mrac-state-euler"), one("RobustMrac-free-midpoint"), one("L1Adaptive-ball-midpoint")])
 @pytest.mark.short(kept=lambda name: name.startswith("Mrac"))
 def test_it_finds_planted_faults(name, tmp_path, sample) -> None:
-    """Twenty of them, in short every third, at most two missed (one): two thirds in the arithmetic, down to one unit in the
-    last place of a constant, the rest in what surrounds it. One that no vector reaches, in a branch that the run does not take,
+    """Twenty mutants (every third in the short command), of which at most two (one) are missed: two thirds in the arithmetic,
+    down to one unit in the
+    last place of a constant, the rest in the surrounding code. One that no vector reaches, in a branch that the run does not
+    take,
     may be missed.
     """
     exported(name, tmp_path)
@@ -322,7 +324,7 @@ def test_a_negative_fade_is_found_where_the_first_control_is_zero(beginning, tmp
 @pytest.mark.full
 @pytest.mark.parametrize("name", [one("Mrac-state-midpoint"), one("L1Adaptive-state-midpoint"), one("L1PiecewiseConstant-state")])
 def test_no_statement_around_the_arithmetic_can_be_left_out(name, tmp_path) -> None:
-    """Each is deleted by itself, but returns, behind which anything may happen: the self-test fails, or nothing compiles."""
+    """Each statement except a return is deleted by itself: the self-test fails or the code does not compile."""
     exported(name, tmp_path)
     right = (tmp_path / "controller.c").read_text()
     first, last = right.index("static void advance("), right.index("/* A start without a bump")

@@ -213,7 +213,7 @@ class Settable(Plain):
 )
 @pytest.mark.short(kept=lambda scheme, shell: shell == "fade")
 def test_what_is_set_beside_a_shell_acts_as_in_plain_python(scheme, shell, tmp_path) -> None:
-    """Every bit of u: numbers set at good samples, in outages short and long, in fallbacks, and while a return fades."""
+    """Every bit of u: numbers set at good samples, in short and long outages, in fallbacks, and during the fade of a return."""
     problem, controller = surrounded(scheme, SHELLS[shell])
     made = Printed(made_of(problem, controller, SIMULATION, DOUBLE, parameters=True))
     called = loaded(tmp_path, made, CALLER).called
@@ -242,7 +242,7 @@ def test_what_is_set_beside_a_shell_acts_as_in_plain_python(scheme, shell, tmp_p
 
 @needs_gcc
 def test_a_number_that_is_set_while_the_baseline_acts_makes_no_bump(tmp_path) -> None:
-    """Of the baseline alone: u goes on as without it, for no number of it is set; and a change to it begins anew."""
+    """On the baseline alone u is unaffected, because none of its numbers can be set; a new change to it starts afresh."""
     posed = problem_with_baseline("lqi")
     made = Printed(made_of(posed, SCHEMES["mrac"], RUN, DOUBLE, parameters=True))
     called = loaded(tmp_path, made, CALLER).called
@@ -268,7 +268,7 @@ def test_a_number_that_is_set_while_the_baseline_acts_makes_no_bump(tmp_path) ->
 
 @needs_gcc
 def test_a_gain_that_is_doubled_in_flight_makes_no_bump(tmp_path) -> None:
-    """Of a linear controller, whose u is the gain's at once: with a fade u goes on from its last value, without it jumps."""
+    """A linear controller's u follows its gain at once: with a fade u continues from its last value, without it u jumps."""
     made = printed(KINDS[5])
     drive = loaded(tmp_path, made, DRIVER, store="(void)kept;").drive
     which = next(i for i, one in enumerate(made.contents.parameters) if one.name.endswith("D"))

@@ -114,7 +114,7 @@ class Plain:
         self.u, self.y, self.r, self.missed, self.left, self.bump = np.zeros(len(act.u)), None, None, 0, 0, 0.0
 
     def sample(self, y, r, freeze, time) -> tuple[int, np.ndarray]:
-        """Status and u; ``time`` is what the timer says, in sample times."""
+        """Status and u; ``time`` is the timer's reading in sample times."""
         status, calls, wrong = 0, round(time) if np.isfinite(time) else 0, False
         if self.shell.jitter is None:
             status |= WRONG_TIME if not abs(time - 1) <= 1e-3 else 0
@@ -303,7 +303,7 @@ def test_without_faults_and_refusals_a_shell_changes_no_bit() -> None:
 
 @needs_gcc
 def test_numbers_of_a_shell_may_be_arguments_of_a_kernel() -> None:
-    """Without fused multiply-adds all numbers are, but those of the controller's own list and of what surrounds it."""
+    """No number uses fused multiply-adds, except those of the controller's own list and of the surrounding code."""
     problem, controller = surrounded("Mrac-state-midpoint", SHELLS["fade"], FAULTS["all"])
     plain = replace(RUN, fused=False, t_end=1.0)
     origin = simulate(problem, [controller], plain)[controller.name]
@@ -311,11 +311,11 @@ def test_numbers_of_a_shell_may_be_arguments_of_a_kernel() -> None:
 
 
 def test_members_of_an_ensemble_may_differ_in_ranges_and_rates() -> None:
-    """Each is the run that it would be by itself, but for fused sums."""
+    """Each equals its single run, except for fused sums."""
     spikes = (Spike(channel="x_1", size=0.4, share=0.1),)
     shells = [Shell(range={"x_1": [-2.0, high]}, rate={"x_1": 1.0 / high}) for high in (0.3, 0.5, 2.0)]
     made = [surrounded("Mrac-state-midpoint", shell, spikes) for shell in shells]
-    members = [(replace(problem, sensor=None), controller) for problem, controller in made]  # members have noise of their own
+    members = [(replace(problem, sensor=None), controller) for problem, controller in made]  # each member has its own noise
     together = Batch.of(members, RUN)
     run([together], members[0][0].signals, RUN)
     found = together.metrics(RUN).max_abs_e

@@ -1,4 +1,4 @@
-"""The gain at which a float32 export and the simulation part: against runs at gains on both sides of it."""
+"""The gain at which a float32 export departs from the simulation, against runs at gains on both sides."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def difference(gamma: float) -> float:
 @needs_gcc
 @pytest.mark.full
 def test_euler_steps_part_at_a_gain() -> None:
-    """On both sides of it runs say the same; from a gain at which they part the search goes downwards."""
+    """Runs on both sides confirm it; from a gain at which they differ the search goes downwards."""
     found = precision_limit(STATE, mrac(5.0, "euler"), SHORT)
     assert found.setting == "gamma" and found.at is not None
     below = max(gain for gain in found.apart if gain < found.at)
@@ -40,7 +40,7 @@ def test_euler_steps_part_at_a_gain() -> None:
     assert difference(found.at) > VISIBLE_SHARE > difference(below)
     assert found.apart[5.0] == pytest.approx(difference(5.0)) and found.apart[5.0] < 1e-5
     again = precision_limit(STATE, mrac(found.at, "euler"), SHORT)  # from there on the search goes down
-    assert again.at is not None and found.at / 3 < again.at <= found.at  # rounding errors are no smooth function of the gain
+    assert again.at is not None and found.at / 3 < again.at <= found.at  # rounding errors are not a smooth function of the gain
 
 
 @needs_gcc

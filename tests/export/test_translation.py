@@ -1,4 +1,4 @@
-"""Each compiled step is its operation list, for all numbers, with + * / sqrt as functions of which nothing is known."""
+"""Each compiled step is its operation list, for all numbers, with + * / sqrt as uninterpreted functions."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def test_the_optimised_step_is_the_list(name, tmp_path) -> None:
 @pytest.mark.parametrize(("name", "level"), [(one("Mrac-state-euler"), "-O2"), (one("RobustMrac-free-midpoint"), "-O0")])
 @pytest.mark.short(kept=lambda name, level: level == "-O2")
 def test_every_planted_fault_is_seen(name, level, tmp_path, sample) -> None:
-    """Those of the self-test in the arithmetic, none of which may be missed here, in whatever branch; and it says where."""
+    """The self-test's arithmetic mutants: none may be missed here in any branch, and the place is reported."""
     made = printed(name)
     right = source(made)
     for number, fault in list(enumerate(FAULTS))[:: sample(5, 1)]:
@@ -55,7 +55,7 @@ def test_every_planted_fault_is_seen(name, level, tmp_path, sample) -> None:
 
 
 def test_terms_know_what_ieee_754_says_and_no_more() -> None:
-    """a - b is a + -b, sums have no order of two, signs leave products; but sums are not associative, and 0 + x is not x."""
+    """a - b is a + -b, addition commutes, and signs move out of products; but addition is not associative, and 0 + x is not x."""
     terms = Terms(float)
     a, b, c = (terms.input("0", i) for i in range(3))
     zero, less = terms.constant(0.0), terms.compare("lt", a, b)

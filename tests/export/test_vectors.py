@@ -1,4 +1,5 @@
-"""What an export says of its test vectors: the compiled C agrees, proofs hold for numbers drawn anew, faces are reached."""
+"""An export's statements on its test vectors: the compiled C agrees, proofs hold for newly drawn numbers, and faces are
+reached."""
 
 from __future__ import annotations
 
@@ -44,7 +45,7 @@ def contents(beginning: str, real=DOUBLE) -> Contents:
 @pytest.mark.parametrize("beginning", KINDS)
 @pytest.mark.short(kept=lambda beginning, float32: beginning == KINDS[6] and not float32)
 def test_the_compiled_self_test_kills_what_the_readme_says(beginning, float32, tmp_path) -> None:
-    """At least 97 % of the mutants that are not proven to be no fault; those that are proven to be none survive."""
+    """The self-test kills at least 97 % of the mutants that are not proven equivalent; the proven ones survive."""
     printed = Printed(contents(beginning, FLOAT if float32 else DOUBLE))
     found = found_in_c(printed, tmp_path)
     assert found.contradictions == []
@@ -67,7 +68,7 @@ def test_numbers_drawn_anew_kill_no_mutant_that_is_proven_to_be_none(beginning) 
 
 
 def test_the_sign_of_zero_and_the_rounding_of_a_root_are_not_proven_away() -> None:
-    """sqrt(-0.0) is -0.0, so that its size is another number; in 32 bits sqrt(2) lies below what 64 bits give, and equals c."""
+    """sqrt(-0.0) is -0.0, which differs from its magnitude; in 32 bits sqrt(2) lies below what 64 bits give, and equals c."""
     x, within = Operation("input", (), source=(0, 0)), {(0, 0): Interval(0.0, 3.0)}
     size = Program((x, Operation("sqrt", (0,)), Operation("fabs", (1,))), ((2,),))
     left_out = Mutant(2, "fabs is omitted", Operation("copy", (1,)))
@@ -81,7 +82,7 @@ def test_the_sign_of_zero_and_the_rounding_of_a_root_are_not_proven_away() -> No
 
 
 def test_a_product_of_one_sign_is_not_below_zero_and_a_row_that_keeps_its_number_need_not_be_stored() -> None:
-    """x (c x) with c above zero is no less than zero, and its maximum with zero is itself; with c of either sign it is not."""
+    """For c above zero x (c x) is at least zero and equals its maximum with zero; for c of either sign it need not."""
     x, y = (Operation("input", (), source=(0, row)) for row in (0, 1))
     scaled = Program(
         (x, y, Operation("mul", (0, 1)), Operation("mul", (2, 0)), Operation("constant"), Operation("fmax", (3, 4))), ((5,),)
@@ -96,7 +97,7 @@ def test_a_product_of_one_sign_is_not_below_zero_and_a_row_that_keeps_its_number
 
 
 def test_the_midpoint_laws_projection_is_reached_at_every_face() -> None:
-    """In the run of the simulation it never is; chosen samples end on each face."""
+    """The simulated run never reaches a face; the chosen samples end on each face."""
     made = contents("Mrac-state-midpoint")
     rows, (low, high) = list(made.layout.theta_hat.rows), made.limits
     run = made.vectors.states[:, rows]
@@ -107,7 +108,7 @@ def test_the_midpoint_laws_projection_is_reached_at_every_face() -> None:
 
 @needs_gcc
 def test_the_self_test_takes_both_sides_of_what_advance_decides(tmp_path) -> None:
-    """As gcov counts them, or clang-19; two outcomes at most no state leads to."""
+    """Counted by gcov or clang-19; at most two outcomes are unreachable from any state."""
     made = contents("NormalizedMrac-ball-euler")
     told = coverage(Printed(made), tmp_path)
     taken, of = map(int, (part for part in told.replace(":", "").split() if part.isdigit()))
@@ -117,7 +118,7 @@ def test_the_self_test_takes_both_sides_of_what_advance_decides(tmp_path) -> Non
 
 
 def test_a_step_that_a_limit_takes_back_to_a_face_needs_no_rate_of_zero_there() -> None:
-    """Cases that no number is in are left out, and choices deep within a sum are divided. Without the limit it is a fault."""
+    """Empty cases are left out, and choices deep inside a sum are split. Without the limit the mutant is a fault."""
     theta, rate = (Operation("input", (), source=(0, row)) for row in (0, 1))
     step = (
         theta,
@@ -140,7 +141,7 @@ def test_a_step_that_a_limit_takes_back_to_a_face_needs_no_rate_of_zero_there() 
 
 
 def test_a_fault_is_followed_no_farther_than_to_where_it_is_gone() -> None:
-    """Of sqrt(max(x, c)) a last bit of c is rounded away; a hundred choices after that are not looked at."""
+    """In sqrt(max(x, c)) the last bit of c is rounded away; after a hundred choices the analysis stops."""
     chain = [
         Operation("input", (), source=(0, 0)),
         Operation("constant", (), value=1.6),

@@ -1,4 +1,4 @@
-"""Translation validation: what a compiler makes of an exported step, as terms, beside the terms of the operation list."""
+"""Translation validation: an exported step as compiled, as terms, compared with the terms of the operation list."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ TYPED_POINTER = re.compile(r"(%struct\.\w+|\[\d+ x \w+\]|double|float|i\d+)\*+")
 
 
 def compiled(printed: Printed, folder: Path, level: str, text: str | None = None) -> str:
-    """LLVM's text of the export, or of another text in its place."""
+    """LLVM's text of the export, or of another source in its place."""
     write(folder, {"controller.h": header(printed), "controller.c": text or source(printed)})
     command = [*CLANG, level, "controller.c", "-o", "controller.ll"]
     subprocess.run(command, cwd=folder, check=True, timeout=60)
@@ -41,7 +41,7 @@ def compiled(printed: Printed, folder: Path, level: str, text: str | None = None
 
 
 def difference(printed: Printed, made: str) -> str:
-    """What of the compiled step is not its list: an entry of the state, and an operation that is missing; empty if equal."""
+    """Where the compiled step differs from its list: an entry of the state and a missing operation; empty if equal."""
     contents, program = printed.contents, printed.contents.step
     terms = Terms(contents.real.numbers)
     offsets = _offsets(printed)
@@ -65,7 +65,7 @@ def difference(printed: Printed, made: str) -> str:
 
 
 def _offsets(printed: Printed) -> dict[int, int]:
-    """Where the entries of the flat state stand in the struct."""
+    """The places of the flat state's entries in the struct."""
     found, at, size = {}, 0, SIZES[printed.real]
     for part in printed.contents.layout.parts:
         found |= {row: at + size * i for i, row in enumerate(part.rows)}
@@ -96,7 +96,7 @@ def number(terms: Terms, value: int) -> int:
 
 
 def truth(terms: Terms, value: int) -> int:
-    """A number as a truth value: whether it is not zero."""
+    """A number as a truth value: true unless it is zero."""
     return value if number(terms, value) != value else terms.negated(terms.compare("eq", value, terms.constant(0.0)))
 
 

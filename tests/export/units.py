@@ -14,7 +14,7 @@ from barbalat.run.kernel.portable import standard_normal
 
 
 def write_units(folder: Path, problem, controller, simulation, version: int, **settings) -> dict[str, Path]:
-    """The three units by what they are."""
+    """The three units by their kind."""
     made = units(problem, controller, simulation, version=version, closed_loop=True, **settings)
     found = dict(zip(("controller", "plant", "loop"), made, strict=True))
     for name, content in made.items():
@@ -31,7 +31,7 @@ class Ensemble:
         self.batch = Batch.of(self.opened.cases, simulation)
 
     def value(self, member: int) -> dict[str, float]:
-        """The parameter that this member has another value of; the first has none."""
+        """The parameter that this member changes; the first changes none."""
         return {self.opened.parameters[member - 1].name: self.opened.tried[member - 1]} if member else {}
 
     def run(self, samples: int) -> np.ndarray:
@@ -46,7 +46,7 @@ class Ensemble:
         return np.array(states)
 
     def commands(self, k: int) -> np.ndarray:
-        """(q,) at sample k, at the very time that the simulation has for it."""
+        """(q,) at sample k, at exactly the simulation's time."""
         every, in_pieces = self.batch.rhythm.sample_every, self.batch.program.shape.in_pieces
         table = signal_table(self.problem.signals, self.simulation, k * every, 1, in_pieces=in_pieces)
         return table[0, : len(self.problem.commands)]

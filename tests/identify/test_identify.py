@@ -61,7 +61,8 @@ def test_the_true_plant_is_always_in_the_set(seed):
 
 
 def test_the_set_is_that_of_enumerated_vertices():
-    """One noisy and one exact regressor: every pair of windows' edges in each half-plane, and what of it explains all."""
+    """One noisy and one exact regressor: every pair of the windows' edges in each half-plane, and the part that explains all
+    data."""
     rng = np.random.default_rng(3)
     recording, noise, slope = recorded(rng, np.array([[-1.0]]), np.array([[2.0]]), 0.05, 60, 2e-3)
     every = windows_of(recording, 0, noise, slope)
@@ -166,7 +167,7 @@ def test_weak_duality_needs_no_right_multipliers(monkeypatch):
 
 
 def test_outputs_that_are_not_the_whole_state_are_a_finding():
-    """A position alone of an oscillator; with its rate the same recording is predicted, and nothing is said."""
+    """Only the position of an oscillator; with its rate the same recording is predicted without a message."""
     rng = np.random.default_rng(0)
     recording, _, _ = recorded(rng, np.array([[0.0, 1.0], [-400.0, -0.4]]), np.array([[0.0], [30.0]]), 0.01, 800, 1e-5)
     position = replace(recording, outputs=recording.outputs[:, :1], output_names=("x0",))
@@ -175,7 +176,8 @@ def test_outputs_that_are_not_the_whole_state_are_a_finding():
 
 
 def test_exact_knowledge_leaves_least_squares_for_the_rest():
-    """A coefficient known exactly is removed from the regression; one known to lie elsewhere is clipped, and said."""
+    """A coefficient known exactly is removed from the regression; one known to lie elsewhere is clipped, and a message says
+    so."""
     rng = np.random.default_rng(8)
     A, B = np.array([[0.0, 1.0], [0.0, -1.0]]), np.array([[0.0], [2.0]])
     recording, noise, slope = recorded(rng, A, B, 0.02, 300, 1e-4)
@@ -184,7 +186,9 @@ def test_exact_knowledge_leaves_least_squares_for_the_rest():
         row = identify(recording, derivatives={"x0": "x1"}, within=exact, **bounds).rows[1]
         assert row.nominal[0] == 0.0 and (row.nominal == row.estimate).all()
         assert np.allclose(row.nominal, [0.0, -1.0, 2.0], atol=0.01)
-    wide = {name: 100 * bound for name, bound in noise.items()}  # with which a row that is off by some per cent explains the data
+    wide = {
+        name: 100 * bound for name, bound in noise.items()
+    }  # with which a row that is wrong by a few per cent explains the data
     found = identify(recording, derivatives={"x0": "x1"}, within={("x1", "x1"): (-0.98, -0.9)}, noise=wide, slope=slope)
     nominal = found.rows[1].nominal
     assert any("the least squares of x1' lie outside the known set" in said for said in found.findings)
@@ -224,7 +228,7 @@ def test_an_unstable_plant_is_validated_by_predictions_over_its_fastest_growth()
 
 
 def test_an_unstable_plant_that_predicts_worse_than_a_held_state_is_a_finding():
-    """A growing oscillation, of which only one state is an output."""
+    """A growing oscillation with only one state as output."""
     t = 0.01 * np.arange(800)
     q = np.exp(t) * (1 + 2 * np.sin(10 * t))
     found = identify(Recording(t, unstable().inputs, q[:, None], ("u",), ("q",)))
@@ -255,7 +259,7 @@ def test_an_unexcited_coefficient_has_no_interval_and_takes_that_of_within():
 
 
 def test_a_contradiction_of_within_and_the_data_is_said_as_one():
-    """The free row explains the data; the row inside needs larger bounds, never smaller ones."""
+    """The unconstrained row explains the data; the row inside the set needs larger bounds, never smaller ones."""
     rng = np.random.default_rng(1)
     recording, noise, slope = recorded(rng, np.array([[-1.0]]), np.array([[2.0]]), 0.05, 100, 1e-3)
     with pytest.raises(InputError) as told:

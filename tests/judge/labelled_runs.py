@@ -1,4 +1,4 @@
-"""Runs whose label is known beforehand: limit cycles in closed form, and what must not be taken for one."""
+"""Runs with a known label: limit cycles in closed form, and runs that must not be taken for one."""
 
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -35,7 +35,7 @@ class Law:
 
 @dataclass(frozen=True)
 class VanDerPol(Law):
-    """Makes of x1'' = -x1 + u van der Pol's oscillator x1'' - mu (1 - x1^2) x1' + x1 = r."""
+    """Turns x1'' = -x1 + u into van der Pol's oscillator x1'' - mu (1 - x1^2) x1' + x1 = r."""
 
     mu: float = 1.0
 

@@ -47,7 +47,7 @@ def test_a_relay_with_delay_cycles_as_computed_exactly(a, delay):
 
 
 def recorded_noise(t_end):
-    """A command at rest as a logger writes it down."""
+    """A command at rest, as a logger records it."""
     t = np.linspace(0.0, t_end, 2001)
     return Recorded(times=t, values=1.0 + 1e-6 * np.random.default_rng(0).normal(size=len(t)))
 
@@ -56,7 +56,7 @@ def recorded_noise(t_end):
     "ripple", [{"disturbance": Sine(1e-6, 100.0)}, {"disturbance": Sine(0.05, 37.0)}, {"reference": recorded_noise(20.0)}]
 )
 def test_no_ripple_of_a_signal_hides_a_cycle(ripple):
-    """It turns more often than the control does, and drives none of it."""
+    """It turns more often than the control does and does not drive it."""
     problem = replace(relay_problem(0.5, 0.2), **ripple)
     (result,) = simulate(problem, [Gain(k=np.array([RELAY_GAIN]))], Simulation(t_end=20.0, dt=0.001)).values()
     assert result.verdict.kind is Class.CYCLE and result.verdict.cycle.amplitude == pytest.approx(1.0)
@@ -91,7 +91,7 @@ def test_van_der_pol_has_the_period_of_the_tables():
 
 
 def test_labels_known_beforehand():
-    """No cycle is missed that has three periods in the tail, and nothing else is called one: 18 kinds of runs, 20 of each."""
+    """Every cycle with three periods in the tail is found, and nothing else is called one: 18 kinds of runs, 20 of each."""
     missed, false = {}, {}
     for name, (members, simulation, cycle) in labelled(np.random.default_rng(0), 20).items():
         judged = simulate_ensemble(members, simulation, judge=Judge()).judged
@@ -103,7 +103,7 @@ def test_labels_known_beforehand():
 
 
 def test_what_is_looked_at_in_runs_is_no_cycle_either():
-    """A run that follows what turns is not spared, as in a sweep: everything is held, and no label becomes false."""
+    """A run that follows a turning command is checked as in a sweep: everything is held, and no label becomes false."""
     for name, (members, simulation, cycle) in labelled(np.random.default_rng(2), 6).items():
         if not cycle:
             found = simulate_ensemble(members, simulation, judge=Judge(closely=True), frequencies=False).judged
@@ -179,7 +179,7 @@ def test_no_verdict_depends_on_who_runs_beside(kind):
 
 
 def test_of_100_flexible_joints_40_are_limit_cycles_under_mrac():
-    """As an independent program found, with the command held and the noise off: 40 swing for ever, 60 come to rest."""
+    """An independent program found that with the command held and the noise off 40 oscillate for ever and 60 come to rest."""
     source = CaseText.read(JOINT)
     draws = sampled(source, [("plant.theta", "known-set"), ("plant.input.gain", "uniform:0.6:1.4")])
     plan = Plan({}, draws, 100, Design.LATIN, 0)
@@ -218,7 +218,8 @@ def test_what_is_lost_in_its_continuation_is_told(delay, lost):
 
 
 def test_lost_samples_hide_no_limit_cycle():
-    """A lost sample that the continuation held would open the loop, and the control would rest: u goes from rail to rail."""
+    """Holding a lost sample in the continuation would open the loop and the control would rest; here u goes from limit to
+    limit."""
     lost = '\n[[faults]]\nkind = "dropout"\nchannel = "theta"\nshare = 0.02\nseed = 1\n'
     case = CaseText(JOINT.read_text("utf-8").replace("delay = 0.012", "delay = 0.032") + lost, JOINT.parent).case()
     (result,) = simulate(case.problem, [one for one in case.controllers if one.name == "MRAC"], case.simulation).values()

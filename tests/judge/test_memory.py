@@ -27,7 +27,7 @@ def problem(**given) -> Problem:
 
 
 def largest_so_far(v: np.ndarray) -> np.ndarray:
-    """What v has covered, or its magnitude where that is larger, up to each instant."""
+    """The range that v has covered, or its magnitude if that is larger, up to each instant."""
     covered = np.maximum.accumulate(v) - np.minimum.accumulate(v)
     return np.maximum(covered, np.maximum.accumulate(np.abs(v)))
 
@@ -41,7 +41,7 @@ LIMITS = {
 
 
 def reversals(v: np.ndarray, widths: np.ndarray) -> int:
-    """How often v moves back by more than ``widths`` from the farthest point since it turned last."""
+    """How often v moves back by more than ``widths`` from its farthest point since the last turn."""
     count, rising, high, low = 0, True, v[0], v[0]
     for value, width in zip(v[1:], widths[1:], strict=True):
         high, low = max(high, value), min(low, value)
@@ -54,7 +54,7 @@ def reversals(v: np.ndarray, widths: np.ndarray) -> int:
 
 @pytest.fixture(params=LIMITS)
 def recorded(request):
-    """A run of which every instant is kept, with what the judge made of it."""
+    """A run with every instant kept, and the judge's result."""
     posed, judge = problem(**LIMITS[request.param]), Judge()
     (result,) = simulate(posed, [Mrac(gamma=20.0)], SIMULATION).values()
     watched = watched_in_runs(judge, posed)
@@ -73,7 +73,7 @@ def limited_of(posed, result) -> np.ndarray:
 
 
 def at_limit_of(path, u, v):
-    """Where the demand is beyond a limit and the control ``v`` has arrived there."""
+    """Whether the demand is beyond a limit and the control ``v`` has reached it."""
     low, high = path.saturation
     asked = np.clip(u, low, high)
     return ((u <= low) | (u >= high)) & (np.abs(asked - v) <= 1e-3 * (high - low))
@@ -130,7 +130,7 @@ def test_along_recorded_signals_the_list_gives_what_it_gave_in_the_kernel(record
     before = along(kept.memory, head, ranges)
     np.testing.assert_allclose(before, kept.before_tail[:, 0], rtol=1e-9, atol=1e-9)
     whole = along(kept.memory, tail, ranges, start=before, renewed=True)
-    own = slice(0, kept.memory.responses.start)  # the run's last instant is no step of the command
+    own = slice(0, kept.memory.responses.start)  # the run's last instant is not a step of the command
     np.testing.assert_allclose(whole[own], kept.whole[own, 0], rtol=1e-9, atol=1e-9)
 
 
@@ -149,7 +149,7 @@ def test_the_same_lines_in_numpy():
 
 @pytest.mark.parametrize("offset", [0.0, 7.0])
 def test_swings_are_the_way_between_turns_of_the_tail(offset):
-    """By the extremes of the whole way, whatever the control moves about."""
+    """By the extremes of the whole path, around any mean of the control."""
     memory, one = Memory(1, 1, 1, limited=(True,), rate_limited=(False,), hysteresis=0.025, weighed=True), np.ones((3000, 1))
     t = np.linspace(0, 30, 3000)
     u = (offset + np.sin(2 * t) + 0.3 * np.sin(9 * t))[:, None]

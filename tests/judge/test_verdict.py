@@ -1,4 +1,4 @@
-"""Verdicts as sentences, in JSON, by bands in the plant's units; what is settled by the solver, for a run and in sweeps."""
+"""Verdicts as sentences, in JSON, by bands in the plant's units; verdicts that depend on the solver, for a run and in sweeps."""
 
 import json
 import pickle
@@ -160,7 +160,7 @@ bandwidth = 40.0
 
 @pytest.mark.parametrize("command", ["0.0", "1e-6"])
 def test_what_runs_away_beside_a_command_of_nothing_is_lost(command):
-    """Its own size was its scale, of which nothing is 100 times; and a command of 1e-6 makes no other run of it."""
+    """Its scale was its own size, of which no value is 100 times; a command of 1e-6 does not change the run."""
     case = parse_case(RUNAWAY.replace("COMMAND", command))
     found = [one.verdict for one in simulate(case.problem, case.controllers, case.simulation).values()]
     assert {one.kind for one in found} == {Class.LOST}
@@ -322,7 +322,7 @@ def test_two_inputs_are_judged_each():
     ],
 )
 def test_the_state_that_is_declared_to_follow_comes_first(follows, told):
-    """Section V with a slow filter, which lets both states miss; x_1 alone can be declared, so the states are swapped."""
+    """Section V with a slow filter, which lets both states miss; only x_1 can be declared, so the states are swapped."""
     text = SECTION_V.replace("k_0 = 4.0", 'follow = "x_2"').replace("[4.0, -3.0]", "[-3.0, 4.0]").replace("GAMMA", "10.0")
     text = text.replace("A_m = [[0.0, 1.0], [-0.3, -1.0]]", "A_m = [[-1.0, -0.3], [1.0, 0.0]]").replace(
         "b = [0.0, 1.0]", "b = [1.0, 0.0]"

@@ -1,4 +1,4 @@
-"""Hurwitz and controllable are asked of a matrix whatever its unit: numbers near the ends of a double's range too."""
+"""A matrix is tested for Hurwitz and controllability in any unit, also with numbers near the ends of a double's range."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_units_change_no_verdict(size):
 
 
 def test_columns_of_very_different_size():
-    """What overflowed beside the balancing's scales: -1e308 and 0.3 in one column."""
+    """A former overflow with the balancing's scales: -1e308 and 0.3 in one column."""
     require_controllable("(A, b)", np.array([[0.0, 1.0], [-6.5, -6.08]]), np.array([-1e308, 0.34]))
 
 

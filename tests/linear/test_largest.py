@@ -1,4 +1,4 @@
-"""The search for the largest value that is borne, against values that are known."""
+"""The search for the largest tolerated value, against known values."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_secants_where_nothing_or_everything_is_borne():
 
 
 def test_the_first_exit_counts_where_the_steps_are_short():
-    """Borne below 2 and from 3 to 4: steps of a tenth see the gap, and the boundary found is its beginning."""
+    """Tolerated below 2 and from 3 to 4: steps of a tenth find the gap, and the boundary is its beginning."""
     found = largest_from(lambda value: value <= 2 or 3 <= value <= 4, 1.0, factor=1.1)
     assert found == pytest.approx(2.0, rel=1e-15)
 
@@ -91,7 +91,7 @@ def test_as_many_halvings_as_it_takes(ratio, within):
 @pytest.mark.parametrize("bound", range(24))
 @pytest.mark.parametrize("stride", [1, 4, 7])
 def test_the_largest_whole_number(bound, stride):
-    """All up to the bound are borne; beyond the last stride nothing is tried."""
+    """All values up to the bound are tolerated; beyond the last stride nothing is tried."""
     tried = []
 
     def bears(number):

@@ -47,7 +47,8 @@ def pade_closed_loop(loop: StateSpace, delay: float, order: int = 12) -> float:
 
 
 def test_a_crossing_that_lies_on_a_point_of_the_grid():
-    """Second-order MRAC loops whose theta rounds so: beside a zero one value has another sign alone than among others."""
+    """Second-order MRAC loops whose theta rounds such that, near a zero, a value computed alone has another sign than in an
+    array."""
     b, found = np.array([0.0, 1.0]), 0
     for first in np.round(np.arange(0.35, 0.95, 0.0125), 4):
         theta = np.array([first, 2.0])
@@ -168,7 +169,7 @@ def test_known_parameters_with_and_without_filter():
 
 
 def random_delayed_loops(count: int):
-    """Loops with a share of the delay that they bear, or of a time of their own."""
+    """Loops with a part of the delay that they tolerate, or of one of their time constants."""
     rng = np.random.default_rng(9)
     for loop in random_loops(count):
         borne = margins(loop).delay
@@ -235,7 +236,7 @@ def test_an_integrator_with_a_delay():
     found = margins(TransferFunction([0.5], [1.0, 0.0]).realise(), 0.3)
     assert found.gain_up == pytest.approx(np.pi / (2 * 0.5 * 0.3), rel=1e-9)
     assert found.gain_down == 0
-    # a loop that is no loop: nothing destabilises
+    # an open loop: nothing destabilises it
     nothing = margins(StateSpace(-np.eye(2), np.ones(2), np.zeros(2), 0.0), 0.3)
     assert (nothing.gain_up, nothing.gain_down, nothing.phase, nothing.delay) == (math.inf, 0.0, math.inf, math.inf)
 
@@ -250,7 +251,7 @@ def test_a_loop_that_does_not_fall_off_bears_no_more_than_its_end():
 
 
 def test_a_peak_that_is_flat_over_decades():
-    """An integrator: |T| tends to 1 from below for w -> 0 and stays there up to the crossover; |S| peaks behind it."""
+    """An integrator: |T| tends to 1 from below for w -> 0 and stays near 1 up to the crossover; |S| peaks beyond it."""
     loop = TransferFunction([307.0, 8401.0], [1.0, 43.6, 0.0]).realise()
     found = delayed_peaks(loop, 3.4e-5)
     w = np.geomspace(1e-4, 1e6, 400_000)
@@ -260,7 +261,7 @@ def test_a_peak_that_is_flat_over_decades():
 
 
 def test_a_plant_that_integrates_has_a_margin_with_its_law_inside():
-    """A motor's angle: an eigenvalue of zero comes out as a rounding, below which no frequency is of interest."""
+    """A motor's angle: an eigenvalue of zero is computed as a rounding error; frequencies below it are irrelevant."""
     plant = Plant(A=[[0, 1], [0, -0.7]], b=[0, 12.5], A_m=[[0, 1], [-25, -7]])
     given = Problem(plant, ReferenceModel(2.0), Constant(1.0), uncertainty=ParameterBox([-1, -1], [4, 4]))
     certificate = certify(given, L1Adaptive(1e4, input_filter(0.01)), Simulation(1.0, 1e-3))["L1"]
@@ -270,7 +271,8 @@ def test_a_plant_that_integrates_has_a_margin_with_its_law_inside():
 @pytest.mark.parametrize("delay", [0.0, 0.01])
 @pytest.mark.parametrize("share", [0.5, 2.0, 1e38])
 def test_a_loop_that_is_as_good_as_open_has_no_gain_margin(share, delay):
-    """K/(s + 1)^3 alone bears K = 8; with K = 8/(share 1e6) the factor is share 1e6, which beyond 1e6 is no margin."""
+    """K/(s + 1)^3 tolerates K = 8; with K = 8/(share 1e6) the factor is share 1e6, and a factor beyond 1e6 is not reported as a
+    margin."""
     loop = TransferFunction([8.0 / (share * 1e6)], [1.0, 3.0, 3.0, 1.0]).realise()
     found = margins(loop, delay).gain_up
     assert found == (pytest.approx(share * 1e6, rel=0.05) if share < 1 else math.inf)  # the delay takes 1 or 2 %

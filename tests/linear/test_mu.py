@@ -113,7 +113,7 @@ def test_a_scalar_plant_with_dynamics():
 
 @pytest.mark.parametrize("kappa", [0.02, 0.05, 0.1, 0.5])
 def test_the_section_v_family_by_brute_force(section_v, kappa):
-    """No theta of a fine grid inside 1/mu destabilises, the one that is named does just outside."""
+    """No theta of a fine grid inside 1/mu destabilises, the reported one does just outside."""
     centre, width = section_v.uncertainty.middle, section_v.uncertainty.upper
     plant = Plant(A_m=section_v.plant.A_m, b=section_v.plant.b, theta=centre)
     C = input_filter(kappa).realise()

@@ -1,4 +1,4 @@
-"""The phase of a loop with a delay against NumPy's unwrapped angle, and what is said of intervals against dense samples."""
+"""The phase of a loop with a delay against NumPy's unwrapped angle, and statements on intervals against dense samples."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_phase_swing_and_slope(rotation):
 
 
 def test_only_intervals_with_a_crossing_are_searched(monkeypatch):
-    """Of the intervals in which the phase is monotone most hold none of its levels, which their ends say together."""
+    """Most intervals with a monotone phase contain no level, which their two ends show."""
     searched, found, at_level = 0, 0, Rotation._at_level
 
     def counted(self, *interval):
@@ -65,7 +65,7 @@ def test_only_intervals_with_a_crossing_are_searched(monkeypatch):
         values = rotation.value(at)
         np.testing.assert_allclose(values.imag, 0, atol=1e-6 * np.abs(values).max(initial=1.0))  # as above
         assert (values.real < 0).all()
-        dense = np.geomspace(1e-3, 1e2, 200_001)  # as many levels as a dense walk along the phase meets
+        dense = np.geomspace(1e-3, 1e2, 200_001)  # the same number of levels as on a dense grid of phases
         assert len(at) == np.abs(np.diff(np.floor((rotation.phase(dense) / np.pi - 1) / 2))).sum()
     assert found > 20
     assert searched <= 1.1 * found  # an interval whose end lies within rounding of a level is searched too

@@ -68,7 +68,7 @@ def test_the_delay_margin_is_where_the_radius_passes_one(sample):
 
 
 def test_a_loop_whose_gain_stays_just_below_one_bears_every_delay():
-    """|L| = 0.985 at most: no delay changes it, and the search for the first that destabilises would not end."""
+    """|L| is at most 0.985: no delay destabilises the loop, and the search for one would not end."""
     A = np.array([[0.0, 1.0, 0.0], [-3.2281, -3.6519, 0.0], [0.0, 0.0, 0.0]])
     J = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.4941, -2.048, 0.3927]])
     loop = SampledLoop(A, np.array([[0.0], [1.0], [0.0]]), J, np.array([[0.0, 0.0, 1.0]]), 0.16285)
@@ -101,7 +101,7 @@ def two_inputs() -> SampledLoop:
 
 
 def closed_by_hand(delays, gains=(1.0, 1.0)):
-    """x[k+1], and what each input was in the last samples, written down for u_i(t) = -g_i K_i x at t - d_i; the largest |z|."""
+    """x[k+1], and each input's last samples, written by hand for u_i(t) = -g_i K_i x at t - d_i; the largest |z|."""
     depth = 1 + int(max(delays) // T_2) + 1
     M = np.zeros((3 + 2 * depth, 3 + 2 * depth))
     M[:3, :3] = expm(A_2 * T_2)
@@ -121,7 +121,7 @@ def closed_by_hand(delays, gains=(1.0, 1.0)):
 @pytest.mark.parametrize("at", [None, 0, 1])
 @pytest.mark.parametrize("own", [0.0, 0.05, 0.2])
 def test_the_delay_of_one_of_several_inputs_and_of_all(at, own):
-    """Stable on a grid of delays below, lost above by a millionth; ``own`` is the delay that all inputs have already."""
+    """Stable on a grid of delays below, unstable a millionth above; ``own`` is the delay that all inputs already have."""
     margin = delay_margin(two_inputs(), own, at)
     moved = np.ones(2) if at is None else np.eye(2)[at]
     assert max(closed_by_hand(own + late * moved) for late in np.linspace(0, margin * (1 - 1e-6), 40)) < 1
@@ -129,7 +129,7 @@ def test_the_delay_of_one_of_several_inputs_and_of_all(at, own):
 
 
 def test_the_gain_of_one_of_several_inputs_and_of_all():
-    """The first factor of a fine grid at which the loop written down by hand is lost; 1e-9 around the factor that is found."""
+    """The first factor of a fine grid at which the loop written by hand is unstable; 1e-9 around the factor found."""
     loop, delay = two_inputs(), 0.05
     found = {None: gain_margins(loop, delay)}
     for i in range(2):

@@ -1,4 +1,5 @@
-"""Bounds from sample to sample: against sums in exact arithmetic, states of far sizes, loops that hardly forget."""
+"""Bounds from sample to sample: against sums in exact arithmetic, with states of very different sizes and loops that decay
+slowly."""
 
 from fractions import Fraction
 
@@ -24,7 +25,8 @@ def exact_sums(M, s, count):
 @pytest.mark.parametrize("far", [0, 20], ids=["alike", "of far sizes"])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_bounds_are_above_the_sums_and_near(seed, far):
-    """400 samples of a spectral radius of 0.9 are all but 1e-18; what is added beyond is 1e-3 of the largest entry at most."""
+    """With a spectral radius of 0.9 the sum beyond 400 samples is 1e-18; the added remainder is at most 1e-3 of the largest
+    entry."""
     random, n = np.random.default_rng(seed), 3
     M = random.normal(size=(n, n))
     M *= 0.9 / np.abs(np.linalg.eigvals(M)).max()
@@ -48,6 +50,6 @@ def test_the_root_of_the_sum_of_squares_is_the_stationary_deviation():
 
 
 def test_a_loop_that_hardly_forgets_has_no_bound_rather_than_a_wrong_one():
-    """Its Lyapunov equation is solved to no digit: SciPy warns, and a P that shows nothing is refused in one sentence."""
+    """Its Lyapunov equation is solved without a correct digit: SciPy warns, and the useless P is refused in one sentence."""
     M = np.array([[1 - 1e-15, 1e3], [0.0, 1 - 1e-14]])
     assert "too close to losing stability" in refusal(lambda: SampledNorms(M, np.eye(2)).summed(np.ones(2)))

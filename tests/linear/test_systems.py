@@ -150,7 +150,7 @@ def test_Q_inverts_W_m_up_to_the_lag(n, relative_degree):
         assert (np.linalg.eigvals(Q.A).real < 0).all()
         W_m = response(StateSpace(A, b, c, 0.0))
         lag = (tau * 1j * FREQUENCIES + 1) ** relative_degree
-        # W_m falls as w^-n* and loses digits in the solve at high frequencies: compare where it has them. Q is the small
+        # W_m falls as w^-n* and loses digits in the solve at high frequencies: compare only where they remain. Q is the small
         # difference of C(jwI - A)^-1 B and D, which is as large as tau^-n*: a rounding of D counts in it
         held = np.abs(W_m) > 1e-9
         error = np.abs(response(Q) * W_m * lag - 1)[held]

@@ -1,4 +1,4 @@
-"""Controllers from outside are tried before they run: what is wrong is said in a sentence, what is right is left alone."""
+"""Controllers from outside are tried before they run: a fault is reported in a sentence, and correct ones pass."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def test_what_is_wrong_is_named(problems, name):
 
 
 def test_the_line_is_named(problems):
-    """As the interpreter would in a traceback, which stays at hand as the error's cause."""
+    """As the interpreter would in a traceback, which remains available as the error's cause."""
     with pytest.raises(InputError, match=r"line \d+ of foreign.py \(if x\[0\] > 0:\)") as caught:
         check_controller(WRONG["if"][0], problems[2])
     assert isinstance(caught.value.__cause__, RuntimeError)
@@ -83,7 +83,7 @@ def test_a_plain_number_is_a_control(problems):
 
 @pytest.mark.parametrize("n", [1, 2, 3])
 def test_every_scheme_of_the_package_passes(problems, n):
-    """Continuous and sampled: the check is skipped for them in runs, so here it is made."""
+    """Continuous and sampled: runs skip the check for these controllers, so it is made here."""
     for examples in example_controllers(n).values():
         for controller in examples:
             wrapped = [Sampled(controller=controller, sample_time=0.1, discretization=d) for d in ("euler", "midpoint")]
@@ -107,7 +107,7 @@ def test_every_controller_of_a_bundled_case_passes():
 
 
 def test_once_for_a_structure(problems, monkeypatch):
-    """Not for each member of an ensemble; again for other shapes, and for other options."""
+    """The check is not repeated for each member of an ensemble, only for other shapes and options."""
     made = []
     monkeypatch.setattr(binding, "_checked", set())
     monkeypatch.setattr(binding, "check_equations", lambda equations, *_: made.append(equations))
@@ -152,7 +152,7 @@ def test_settings_that_vary_are_symbols_in_an_ensemble(problems):
 
 @dataclass(frozen=True)
 class StrangeLaw:
-    """A law that is wrong inside a scheme of the package."""
+    """A faulty law inside a scheme of the package."""
 
     def initial(self, n):
         return ()

@@ -1,4 +1,4 @@
-"""Reading, rewriting and compiling expressions: values must survive, against NumPy on the same numbers."""
+"""Reading, rewriting and compiling expressions: values must not change, compared with NumPy on the same numbers."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def traced(expressions, inputs: int, parameters: int = 0) -> ca.Function:
 def run_kernel(
     program: Program, points: np.ndarray, parameters: np.ndarray | None = None, lanes: int = 8, steps: int = 1
 ) -> np.ndarray:
-    """The state after so many steps for each column of ``points`` (states, count)."""
+    """The state after this many steps for each column of ``points`` (states, count)."""
     parameters = np.zeros((0, points.shape[1])) if parameters is None else parameters
     kernel = Kernel(program, LoopShape(len(points), 0, len(parameters), 0), (), lanes)
     result = np.empty_like(points)
@@ -130,7 +130,7 @@ def test_random_graphs(graph):
 
 
 def grown(random, depth):
-    """A tree of sums, differences, products and signs; every part is used once, so all of it may be associated anew."""
+    """A tree of sums, differences, products and signs; every part is used once, so all of it may be reassociated."""
     if depth == 0 or random.random() < 0.1:
         return ("constant", float(random.integers(-3, 4))) if random.random() < 0.4 else ("input", int(random.integers(6)))
     name = str(random.choice(["add", "sub", "mul", "mul", "neg"]))
@@ -318,6 +318,6 @@ def test_lanes_are_a_power_of_two(lanes):
 
 
 def test_programs_that_differ_in_the_sign_of_a_zero_are_not_equal():
-    """A kernel that is kept for one must not run in place of the other."""
+    """A cached kernel of one must not run in place of the other."""
     plus, minus = (Program((Operation("constant", value=zero),), ((0,),)) for zero in (0.0, -0.0))
     assert plus == Program(plus.operations, plus.outputs) and plus != minus

@@ -1,4 +1,4 @@
-"""The order of operations: the same values from the same operands, and fewer of them alive at once."""
+"""The order of operations: the same values from the same operands, with fewer of them alive at once."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def side_by_side() -> Program:
 
 
 def alive(program: Program) -> int:
-    """The most values that wait for a user at once: inputs from the start, constants never."""
+    """The largest number of values that wait for a use: inputs from the start, constants never."""
     operations, last = program.operations, {}
     for i, op in enumerate(operations):
         last |= dict.fromkeys(op.operands, i)

@@ -1,4 +1,4 @@
-"""A row with whatever a test is about; everything else of it says next to nothing."""
+"""A row with the part that a test examines; its other parts are placeholders."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ EXPECTED = {
     "rohrs": "holds",
     # V falls at every sample, whatever the gain (docs/sampled.md); z^2 - a z + a = 0 for a delay of a samples
     "sampled-midpoint": "holds", "sampled-delay": "holds",
-    # known parameters have no error but that of the hold, which grows with the samples that are held
+    # known parameters have no error but that of the hold, which grows with the number of held samples
     "missed-samples": "mixed",
     # the frozen loop is unstable below a tau that grows with the delay, or with mu (test_frozen.py)
     "tau-limit-delay": "holds", "tau-limit-mu": "holds", "minus-mu-s": "holds", "tau-range": "holds",
@@ -175,7 +175,7 @@ def by_the_rules(claim: Claim) -> str:
 
 
 def check_row(claim: Claim) -> None:
-    """What a referee asks of every row."""
+    """Requirements of a referee for every row."""
     if claim.sentence.source.side == "the critique":
         assert claim.sentence.quote and all(PLACE.match(part) for part in claim.where.split("; ")), (claim.id, claim.where)
     assert claim.ours != bool(claim.sentence.quote) or claim.sentence.source.side == "others", claim.id
@@ -210,7 +210,7 @@ BRACKETED_LIST = re.compile(r"\[[^\[\]]*(?:,[^\[\]]*){2,}\]")
 
 
 def check_lists(claim: Claim) -> None:
-    """Every list is a table, whose rows are its settings: nobody reads two lists in a sentence against each other."""
+    """Every list is a table, whose rows are its settings: two lists in one sentence are hard to compare."""
     tables = [(one.caption, *one.columns, *(entry for row in one.rows for entry in row)) for one in claim.listings]
     texts = [claim.statement, claim.headline, claim.measured, claim.how, claim.would_change, claim.sharpened]
     for text in (*texts, *(text for one in claim.readings for text in (one.says, one.measured)), *sum(tables, ())):
@@ -271,7 +271,7 @@ def row(*readings: Reading) -> Claim:
     ],
 )
 def test_the_rule(literal, others, finding):
-    """docs/claims.md: the literal readings decide; a weaker one is asked where all of them fail, and what stands beside never."""
+    """docs/claims.md: the literal readings decide; a weaker one counts only if all of them fail, and supplementary ones never."""
     weaker = [Reading(f"reading {i}", holds, "3", role) for i, (role, holds) in enumerate(others)]
     claim = row(*(SAID.reads(holds, "1", part) for part, holds in enumerate(literal)), *weaker)
     assert claim.finding == finding == by_the_rules(claim)
@@ -329,7 +329,7 @@ def test_the_page_of_rules_has_every_finding():
 
 
 def test_the_coverage_goes_through_the_paper():
-    """Every sentence leads to a row that exists, or says what it is; every row of the critique's stands in it."""
+    """Every sentence links to an existing row or says what it is, and every row on the critique is linked."""
     rows = [one.row for one in COVERAGE if isinstance(one, Sentence)]
     assert len(set(rows)) == len(rows) and set(rows) == {
         name for name, one in SENTENCES.items() if one.source.key == "jafari_2013"
@@ -341,7 +341,8 @@ def test_the_coverage_goes_through_the_paper():
 
 
 def test_the_plain_command_measures_no_row_for_long():
-    """What takes more than 12 s of one core is the full command's; what it sharpens has a verdict without it."""
+    """Measurements of more than 12 s on one core belong to the full command; the rows that they sharpen have a verdict without
+    them."""
     assert all(measurement.seconds <= 12 for measurement in PAPER.ledger)
 
 
@@ -365,7 +366,7 @@ SHARPER = [part for part in PAPER.ledger if part.sharper]
     [pytest.param(part, id=min(part.names), marks=[pytest.mark.bulk] * (part.sharper_seconds > 60)) for part in SHARPER],
 )
 def test_what_sharpens_a_row_keeps_its_verdict(claims, section_v_runs, part):
-    """Each measures more than the plain command does, and says before it what that is."""
+    """Each measures more than the plain command and states beforehand what it adds."""
     for row in part.rows(*[section_v_runs] * part.judges_runs, full=True):
         plain = claims[row.id]
         assert row.finding == plain.finding
@@ -382,7 +383,7 @@ def test_what_is_said_to_be_sharpened_is(claims):
 
 @pytest.mark.full
 def test_the_full_command_measures_what_sharpens(monkeypatch, section_v_runs, tmp_path, capsys):
-    """Of a ledger with one row, which is another one in full; the runs are those that other tests share."""
+    """A ledger with one row that has another form in full; it uses the runs that other tests share."""
     plain, sharper = paper_figures.as_described, paper_figures.without_projection
     only = Measurement(
         plain, 0.1, {"figures-2-5": "the figures"}, quick=True, judges_runs=True, sharper=sharper, sharper_seconds=0.3
@@ -407,12 +408,12 @@ def test_numbers_that_theory_predicts(claims):
     for claim in ("tau-limit-delay", "tau-limit-mu"):
         pattern = r"loses stability at (\d\.\d+) to (\d\.\d+) times"
         nearest, _ = map(float, re.search(pattern, claims[claim].measured).groups())
-        assert nearest > 0.98  # nothing is borne beyond the linear limit, up to the resolution of tau
+        assert nearest > 0.98  # nothing is tolerated beyond the linear limit, up to the resolution of tau
 
 
 @pytest.mark.full
 def test_linear_loops_are_lost_where_mu_says(claims):
-    """Without the delay, at the corner that mu names: the last size that is borne and the first that is not, around 1/mu."""
+    """Without the delay, at the corner that mu names: the last tolerated size and the first that is not, around 1/mu."""
     claim = claims["adaptive-against-linear"]
     (shown,) = claim.listings
     limits = {row[0]: row[shown.columns.index("set may grow by 1/mu")] for row in shown.rows}

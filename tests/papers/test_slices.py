@@ -45,7 +45,7 @@ PAPER = Paper(package=__package__, title="On Parity", introduction="The claims o
 
 
 def test_a_claim_is_one_file(tmp_path):
-    """In a copy of the package, in its place: after the claims that are before it, before the others."""
+    """In a copy of the package the claim appears at its place among the others."""
     (package_in(tmp_path) / "papers" / "jafari_2013" / "tracking" / "parity.py").write_text(CLAIM)
     names = [row["id"] for row in json.loads(barbalat_says("claims", "--json", path=tmp_path))["claims"]]
     expected = [name for part in PAPER.ledger for name in part.names]

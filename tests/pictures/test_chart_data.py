@@ -1,4 +1,4 @@
-"""Panels as data of a page's charts: what is drawn from them is what a picture shows."""
+"""Panels as data of a page's charts: the page draws the same as a picture."""
 
 from base64 import b64decode
 
@@ -30,7 +30,7 @@ def test_a_smooth_series_is_a_line_within_less_than_a_pixel():
 
 
 def test_what_oscillates_too_fast_keeps_its_extrema_and_its_ends():
-    """Also the ones between the instants, which the envelope alone knows."""
+    """Including those between the instants, which only the envelope contains."""
     t = np.linspace(0.0, 10.0, 5_001)
     value = np.sin(40 * np.pi * t) * t
     low, high = np.minimum(value[:-1], value[1:]), np.maximum(value[:-1], value[1:])

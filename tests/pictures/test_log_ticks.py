@@ -10,7 +10,7 @@ PLAIN = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 
 
 def test_a_tick_below_the_smallest_number_has_no_name():
-    """Axes of a loop with a gain of 1e-300 reach down to a zero, which is no power of ten."""
+    """Axes of a loop with a gain of 1e-300 reach down to zero, which is not a power of ten."""
     assert [power_of_ten(value) for value in (0.0, 0.1, 1.0, 10.0)] == ["", "0.1", "1", "10"]
 
 
@@ -26,7 +26,7 @@ def number_in(text):
     ("scale", "limits"), [("log", (0.12, 0.7)), ("log", (1e-9, 1e4)), ("log", (3e-5, 7e-5)), ("symlog", (-3e6, 3e6))]
 )
 def test_every_tick_reads_as_the_number_at_which_it_is(scale, limits):
-    """And those have one that Matplotlib would have labelled: none is lost, none is added."""
+    """Exactly the ticks that Matplotlib would have labelled have labels."""
     figure = Figure()
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()

@@ -52,7 +52,7 @@ def test_an_svg_is_the_same_twice_small_and_adapts():
     text = first.decode()
     ET.fromstring(text)
     assert "prefers-color-scheme: dark" in text
-    assert f'[id^="text_"] {{ fill: {DARK_INK} }}' in text  # black text has no colour of its own
+    assert f'[id^="text_"] {{ fill: {DARK_INK} }}' in text  # black text sets no colour
     for colour in set(re.findall(r"stroke: (#[0-9a-f]{6})", text.partition("</style>")[2])):
         assert f'stroke: {colour}"]' in text
 
@@ -84,7 +84,7 @@ def test_names_are_shown_as_they_are():
 
 
 def test_names_in_pictures_have_symbols_and_powers_of_ten():
-    """Where a value follows; a scheme that is called after a letter keeps its name."""
+    """Only if a value follows; a scheme named after a letter keeps its name."""
     assert in_symbols("L1, gamma 1e6, no projection") == "L1, γ 10⁶, no projection"
     assert in_symbols("Gamma = 4.3e-05, kappa 0.02") == "Γ = 4.3·10⁻⁵, κ 0.02"
     assert in_symbols("Sigma-modification, fixed gamma, 0x1e5, v1e5") == "Sigma-modification, fixed gamma, 0x1e5, v1e5"

@@ -1,4 +1,4 @@
-"""What a picture shows of a series: nothing that the series does not do, and nothing of it lost that can be seen."""
+"""A picture of a series shows nothing that the series does not do, and loses nothing visible."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""More lines than hues: each is told apart from every other, by readers of any sight and in a legend."""
+"""More lines than hues: every pair of lines is distinguishable, by readers of any sight and in a legend."""
 
 import io
 from colorsys import rgb_to_hsv
@@ -63,7 +63,7 @@ def test_lines_with_one_dash_have_hues_that_can_be_told_apart(palette, sight):
 
 def test_no_two_of_sixty_look_the_same():
     assert len({(COLOURS[k % 6], dash_of(k), mark_of(k)) for k in range(60)}) == 60
-    assert not any(map(mark_of, range(12)))  # marks only where colours and dashes come again
+    assert not any(map(mark_of, range(12)))  # markers only when colours and dashes repeat
 
 
 @pytest.mark.parametrize("count", [NINE, 20])
@@ -98,7 +98,7 @@ def test_distributions_of_many_schemes_are_drawn():
 
 
 def test_a_png_has_every_hue_that_its_lines_have():
-    """Also of lines that others cover, of which few pixels are seen: a palette chosen by pixels alone makes purple grey."""
+    """Also for covered lines with few visible pixels: a palette chosen only by pixels turns purple into grey."""
     panels = [Panel(title="All", series=series(6), whole_row=True) for _ in range(4)]
     picture = np.asarray(Image.open(io.BytesIO(render(draw(panels, 10.0), "png"))).convert("RGB")).reshape(-1, 3).astype(int)
     assert (picture[0] == 255).all()
@@ -106,4 +106,4 @@ def test_a_png_has_every_hue_that_its_lines_have():
     for colour in COLOURS:
         wanted, full, _ = rgb_to_hsv(*to_rgb(colour))
         around = [saturation for hue, saturation in seen if abs((hue - wanted + 0.5) % 1 - 0.5) < 15 / 360]
-        assert max(around, default=0.0) >= 0.7 * full, colour  # of what a thin line's pixels have beside the ground
+        assert max(around, default=0.0) >= 0.7 * full, colour  # of the contrast of a thin line's pixels with the background

@@ -1,4 +1,4 @@
-"""What is drawn of faults: by a second implementation of SplitMix64, in their shares, at their times, and what is refused."""
+"""The draws of faults against a second implementation of SplitMix64, their shares and times, and refused settings."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_what_is_drawn_is_splitmix() -> None:
 
 
 def test_a_share_is_a_share_and_draws_are_independent() -> None:
-    """Within four standard deviations of binomial numbers; neighbours, seeds and places have nothing to do with each other."""
+    """Within four standard deviations of binomial numbers; neighbours, seeds and places are uncorrelated."""
     t, n, p = np.arange(40_000) * 1e-3, 40_000, 0.1
     drawn = [Dropout(share=p, seed=seed).there(t, place) for seed, place in ((0, 0), (0, 1), (1, 0))]
     for one in drawn:

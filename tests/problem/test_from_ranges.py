@@ -1,4 +1,4 @@
-"""What ranges of parameters are turned into, against sampling, least squares by hand and python-control."""
+"""The sets derived from ranges of parameters, against sampling, least squares by hand and python-control."""
 
 import control
 import numpy as np
@@ -59,7 +59,7 @@ def pendulum():
 
 
 def cart():
-    """A cart with a pendulum as in data sheets: every entry divides by the same sum, which nobody has cancelled."""
+    """A cart with a pendulum as in data sheets: every entry has the same uncancelled sum as denominator."""
     M, m, length, d, J = (
         Parameter(*one[:2], tolerance=one[2])
         for one in (("M", 0.5, 0.1), ("m", 0.2, 0.3), ("l", 0.3, 0.2), ("d", 0.1, 0.5), ("J", 0.006, 0.2))

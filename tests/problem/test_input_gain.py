@@ -25,7 +25,7 @@ BALL = ParameterBall(center=[0.5, -0.3], radius=0.6)  # the origin and theta are
 @pytest.mark.parametrize("projection", [None, False])
 @pytest.mark.parametrize("gamma", [10.0, [10.0, 5.0, 20.0], [[10.0, 1.0, 2.0], [1.0, 8.0, -1.0], [2.0, -1.0, 9.0]]])
 def test_the_gain_has_a_projection_of_its_own(problems, known_set, projection, gamma):
-    """Beside a ball of theta, and beside no set: omega_hat keeps to its interval, theta_hat to the ball, V never grows.
+    """With a ball of theta and without a set, omega_hat stays in its interval, theta_hat in the ball, and V never grows.
 
     1e-9 of V(0): corners of a projection, stages of a step.
     """

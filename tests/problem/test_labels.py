@@ -1,4 +1,4 @@
-"""Names and units: on the axes of a run's pictures, of the right count, and in no number."""
+"""Names and units appear on the axes of a run's pictures, have the right count, and change no number."""
 
 import re
 
@@ -30,7 +30,8 @@ def test_they_stand_on_the_axes():
 
 
 def test_tables_of_runs_have_units(capsys):
-    """On pages and in notebooks in the headings, on a terminal beside each component; nowhere where none is given."""
+    """Units appear in the headings on pages and in notebooks, and beside each component on a terminal; without units nothing is
+    added."""
     named, bare = run(GIVEN), run(None)
     columns = figure_columns([named])
     assert columns["max_abs_e"] == "max |e| [rad, rad/s]" and columns["max_abs_u"] == "max |u| [N m]"

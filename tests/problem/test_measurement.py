@@ -59,7 +59,7 @@ def test_members_have_streams_of_their_own_whatever_lanes_and_threads(problems):
 
 
 def test_a_member_takes_its_noise_along(problems):
-    """The noise goes with the number that is given, wherever the member stands; one number, one noise."""
+    """The noise depends only on the given number and not on the member's position."""
     simulation = Simulation(t_end=2.0, dt=2.0**-8)
     member = (noisy(problems[1], std=0.1, sample_time=2.0**-6), Mrac(gamma=5.0))
     found = simulate_ensemble([member] * 3, simulation).metrics.rms_e

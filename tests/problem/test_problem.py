@@ -113,7 +113,7 @@ def test_what_is_given_cannot_be_changed_afterwards(section_v):
 )
 @pytest.mark.parametrize("name", ["lateral-aircraft", "l1-output", "wing-rock"])
 def test_a_copied_problem_is_as_fixed_as_its_original(name, again):
-    """NumPy's own copies may be written to, and what was validated once would no longer hold."""
+    """NumPy's copies are writable, and a change would invalidate the validation."""
     problem = load_case(name).problem
     arrays = list(arrays_in(again(problem)))
     assert arrays and not any(array.flags.writeable for array in arrays)

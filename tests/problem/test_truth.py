@@ -26,7 +26,7 @@ def designed(**more):
 
 
 def by_scipy(problem, x0, rate, seen=lambda x: x):
-    """e at the end: MRAC (3)-(4) beside x' = rate(t, x, u), written out by hand; ``seen`` is what the controller measures."""
+    """e at the end: MRAC (3)-(4) beside x' = rate(t, x, u), written out by hand; ``seen`` is the controller's measurement."""
     P, N = problem.known.P, len(x0)
 
     def rates(t, z):
@@ -91,7 +91,7 @@ def test_parameters_of_the_truth_move_the_simulated_plant_and_no_controller():
     plant = Plant(A=[[0, 1], [-k / J, -0.1]], b=[0, 1 / J], A_m=A_m, x0=[0.3, 0.0])
     nominal = Problem(plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Sine(amplitude=1.0, frequency=1.5))
     moved = replace(nominal, truth=Truth(parameters={"k": 1.7, "J": 0.45}))
-    law = replace(LAW, theta_hat0=[0, 0, 1.0], gamma=0.1)  # so low that omega_hat stays off the ends of its interval
+    law = replace(LAW, theta_hat0=[0, 0, 1.0], gamma=0.1)  # so low that omega_hat stays inside its interval
     known, other = nominal.known, moved.known
     assert (known.A_m == other.A_m).all() and (known.b == other.b).all() and known.estimate_set.contains(moved.true_parameters)
     run = simulate(moved, [law], SIMULATION)["MRAC"]
@@ -139,7 +139,8 @@ def voided(problem):
 
 
 def test_what_a_truth_voids():
-    """theta elsewhere in the set: what holds for all of it stays. Outside, or with anything that acts: nothing stays."""
+    """With theta elsewhere in the set, guarantees for the whole set remain. Outside, or with a disturbance, no guarantee
+    remains."""
     inside = designed(uncertainty=ParameterBox(lower=[-2.0, -2.0], upper=[2.0, 2.0]))
     own = inside.plant.A
 
@@ -182,7 +183,7 @@ def test_certificates_come_from_the_plant_and_the_declared_sets_alone():
 
 
 def test_what_the_truth_voids_is_nowhere_called_guaranteed():
-    """Of theta elsewhere in the set the bound for all of it stays, and that signals are bounded; of another delay nothing."""
+    """With theta elsewhere in the set, the bound for the whole set and boundedness remain; with another delay nothing remains."""
     inside = designed(uncertainty=ParameterBox(lower=[-2.0, -2.0], upper=[2.0, 2.0]))
     law = replace(LAW, projection=True)
 

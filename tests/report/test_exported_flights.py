@@ -1,4 +1,4 @@
-"""What is said of the exported C that flew: only what was compared, and of each that differs what it is."""
+"""Statements on the exported C that flew: only compared ones are reported, and each difference is described."""
 
 from types import SimpleNamespace
 

@@ -1,4 +1,4 @@
-"""Maps: what is lost is told from what is not, cells lie around their values, and nonsense is refused."""
+"""Maps: lost runs are distinguishable, cells are centred at their values, and invalid data are refused."""
 
 import io
 

@@ -47,7 +47,7 @@ def test_any_text_stays_text(text):
 
 
 def test_names_of_rows_are_set_as_they_are_typed():
-    """Those that are given, whole; what only begins like one is mathematics."""
+    """Given names are kept whole; a word that only begins like one is mathematics."""
     shown = naming("tau-error and tau-limit-delay, no tau-errors; tau", ["tau-error", "tau-limit-delay"])
     assert shown == ("<code>tau-error</code> and <code>tau-limit-delay</code>, no <var>τ</var>-errors; <var>τ</var>")
     assert naming("tau", []) == "<var>τ</var>"

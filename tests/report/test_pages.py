@@ -1,4 +1,4 @@
-"""Pages: what they hold themselves, what lies beside them, and what a phone is shown of a table."""
+"""Pages: what they contain, the files beside them, and how a phone shows a table."""
 
 import re
 import subprocess
@@ -41,7 +41,7 @@ def shown(svg):
 
 
 def test_a_small_page_holds_its_pictures():
-    """What a browser reads from the address is the picture: the same tags, colours and texts."""
+    """The data address decodes to the picture: the same tags, colours and texts."""
     found = shown(SVG)
     addresses = [unescape(one) for one in re.findall(r'src="([^"]*)"', found)]
     assert len(addresses) == 2 and "srcset" not in found and "://" not in found

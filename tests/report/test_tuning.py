@@ -1,4 +1,4 @@
-"""What a tuning says of plants that its search did not see."""
+"""What a tuning reports on validation plants."""
 
 import pytest
 

@@ -72,7 +72,7 @@ def test_onset_of_fast_adaptation_against_its_linear_limit(section_v, kappa, ref
     member = (replace(section_v, reference=reference), L1Adaptive(gamma=100.0, filter=input_filter(kappa)))
     found = delay_margins_ensemble([member], Simulation(t_end=40.0, dt=2e-4), resolution=0.01)
     assert 0.95 * exact < found.onset.bears[0] < 1.05 * exact
-    assert found.loss.bears[0] > 3 * exact  # an oscillation within the projection's bounds is borne by that criterion
+    assert found.loss.bears[0] > 3 * exact  # that criterion tolerates an oscillation within the projection's bounds
 
 
 def test_a_limit_cycle_that_projection_bounds_is_an_onset_and_no_loss(section_v):
@@ -105,7 +105,7 @@ def test_a_limit_cycle_that_saturation_bounds_is_an_onset_and_no_loss():
 
 
 def test_the_lag_of_a_command_is_no_onset(section_v):
-    """Where theta is known a delay only makes the plant lag, by more than the motion itself, up to the linear loop's margin."""
+    """With a known theta, a delay up to the linear margin only makes the plant lag, by more than the motion itself."""
     controller = KnownParameters(theta=[4.0, -3.0])
     found = delay_margins_ensemble([(section_v, controller)], Simulation(t_end=60.0, dt=1e-3))
     exact = margins(known_parameters(section_v.plant, section_v.plant.theta)).delay
@@ -130,7 +130,7 @@ def test_what_does_not_follow_its_model_bears_nothing(section_v, gamma):
 
 
 def test_simulated_margins_in_a_certificate(section_v):
-    """What is swinging already oscillates without a delay is said; the numbers are those of ``delay_margins``."""
+    """A loop that already oscillates without a delay is reported; the numbers are those of ``delay_margins``."""
     simulation = Simulation(t_end=20.0, dt=1e-3)
     controllers = (L1Adaptive(gamma=1e4, filter=input_filter(0.02), name="beyond the step"), Mrac(gamma=1e-3))
     found = with_simulated_margins(certify(section_v, controllers, simulation), section_v, controllers, simulation)
@@ -163,7 +163,8 @@ class ThenHeld:
 
 
 def test_brackets_against_brute_force(section_v):
-    """The reported pairs really bear and lose, by runs that go on with the command held and are looked at by hand."""
+    """The reported delays are really tolerated and lost, in runs that continue with the command held and are evaluated by
+    hand."""
     simulation = Simulation(t_end=20.0, dt=1e-3)
     members = [(section_v, Mrac(gamma=gamma, name="c")) for gamma in (1e-3, 1e-1)]
     found = delay_margins_ensemble(members, simulation, lost=Lost(share=0.3), threads=1)
@@ -211,7 +212,7 @@ def test_a_margin_under_noise_does_not_depend_on_the_neighbours(section_v):
         delay_margins_ensemble([(noisy, controller)], simulation, resolution=0.005, numbers=[number]) for number in (1, 7)
     )
     assert beside == [alone.loss.bears[0]] * 2
-    assert (other.undelayed.rms_e != alone.undelayed.rms_e).all()  # another noise, or the seed would have no say
+    assert (other.undelayed.rms_e != alone.undelayed.rms_e).all()  # a different noise, otherwise the seed would have no effect
 
 
 NOISY = Problem(
@@ -268,7 +269,7 @@ def test_noise_does_not_buy_a_delay_margin():
 
 
 def test_a_margin_is_that_of_the_case_with_its_limits():
-    """The flexible joint: its limits end in a limit cycle at a delay that the linear loop bears ten times."""
+    """The flexible joint: its limits cause a limit cycle at a tenth of the delay that the linear loop tolerates."""
     case = load_case(str(Path(__file__).parents[1] / "judge" / "flexible-joint.toml"))
     problem, controller, simulation = case.problem, case.controllers[0], case.simulation
     certificates = certify(problem, controller, simulation)
@@ -445,7 +446,7 @@ controller = [{ scheme = "mrac", gamma = 5.0, sample_time = 0.05 }]
 
 @pytest.mark.parametrize("faults", ["", 'faults = [{ kind = "spike", size = 0.5, share = 0.02 }]\n'])
 def test_no_gain_margin_is_compared_with_one_that_is_not_known(faults):
-    """Beside faults no linear margin is known; what is simulated is told with its faults."""
+    """With faults no linear margin is known; the simulated margin is reported with its faults."""
     case = parse_case(faults + LIMITED)
     found = certify(case.problem, case.controllers, case.simulation)
     measured = with_simulated_margins(found, case.problem, case.controllers, case.simulation)["MRAC"]

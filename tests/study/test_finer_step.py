@@ -1,4 +1,4 @@
-"""What a study reports, at a quarter of its step: false delays, artefacts of the solver, limit cycles at the limits."""
+"""A study's reports, checked at a quarter of its step: false delays, artefacts of the solver, limit cycles at the limits."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def test_an_oscillation_that_is_the_solvers_is_told(section_v):
     said = found[controller.name].assumptions
     assert found[controller.name].values["delay_onset_simulated"] == 0
     assert any("outside the region of stability" in text and "settles nothing" in text for text in said)
-    assert not any("same verdicts" in text for text in said)  # what is unstable itself confirms nothing
+    assert not any("same verdicts" in text for text in said)  # an unstable run confirms nothing
 
 
 def test_a_finer_step_confirms_each_controller():

@@ -59,7 +59,7 @@ def test_beside_an_observer_what_it_is_given_is_handed_in(controller) -> None:
 
 def test_around_a_baseline_the_whole_control_is_handed_in(tmp_path) -> None:
     text, noise = CaseText.read("magnetic-levitation").text, re.compile(r"\[sensor\.noise\]\n(.+\n)+")
-    assert noise.search(text)  # it would start the model elsewhere than in flight
+    assert noise.search(text)  # it would start the model at a different state than in flight
     (tmp_path / "quiet.toml").write_text(noise.sub("", text), "utf-8")
     case = load_case(tmp_path / "quiet.toml")
     problem, controller = case.problem, case.controllers[0]
@@ -73,7 +73,7 @@ def test_a_flight_of_another_controller_teaches_something_else() -> None:
     t, x, u, r, estimates = flight(SCHEMES[0])
     found = replay(PROBLEM, SCHEMES[1], t, x, u, r)
     assert np.abs(found.theta_hat[-1] - estimates[-1]).max() > 1e-3
-    assert np.abs(found.proposed - u).max() > 1e-3  # its own control is noted, not flown
+    assert np.abs(found.proposed - u).max() > 1e-3  # its own control is recorded, not applied
 
 
 def test_other_times_and_continuous_controllers_are_refused() -> None:

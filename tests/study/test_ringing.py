@@ -1,4 +1,4 @@
-"""Which estimates oscillate, by how far and how fast they move within their known range."""
+"""Which estimates oscillate, judged by the size and speed of their motion within their known range."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -59,7 +59,7 @@ def test_the_boundary_against_its_own_runs(section_v):
     assert (np.diff(seen) >= 0).all()
     assert found.bears[0] == taus[0]  # no boundary within the scan
     assert found.loses[0] == 0
-    assert np.isnan(found.bears[2])  # nothing bears the longest delay
+    assert np.isnan(found.bears[2])  # no tau tolerates the longest delay
     assert np.isnan(found.tail[2]).all()
     assert found.loses[1] < found.bears[1] < found.loses[1] * 1.051
     below = taus[taus < found.bears[1]]

@@ -1,4 +1,4 @@
-"""What a sweep says beside its shares: the solver's artefacts, limit cycles, what is not examined, other designs."""
+"""A sweep's remarks beside its shares: solver artefacts, limit cycles, unexamined members, other designs."""
 
 from __future__ import annotations
 
@@ -112,12 +112,12 @@ def test_an_artefact_of_the_solver_is_settled_by_a_finer_step():
 
 
 def test_what_no_finer_step_settled_is_found_by_the_audit():
-    """Where members are left at a step that lets them ring, what the audit changes is what half the step says of them."""
+    """If members stay at a step that lets them ring, the audit's changes are those of half the step."""
     coarse, fine = (study(STIFF.replace("dt = 1e-3", f"dt = {dt}"), {"plant.theta": "known-set"}, 64) for dt in (1e-3, 5e-4))
     settling = Settling(coarse, settles=False)
     rows = UnstoredChunks(None)
     columns = settling.run(np.arange(64))
-    columns["L1/settled"][:], columns["L1/finer_by"][:] = 1.0, 0.0  # as if nobody had watched
+    columns["L1/settled"][:], columns["L1/finer_by"][:] = 1.0, 0.0  # as without watching
     rows.add(Chunk(0, 64), columns)
     found = audit(settling, rows, members=64, run=done_here)
     truly = fine.run(0, 64)["L1/oscillated"]
@@ -243,7 +243,7 @@ def test_a_rate_limiters_own_lag_leaves_nothing_unsettled():
 
 
 def test_why_members_are_not_settled_is_said():
-    """With a count for each reason; a share of which nothing is settled has no value."""
+    """With a count for each reason; a share without any settled member has no value."""
     quick = STIFF.replace("t_end = 10.0", "t_end = 0.5")
     found = run_study(study(quick, {"plant.theta": "known-set"}, 64), bounds=False, audit=0)
     assert found.unsettled == {}
@@ -308,7 +308,7 @@ def test_what_has_no_estimates_is_not_examined():
     ],
 )
 def test_what_is_designed_anew_for_each_member(path, designs):
-    """By the case: A_m has these poles in the coordinates of A. Who varies a controller's own numbers asks for other designs."""
+    """By the case: A_m has these poles in the coordinates of A. Varying a controller's own numbers means comparing designs."""
     tables = VariedCase(CaseText(JOINT), (FieldPath.parse(path),))._tables
     given = FieldPath.parse(path).of(tables)
     plan = Plan({FieldPath.parse(path): Axis(0.99 * given, 1.01 * given, 3)})
@@ -320,7 +320,7 @@ def test_what_is_designed_anew_for_each_member(path, designs):
 
 
 def test_a_plant_whose_model_does_not_depend_on_it_is_not_designed_anew():
-    """In companion form the poles alone make A_m: what varies with A is theta, of which no controller knows."""
+    """In companion form the poles alone make A_m: A changes only theta, which no controller knows."""
     text = STIFF.replace("A_m = [[0.0, 1.0], [-0.3, -1.0]]", "A = [[0.0, 1.0], [3.7, -4.0]]").replace("theta = [4.0, -3.0]\n", "")
     text = text.replace("k_0 = 4.0", "k_0 = 4.0\npoles = [-0.5, -0.6]")
     plan = Plan({FieldPath.parse("plant.A[1][0]"): Axis(3.0, 4.0, 3)})

@@ -1,4 +1,4 @@
-"""The bound that stands beside a member is the one that its own case is certified to have."""
+"""The bound beside a member is the certified bound of its own case."""
 
 import numpy as np
 import pytest

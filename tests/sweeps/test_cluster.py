@@ -1,4 +1,4 @@
-"""Chunks elsewhere: the bits of this process on any processor, workers that die, a scheduler that is not there or goes."""
+"""Chunks on a cluster: the same bits on any processor, dying workers, and a scheduler that is missing or disappears."""
 
 from __future__ import annotations
 
@@ -95,7 +95,7 @@ def test_a_worker_whose_sources_differ_refuses(tmp_path):
     environment = os.environ | {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
     command = [sys.executable, "-c", WORKER]
     done = subprocess.run(command, input=given, capture_output=True, env=environment, check=True)
-    assert len(pickle.loads(done.stdout)) == 3  # what is the same may lie elsewhere
+    assert len(pickle.loads(done.stdout)) == 3  # equal parts may be at different addresses
     metrics = copy / "run" / "kernel" / "metrics.py"
     changed = metrics.read_text().replace("max_abs_e=finite_only(", "max_abs_e=2 * finite_only(")
     assert changed != metrics.read_text()

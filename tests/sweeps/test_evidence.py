@@ -145,7 +145,7 @@ def test_shares_of_a_variance_do_not_depend_on_the_unit(plan, scale):
 
 
 def test_why_fewer_members_are_held_against_a_bound():
-    """Two of five have none: the share is of three, and the reason stands beside it."""
+    """Two of five have none: the share refers to three, with the reason beside it."""
     columns = {"max_abs_e[0]": [1.0, 2.0, 3.0, 4.0, 5.0], "diverged_at": [np.nan] * 5, "oscillated": [0.0] * 5}
     columns["error_bound"] = [2.0, np.nan, 2.0, np.nan, 9.0]
     found = rows(member=np.arange(5), a=np.arange(5.0), **{f"L1/{name}": one for name, one in columns.items()})
@@ -156,7 +156,7 @@ def test_why_fewer_members_are_held_against_a_bound():
 
 
 def test_what_decides_the_verdicts_comes_first():
-    """Of three numbers, the second says alone who follows, and the first shifts where that ends."""
+    """Of three numbers, the second alone decides who follows, and the first shifts the boundary."""
     from types import SimpleNamespace
 
     from barbalat.sweeps.picture import deciding

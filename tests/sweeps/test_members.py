@@ -1,4 +1,4 @@
-"""A member follows from its number alone: its values, and every bit of its figures, whoever else is simulated with it."""
+"""A member is determined by its number: its values and every bit of its figures, whatever else is simulated with it."""
 
 import re
 

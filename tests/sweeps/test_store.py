@@ -1,4 +1,4 @@
-"""A store keeps whole rows, goes on where it was, and refuses what is not its own; the faults proper are ./dev store-faults."""
+"""A store keeps whole rows, resumes, and refuses foreign data; ./dev store-faults covers real faults."""
 
 import json
 import os
@@ -233,7 +233,7 @@ def test_a_flipped_bit_anywhere_in_the_index_changes_nothing_or_is_said(sample, 
             refused += 1
         else:
             assert index == known.index and StoredRows(folder, index).names == known.names
-    assert refused > len(places) / 2  # the rest is padding, and what says nothing of rows
+    assert refused > len(places) / 2  # the rest is padding and data unrelated to rows
     at = whole.index(b"L1/rms_e")
     file.write_bytes(whole[:at] + b"M" + whole[at + 1 :])
     with pytest.raises(InputError, match=r"index of the store .* is damaged"):

@@ -1,4 +1,4 @@
-"""What tests fly in their own process: schemes and controllers on the nominal vehicles."""
+"""Schemes and controllers on the nominal vehicles, for flights in the tests' own process."""
 
 from barbalat.run.kernel.sampled_controller import SampledList
 from barbalat.vehicles import flying

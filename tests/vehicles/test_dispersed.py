@@ -1,4 +1,4 @@
-"""Aircraft that are drawn: what a draw does to them, and that a store goes on where it was left."""
+"""Drawn aircraft: the effect of a draw, and a store that resumes where it stopped."""
 
 import json
 
@@ -120,7 +120,7 @@ def test_a_store_goes_on_where_it_was_left_in_the_same_bits(tmp_path, monkeypatc
 
 @pytest.mark.parametrize(("name", "failure"), [("f16-pitch", "elevator-50"), ("f16-roll", "aileron-50")])
 def test_the_stored_flights_of_the_ledger_are_flown_again(name, failure):
-    """The first draw, by three schemes: to what another processor's rounding leaves alike in ten seconds."""
+    """The first draw, by three schemes: to the digits that agree between processors after ten seconds."""
     stored = Flights.stored(name).document
     assert stored["numbers"] == TUNED[name]
     found = fly_dispersed(

@@ -1,4 +1,4 @@
-"""A process of its own: what it returns, what it refuses, and what breaks in it."""
+"""A separate process: what it returns, what it refuses, and its failures."""
 
 import os
 import select

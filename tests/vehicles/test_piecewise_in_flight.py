@@ -1,4 +1,5 @@
-"""What users of the piecewise-constant law met, by its exported C on the F-16: trim that is off, a wrong sample time, modes."""
+"""Problems that users of the piecewise-constant law met, with its exported C on the F-16: wrong trim, a wrong sample time, mode
+changes."""
 
 from dataclasses import replace
 
@@ -38,7 +39,8 @@ TRIM_OFF = 0.2
 
 
 def test_of_a_trim_that_is_off_the_law_leaves_what_its_dc_gain_says(axis):
-    """Of what feedback leaves, 1 - B^-1 e^(A_m T) B by the exact form and 1 - e^(aT) as flown: at 100 Hz 3 % and 5 %."""
+    """The remaining fraction of the error under feedback is 1 - B^-1 e^(A_m T) B in the exact form and 1 - e^(aT) as flown: at
+    100 Hz 3 % and 5 %."""
     off = Axis(trim=replace(axis.trim, elevator=axis.trim.elevator + TRIM_OFF / DEGREES), followed=replace(PITCH, commanded=0.0))
     rate = {}
     for name in ("lqr", "l1-piecewise", "l1-piecewise-flown"):

@@ -1,4 +1,5 @@
-"""The exported C flies on both models, at the actuators' limits too: each bit is the simulated list's, or it says what is not."""
+"""The exported C flies on both models, at the actuators' limits too: each bit equals the simulated list's, or the difference is
+reported."""
 
 import html
 import json
@@ -122,7 +123,7 @@ def test_the_command_says_so_everywhere(tmp_path, capsys):
 
 
 def with_another_bit(right):
-    """The source with a control that is off by its last bit."""
+    """The source with a control that differs in its last bit."""
 
     def wrong(printed):
         text = right(printed)

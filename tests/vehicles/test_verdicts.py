@@ -1,4 +1,4 @@
-"""The judge beside a flight: what follows, and what swings from limit to limit, of records written here."""
+"""The judge on flights: following and oscillating from limit to limit, on records written here."""
 
 import numpy as np
 import pytest

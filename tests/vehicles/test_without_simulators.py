@@ -1,4 +1,4 @@
-"""Where the simulators are not installed, flights say how it is."""
+"""Without the simulators, flights explain how to install them."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The compiled C flown through drawn faults: how much worse a run gets, and how long an outage is tolerated."""
+"""The compiled C in runs with random faults: how much worse a run gets, and how long an outage is tolerated."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ BURST_SHARE, BURST_SAMPLES = 0.1, 10
 
 @dataclass(frozen=True, kw_only=True)
 class Degradation:
-    """What faults of one kind did, over all their draws.
+    """The effect of one kind of faults over all their draws.
 
     faults   in words
     draws    runs, each with other draws
@@ -42,7 +42,7 @@ class Degradation:
     beyond   the largest share of the time in which some |e| exceeded its largest value without faults
     worst    the largest |e| of each component over all runs; None if one diverged
     lost     runs that diverged
-    classes  how many runs the judge finds lost, a limit cycle, off, or following; those that none is are left out
+    classes  how many runs the judge finds lost, a limit cycle, off, or following; empty classes are left out
     """
 
     faults: str
@@ -55,7 +55,7 @@ class Degradation:
 
     @property
     def verdict(self) -> str:
-        """What the runs did: "follows", where all did the same, else "limit cycle 2, follows 6"."""
+        """The verdicts of the runs: "follows" if all agree, otherwise "limit cycle 2, follows 6"."""
         if len(self.classes) == 1:
             return next(iter(self.classes))
         return ", ".join(f"{kind} {count}" for kind, count in self.classes.items())
@@ -89,7 +89,7 @@ class Campaign:
         return {**asdict(self), "longest_outage": self.longest * self.sample_time, "tolerated_factor": TOLERATED}
 
     def factor(self, row: Degradation) -> float:
-        """How many times the nominal error the worst component reached; infinite where a run diverged."""
+        """The largest ratio of a component's error to its nominal error; infinite if a run diverged."""
         if row.worst is None:
             return float("inf")
         pairs = zip(row.worst, self.nominal, strict=True)
@@ -109,7 +109,7 @@ def export_campaign(
     """Fly the export of a sampled controller through faults: the case's own, drawn anew each time, and lost measurements.
 
     Every flight has the compiled C in the loop, with the case's shell; with ``float32`` its numbers have 32 bits. Each is judged
-    as ``simulate`` judges a run, by ``judge``. InputError as of ``simulate_export``, and where the run without faults diverges.
+    as ``simulate`` judges a run, by ``judge``. InputError as for ``simulate_export``, and if the run without faults diverges.
     """
     judge = (Judge() if judge is None else judge).named(problem)
     quiet = replace(problem, faults=())  # type: ignore[type-var]
@@ -157,7 +157,7 @@ EXPECTED_FLIGHTS = 40
 
 
 def _kinds(own: Sequence[Fault], T: float) -> dict[str, tuple[Fault, ...]]:
-    """Faults by what they are called: the case's own, and lost measurements, which every controller meets some day."""
+    """Faults by their names: the case's own, and lost measurements, which every controller meets eventually."""
     found: dict[str, tuple[Fault, ...]] = {"the case's own": tuple(own)} if own else {}
     found |= {f"{100 * share:g} % of the measurements lost": (Dropout(share=share),) for share in LOST_SHARES}
     words = f"{100 * BURST_SHARE:g} % of the time lost, in bursts of {BURST_SAMPLES} samples"
@@ -190,12 +190,12 @@ class _Flights:
         return judged(batch, self.simulation, Terms.of(problem, self.simulation, self.judge)).verdict(0)
 
     def _errors(self, batch: Batch) -> Array | None:
-        """(n,) the largest |e|; None of a run that diverged."""
+        """(n,) the largest |e|; None for a run that diverged."""
         found = batch.metrics(self.simulation).max_abs_e[0]
         return None if np.isnan(found).any() else found
 
     def through(self, words: str, faults: tuple[Fault, ...], draws: int) -> Degradation:
-        """What faults did, drawn so many times."""
+        """The effect of faults over this number of draws."""
         worst, lost, missed, beyond = np.zeros(len(self.nominal)), 0, 0.0, 0.0
         samples = np.ceil(self.simulation.t_end / self.T * (1 - 1e-9))
         kinds = []
@@ -213,7 +213,7 @@ class _Flights:
         return Degradation(faults=words, draws=draws, missed=missed, beyond=beyond, worst=ends, lost=lost, classes=classes)
 
     def _beyond(self, batch: Batch) -> float:
-        """The share of the time in whose recorded pieces some |e| was larger than without faults, or missing."""
+        """The share of the time, by recorded pieces, in which some |e| was larger than without faults, or missing."""
         blocks = batch.blocks(self.simulation)
         low, high = (blocks.figure("e", side)[:, :, 0] for side in ("min", "max"))
         within = (np.maximum(-low, high) <= self.nominal).all(axis=1)

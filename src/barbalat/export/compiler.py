@@ -1,4 +1,4 @@
-"""This machine's C compiler, of which nothing but exports has need."""
+"""This machine's C compiler, which only exports need."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ FLAGS = ("-std=c99", "-ffp-contract=off", "-O2", "-shared", "-fPIC")
 
 
 def require_compiler(purpose: str = "the exported C must run on this machine", remedy: str = "") -> list[str]:
-    """The command of a C compiler, CC's where that is set; InputError, which says what for, where this machine has none."""
+    """The command of a C compiler, from CC if that is set; InputError, stating the purpose, if this machine has none."""
     chosen = _chosen()
     names = [chosen[0]] if chosen else list(COMPILERS)
     found = next(filter(None, map(shutil.which, names)), None)
@@ -47,7 +47,7 @@ def _chosen() -> list[str]:
 
 
 def shared_library(compiler: Sequence[str], texts: Mapping[str, str], *options: str, ending: str = ".so") -> bytes:
-    """Sources by their names as one library; InputError where the compiler does not make it."""
+    """Sources by their names, compiled to one library; InputError if the compiler fails."""
     with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
         folder = Path(made)
         for name, text in texts.items():
@@ -58,7 +58,7 @@ def shared_library(compiler: Sequence[str], texts: Mapping[str, str], *options: 
             done = subprocess.run(command, cwd=folder, capture_output=True, timeout=COMPILING_SECONDS, check=False)
             if done.returncode == 0 and (folder / library).exists():
                 return (folder / library).read_bytes()
-            told = done.stderr.decode(errors="replace").strip().splitlines()  # in whatever encoding it writes
+            told = done.stderr.decode(errors="replace").strip().splitlines()  # in any encoding
             said = (told or [f"it left no library, and ended with exit code {done.returncode}"])[0]
         except (OSError, subprocess.TimeoutExpired) as error:
             said = str(error)
@@ -66,7 +66,7 @@ def shared_library(compiler: Sequence[str], texts: Mapping[str, str], *options: 
 
 
 def loaded(library: bytes) -> ctypes.CDLL:
-    """Such a library in this process; each call loads one of its own, whose numbers are nobody else's."""
+    """Such a library, loaded in this process; each call loads a separate copy with its own data."""
     with tempfile.TemporaryDirectory(prefix="barbalat-") as folder:
         file = Path(folder) / "controller.so"
         file.write_bytes(library)

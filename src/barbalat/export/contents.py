@@ -153,7 +153,7 @@ class Contents:
 
     @cached_property
     def limits(self) -> tuple[Array, Array] | None:
-        """The least and the largest value of each estimate in the set onto which it is projected; infinite without a set."""
+        """The smallest and the largest value of each estimate in the set onto which it is projected; infinite without a set."""
         return estimate_limits(self.loop)
 
     @property

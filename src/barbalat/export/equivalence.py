@@ -1,8 +1,9 @@
-"""Proofs that a mutant of an exported list is no fault: after every usable state and input it leaves the list's own bits.
+"""Proofs that a mutant of an exported list is equivalent: for every admissible state and input it gives the list's own bits.
 
-Both lists are taken over all numbers at once: each value is a term with the interval that it lies in. Rounding is monotone, so an
-operation's ends are the rounded ends. Where a comparison is open, both of its sides and the tie are followed, each with what it
-says of the two numbers. Proven is a mutant whose outputs are the list's own terms in every case.
+Both lists are evaluated for all numbers at once: each value is a term with the interval that contains it. Rounding is monotone,
+so an
+operation's ends are the rounded ends. If a comparison is undecided, both outcomes and the tie are followed, each with its
+implications for the two numbers. A mutant is proven equivalent if its outputs are the list's own terms in every case.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ NEAR = (0, 3, 6)
 
 
 class Interval(NamedTuple):
-    """Whose numbers a value may be, and whether it may be none."""
+    """The interval of a value, and whether it may be NaN."""
 
     low: float
     high: float
@@ -58,7 +59,8 @@ Truth = bool | None
 
 @dataclass(frozen=True)
 class Assumed:
-    """A case: intervals of terms, by their numbers, what comparisons "a < b" say, and terms that have another's bits."""
+    """A case: intervals of terms by their numbers, the outcomes of comparisons "a < b", and terms that equal another bit for
+    bit."""
 
     within: dict[Term, Interval] = field(default_factory=dict)
     less: dict[tuple[Term, Term], bool] = field(default_factory=dict)
@@ -67,7 +69,7 @@ class Assumed:
 
 @dataclass(eq=False)
 class Prover:
-    """Of one list, whose outputs are these ``rows`` of the state; ``inputs``: intervals, by (argument, component)."""
+    """The terms of one list, whose outputs are these ``rows`` of the state; ``inputs``: intervals, by (argument, component)."""
 
     program: Program
     inputs: dict[tuple[int, int], Interval]
@@ -82,7 +84,7 @@ class Prover:
     constants: dict[Term, float] = field(default_factory=dict)
 
     def proof(self, mutant: Mutant) -> str:
-        """A phrase that says how many cases it took; empty where there is no proof within the budget."""
+        """A phrase with the number of cases of the proof; empty if there is no proof within the budget."""
         if mutant.operation is None:
             return self._keeps(mutant)
         touched = self._touched(mutant.place)
@@ -112,7 +114,7 @@ class Prover:
         return sorted(found)
 
     def _narrows(self, touched: list[int]) -> list[int]:
-        """The first operations through which the whole effect of ``touched[0]`` passes: what is the same there stays the same."""
+        """The first operations through which the whole effect of ``touched[0]`` passes: if they are equal, so are the outputs."""
         operations, stored = self.program.operations, set(self.program.outputs[0])
         last = {j: i for i in touched for j in operations[i].operands}
         found, end = list[int](), touched[0]
@@ -125,7 +127,7 @@ class Prover:
         return found
 
     def _keeps(self, mutant: Mutant) -> str:
-        """The same of a row that is not stored: that what would be stored is what it was loaded with."""
+        """The same for a row that is not stored: the value to be stored equals the loaded one."""
         operations, stored = self.program.operations, self.program.outputs[0][list(self.rows).index(mutant.place)]
         loads = [i for i, op in enumerate(operations) if op.name == "input" and op.source == (STATE, mutant.place)]
         if not loads:
@@ -135,7 +137,7 @@ class Prover:
         return replace(self, program=longer).proof(Mutant(end, mutant.said, Operation("copy", (loads[0],))))
 
     def _cases(self, mutant: Mutant, output: int, near: int, most: float) -> int:
-        """In how many cases this output is the same; 0 where that is not shown."""
+        """The number of cases in which this output is shown to be equal; 0 if that is not shown."""
         needed, waiting, cases = self._needed(mutant, output), [Assumed()], 0
         while waiting:
             cases += 1
@@ -146,7 +148,7 @@ class Prover:
             self.work += len(needed)
             try:
                 pair = walk.run(needed)
-            except _Contradiction:  # no numbers are in this case
+            except _Contradiction:  # this case is empty
                 continue
             if pair is None:
                 continue
@@ -156,7 +158,7 @@ class Prover:
         return cases
 
     def _needed(self, mutant: Mutant, output: int) -> list[int]:
-        """The places of what an output needs, the output's own as the last."""
+        """The places of the operations that an output needs, its own last."""
         alive, operations = {output}, self.program.operations
         for i in range(output, -1, -1):
             if i in alive:
@@ -166,7 +168,7 @@ class Prover:
         return sorted(alive)
 
     def _divided(self, case: Assumed, walk: _Walk, a: Term, b: Term) -> list[Assumed]:
-        """The case with a < b, with b < a, with a = b, and with one that is no number."""
+        """The case with a < b, with b < a, with a = b, and with one of them NaN."""
         first, second = walk.interval(a), walk.interval(b)
         found = []
         for low, high, one, two in ((a, b, first, second), (b, a, second, first)):
@@ -216,11 +218,12 @@ def _with(case: Assumed, within: dict[Term, Interval], less: dict[tuple[Term, Te
 
 
 class _Contradiction(Exception):
-    """What a case says of a number is at odds with what the number is computed from."""
+    """A case's interval for a number contradicts the values from which it is computed."""
 
 
 class _Walk:
-    """Both lists in one case. A number is a term; a truth value True, False, or None with the comparison that it hangs on."""
+    """Both lists in one case. A number is a term; a truth value is True, False, or None with the comparison on which it
+    depends."""
 
     def __init__(self, prover: Prover, case: Assumed, mutant: Mutant, near: int, most: float) -> None:
         self.prover, self.case, self.mutant, self.near, self.most = prover, case, mutant, near, most
@@ -230,7 +233,7 @@ class _Walk:
         self.of_open: dict[Term, tuple[Term, Term]] = {}
 
     def run(self, needed: list[int]) -> tuple[int, int] | None:
-        """None where the last value is the same; else a comparison that is open, (-1, -1) where none is left."""
+        """None if the last value is equal; otherwise an undecided comparison, (-1, -1) if none is left."""
         prover, mutant = self.prover, self.mutant
         plain: dict[int, Term] = {}
         other: dict[int, Term] = {}
@@ -250,12 +253,13 @@ class _Walk:
         return self._of_a_zero(plain, other) or self._between(one, two) or (-1, -1)
 
     def _of_a_zero(self, plain: dict[int, Term], other: dict[int, Term]) -> tuple[int, int] | None:
-        """The sign of the first sum that differs in an added zero, if in anything: beside another number that is nothing."""
+        """The sign of the first sum that differs by an added zero, if any differs: added to a nonzero number, a zero has no
+        effect."""
         differ = (term for i, found in other.items() if found != plain[i] for term in (plain[i], found))
         return next((self.of_open[one] for one in differ if one in self.of_open and self.names[one][0] in ("add", "sub")), None)
 
     def _between(self, one: Term, other: Term) -> tuple[int, int] | None:
-        """An open comparison on the way from two terms to where they differ."""
+        """An undecided comparison on the path from two terms to their difference."""
         for term in (one, other):
             if self.names[term][0] in ("choice", "add", "sub") and (found := self._guard(term)) is not None:
                 return found
@@ -268,7 +272,7 @@ class _Walk:
         return next((found for choice in inner if (found := self._guard(choice)) is not None), None)
 
     def _guard(self, term: Term) -> tuple[int, int] | None:
-        """The comparison that a choice hangs on; of its own sides first, where one is a choice."""
+        """The comparison on which a choice depends; first that of its own sides, if one is a choice."""
         name, *parts = self.names[term]
         if term in self.of_open:
             inner = (self._guard(choice) for side in self.of_open[term] for choice in self._choices(side, self.near))
@@ -278,7 +282,7 @@ class _Walk:
         return next((one for one in found if one is not None), None)
 
     def _choices(self, term: Term, depth: int) -> Iterator[Term]:
-        """The choices among the last operations that a term is made of."""
+        """The choices among the last operations of a term."""
         name, *parts = self.names[term]
         if name == "choice":
             yield term
@@ -291,9 +295,9 @@ class _Walk:
         return self.case.within.get(term) or self.found.get(term, ANY)
 
     def _is(self, *node: object, within: Interval) -> Term:
-        """The term with this interval; a constant where it can be but one number that is not zero."""
+        """The term with this interval; a constant if only one nonzero number is possible."""
         prover, most = self.prover, self.most
-        if most < math.inf and within.low < most and within.high > -most:  # and a number it is
+        if most < math.inf and within.low < most and within.high > -most:  # and it is not NaN
             within = Interval(max(within.low, -most), min(within.high, most))
         elif most == math.inf and (within.none or math.isinf(within.high - within.low)):
             prover.unbounded = True
@@ -318,7 +322,7 @@ class _Walk:
     def _value(self, op: Operation, x: list[Term]) -> Term:
         name, prover = op.name, self.prover
         if name == "constant":
-            with np.errstate(over="ignore"):  # what no float32 holds is infinite in the C as well
+            with np.errstate(over="ignore"):  # a value beyond float32 is infinite in the C as well
                 return self._constant(float(prover.real.numbers(op.value)))
         if name == "copy":
             return x[0]
@@ -403,7 +407,7 @@ class _Walk:
             return yes if known is not False else no
         one, two = self.interval(yes), self.interval(no)
         hull = Interval(min(one.low, two.low), max(one.high, two.high), one.none or two.none)
-        if ends is not None and not one.none:  # what is no number stays itself, but beside one that is none a bound is none
+        if ends is not None and not one.none:  # a NaN is passed on, but a bound compared with NaN has no effect
             hull = Interval(ends(one.low, two.low), ends(one.high, two.high), two.none)
         return self._is("choice", condition, yes, no, within=hull)
 
@@ -433,22 +437,22 @@ class _Walk:
         return self._is(name, *x, within=self._range(name, x, within, sure))
 
     def _positive(self, term: Term) -> bool:
-        """Whether the sign is never set, as of squares and sizes, and of sums and products of such."""
+        """Whether the sign is never negative, as for squares and magnitudes and their sums and products."""
         if (found := self._positives.get(term)) is None:
             name, *x = self.names[term]
             if name in ("add", "mul"):
                 found = (name == "mul" and x[0] == x[1]) or all(self._positive(one) for one in x if isinstance(one, int))
             else:
-                found = name == "fabs" or self.interval(term).low > 0  # no square root: that of -0.0 is -0.0
+                found = name == "fabs" or self.interval(term).low > 0  # except a square root: that of -0.0 is -0.0
             self._positives[term] = found
         return found
 
     def _same_sign(self, a: Term, b: Term) -> bool:
-        """Whether one of them is the other times or over something above zero: a rounded product keeps its sign."""
+        """Whether one is the other multiplied or divided by a positive number: a rounded product keeps its sign."""
         return a in self._scaled(b) or b in self._scaled(a)
 
     def _scaled(self, term: Term) -> Iterator[Term]:
-        """The term, and what it is made of by factors above zero."""
+        """The term, and the terms from which it results by positive factors."""
         yield term
         name, *x = self.names[term]
         if name in ("mul", "div"):

@@ -18,7 +18,7 @@ Inputs = Mapping[tuple[int, int], Any]
 
 
 def _lookup(x: Array, table: tuple[float, ...]) -> Array:
-    with np.errstate(invalid="ignore"):  # where the argument is no number the caller takes another value
+    with np.errstate(invalid="ignore"):  # for a NaN argument the caller uses another value
         places = np.clip(np.nan_to_num(x).astype(int), 0, len(table) - 1)
     return np.array(table)[places]
 
@@ -38,7 +38,7 @@ _NUMBERS: dict[str, Callable[..., Any]] = {
 
 
 def evaluate(program: Program, inputs: Inputs, real: Real) -> Array:
-    """The first output, (components, columns); every operation is rounded as by ``real``, sin, exp and the like as well."""
+    """The first output, (components, columns); every operation is rounded as by ``real``, including sin, exp and the like."""
     found = values(program, inputs, real)
     made = [_number(found[i], real) for i in program.outputs[0]]
     shape = max((one.shape for one in made), key=len)
@@ -46,7 +46,7 @@ def evaluate(program: Program, inputs: Inputs, real: Real) -> Array:
 
 
 def values(program: Program, inputs: Inputs, real: Real) -> list[Any]:
-    """The value of each operation: an array of numbers, or of truth values; without columns where nothing depends on them."""
+    """The value of each operation: an array of numbers, or of truth values; without columns if it does not depend on them."""
     found: list[Any] = []
     with np.errstate(all="ignore"):
         for op in program.operations:
@@ -55,7 +55,7 @@ def values(program: Program, inputs: Inputs, real: Real) -> list[Any]:
 
 
 def value(op: Operation, x: Sequence[Any], inputs: Inputs, real: Real) -> Any:
-    """The value of one operation, of those of its operands."""
+    """The value of one operation from those of its operands."""
     numbers = real.numbers
     if op.name == "constant":
         return numbers(op.value)
@@ -80,7 +80,7 @@ def _number(x: Any, real: Real) -> Any:
 
 
 def _called(name: str, arguments: list[Any], real: Real) -> Any:
-    """A function by its own list; by the rare one where the usual one says so."""
+    """A function by its own list; by the list for rare arguments if the usual one requests it."""
     made, inputs = function(name, real.format), {(i, 0): value for i, value in enumerate(arguments)}
     usual = values(made.usual, inputs, real)
     found = usual[made.usual.outputs[0][0]]

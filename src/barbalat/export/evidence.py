@@ -1,4 +1,5 @@
-"""What an export's test vectors are worth, in its self-test and for its reader: chosen samples, digests, mutants told and not."""
+"""The strength of an export's test vectors, in its self-test and for its reader: chosen samples, digests, and detected and
+undetected mutants."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ MOST_SHOWN = 12
 
 
 def chosen_tests(printed: Printed) -> str:
-    """The text of ``test_chosen``; empty where the run of the simulation tells everything."""
+    """The text of ``test_chosen``; empty if the simulated run detects everything."""
     contents, vectors = printed.contents, chosen(printed.contents)
     layout, rows = contents.layout, contents.layout.rows
     if not vectors.states.shape[1]:
@@ -72,7 +73,8 @@ def number_rows(printed: Printed, values: Array) -> str:
 
 
 def digests(printed: Printed) -> str:
-    """Of the state after each sample of the simulation, as numbers of C: its bits one after another, each time times PRIME."""
+    """The digest of the state after each sample of the simulation, as in the C: its bits in sequence, multiplied by PRIME each
+    time."""
     contents = printed.contents
     states = contents.vectors.states[:, contents.layout.rows].astype(contents.real.numbers)
     bits = np.ascontiguousarray(states).view(np.uint64 if states.itemsize == 8 else np.uint32)
@@ -83,7 +85,7 @@ def digests(printed: Printed) -> str:
 
 
 def digest_calls(printed: Printed) -> str:
-    """C that takes the digest ``found`` of all that ``c`` keeps."""
+    """C that computes the digest ``found`` of the whole state of ``c``."""
     return indented(f"found = mixed(found, c->{part.name}, {part.size});" for part in printed.contents.layout.parts)
 
 
@@ -117,7 +119,7 @@ def readme_evidence(printed: Printed) -> str:
 
 
 def outcomes(found: tuple[int, int], program: Program) -> str:
-    """What of the decisions is taken, for a reviewer who asks for MC/DC; an && or || has several conditions."""
+    """The decision outcomes that are covered, for a reviewer who requires MC/DC; an && or || has several conditions."""
     taken, of = found
     if not of:
         return "`advance` decides nothing: it has no branch."
@@ -131,7 +133,7 @@ def outcomes(found: tuple[int, int], program: Program) -> str:
 
 
 def _listed(missed: dict[Mutant, str]) -> str:
-    """The undecided ones and the proven ones, a line each."""
+    """The undecided and the proven mutants, one per line."""
     undecided = [_line(one, "undecided") for one, proof in missed.items() if not proof and not one.tie]
     shown = [_line(one, proof) for one, proof in missed.items() if proof]
     more = len(undecided) - MOST_SHOWN

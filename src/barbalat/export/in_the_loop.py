@@ -99,7 +99,8 @@ class Exported:
     def fly(
         self, problem: TrackingProblem, *, watched: Watched | None = None, progress: Progress | None = None
     ) -> tuple[Batch, int]:
-        """The batch of a recorded run, ``watched`` by the judge or not, and how many samples the export did not take whole."""
+        """The batch of a recorded run, ``watched`` by the judge or not, and the number of samples that the export did not fully
+        accept."""
         members = Members.read([(problem, self.controller)], self.simulation, windows=self.windows, watched=watched)
         if self.library is None:
             self.library = _compiled(self.printed, members.loop)
@@ -113,9 +114,9 @@ class Exported:
 
 
 def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> ExternalFunction:
-    """The adapter, with the rows of the loop's whole state that it is given and that it keeps."""
+    """The adapter, with the rows of the loop's whole state that it receives and that it stores."""
     loop = members.loop
-    first = loop.size - len(flatten(initial_acting(loop)))  # the controller's state stands last in the loop's
+    first = loop.size - len(flatten(initial_acting(loop)))  # the controller's state is the last part of the loop's
     held = loop.unpack(np.arange(loop.size)).held
     measured = held.measured if loop.around is None else held.around.offered
     given = [*measured.reshape(-1).tolist(), *held.r.reshape(-1).tolist()]
@@ -129,7 +130,7 @@ def _outside(printed: Printed, members: Members, library: ctypes.CDLL) -> Extern
 
 
 def _of_the_shell(kept: Kept) -> list[tuple[str, list[int]]]:
-    """What the C keeps for its shell, by its names there, and the places of it in the simulation."""
+    """The C's data for its shell, by their names there, with their places in the simulation."""
     found = (("outage", kept.outage), ("fade_left", kept.fade_left), ("bump", kept.bump), ("repeats", kept.repeats))
     return [(name, rows.tolist()) for name, rows in found if rows.size]
 

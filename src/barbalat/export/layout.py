@@ -1,6 +1,6 @@
-"""What of a sampled controller's state an exported one keeps: the arrays that its control or its estimates depend on.
+"""The part of a sampled controller's state that an export keeps: the arrays on which its control or its estimates depend.
 
-The last good measurement and command are among them, whatever the law: they stand in for those that are lost.
+The last good measurement and command are always among them: they replace lost ones.
 """
 
 from __future__ import annotations
@@ -49,13 +49,13 @@ class StatePart:
         return range(self.start, self.start + self.size)
 
     def entry(self, row: int) -> str:
-        """C text of the entry that stands at ``row`` of the flat state."""
+        """C text of the entry at ``row`` of the flat state."""
         return f"c->{self.name}[{row - self.start}]"
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The arrays that are kept, and among them those that the surroundings of the arithmetic name.
+    """The stored arrays, and among them those that the code around the arithmetic names.
 
     u          the control
     theta_hat  the estimates
@@ -73,11 +73,11 @@ class Layout:
 
     @classmethod
     def of(cls, program: Program, loop: ClosedLoop) -> Layout:
-        """``program`` is the whole list of the loop's controller; what nothing depends on is left out."""
+        """``program`` is the whole list of the loop's controller; parts on which nothing depends are left out."""
         every = tuple(_parts(initial_acting(loop), {f"controller.{part.path}": part.role for part in loop.parts}))
         estimates = "" if loop.estimates is None else f"controller.{loop.estimates.path}"
         paths = ("held.u", estimates, "held.started", "held.measured", "held.r")
-        none = StatePart("theta_hat", "", (0,), 0, "")  # of a controller that estimates nothing
+        none = StatePart("theta_hat", "", (0,), 0, "")  # for a controller without estimates
         named = [next((part for part in every if part.path == path), none) for path in paths]
         needed = {part.path: part for part in named}
         while True:
@@ -91,7 +91,7 @@ class Layout:
 
     @property
     def rows(self) -> list[int]:
-        """All that is kept, in the flat state."""
+        """All stored entries of the flat state."""
         return [row for part in self.parts for row in part.rows]
 
     def part(self, path: str) -> StatePart | None:
@@ -99,7 +99,7 @@ class Layout:
         return next((part for part in self.parts if part.path == path), None)
 
     def entries(self) -> dict[int, str]:
-        """C text of what is kept by rows of the flat state."""
+        """C text of the stored entries, by rows of the flat state."""
         return {row: part.entry(row) for part in self.parts for row in part.rows}
 
 
@@ -117,7 +117,7 @@ roles."""
 
 
 def _parts(initial: Acting, roles: Mapping[str, Role]) -> Iterator[StatePart]:
-    """All arrays, in the order of the flat state; the scheme's own by their names, what is held with a prefix."""
+    """All arrays, in the order of the flat state; the scheme's own under their names, held values with a prefix."""
     found = [(path, np.shape(array)) for path, array in leaves(initial)]
     names = distinct(path.removeprefix("controller.") for path, _ in found)
     start = 0
@@ -146,9 +146,9 @@ MEMBERS = frozenset({"last_u", "bump", "fade", "fade_left", "matching", "outage"
 
 
 def prefix_of(name: str) -> str:
-    """What an export's names begin with: the controller's name in small letters, and ``_`` for what C has no letter for.
+    """The prefix of an export's names: the controller's name in lower case, with ``_`` for characters that C does not allow.
 
-    "Robust MRAC, T = 1 ms" becomes robust_mrac_t_1_ms. InputError where nothing is left of a name, or too much.
+    "Robust MRAC, T = 1 ms" becomes robust_mrac_t_1_ms. InputError if the result is empty or too long.
     """
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode().lower()
     found = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
@@ -165,7 +165,7 @@ def prefix_of(name: str) -> str:
 
 
 def require_prefix(name: str) -> str:
-    """A prefix that a user gives, as it is; InputError where C has no identifiers that begin with it."""
+    """A user's prefix, unchanged; InputError if no identifier of C can begin with it."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or identifier(name) != name:
         raise InputError(f"name must be a letter, then letters, digits and _, and no word of C, got {validate.show(name)}")
     if len(name) > LONGEST_PREFIX:
@@ -174,13 +174,13 @@ def require_prefix(name: str) -> str:
 
 
 def identifier(name: str) -> str:
-    """A name with ``_`` for every character that C does not take, and ``n_`` before what can't stand alone or is reserved."""
+    """A name with ``_`` for every character that C does not allow, and ``n_`` before an invalid or reserved one."""
     found = re.sub(r"[^A-Za-z0-9_]", "_", name)
     return f"n_{found}" if found[:1].isdigit() or found.startswith("_") or found in RESERVED else found
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """The names as identifiers of members, numbered where two would be the same, or one that every export has."""
+    """The names as identifiers of members, numbered if two would be equal, or equal to one that every export has."""
     found: list[str] = []
     for name in map(identifier, names):
         same = (f"{name}_{i}" for i in itertools.count(2))

@@ -1,4 +1,4 @@
-"""What of a controller's inside is logged: a struct of numbers, by the names that the simulation's columns have."""
+"""The logged internal signals of a controller: a struct of numbers under the names of the simulation's columns."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Logged:
     text: str = ""
 
     def value(self, state: Array) -> Array:
-        """Of a flat state, (S, ...), in whose numbers it is computed."""
+        """The value from a flat state, (S, ...), computed in that state's number type."""
         if not self.minus:
             return np.asarray(state[self.row])
         terms = [state[row] if factor == 1 else state.dtype.type(factor) * state[row] for factor, row in self.minus]
@@ -61,13 +61,13 @@ def _rest(one: Logged) -> tuple[int, str, str, tuple[tuple[float, int], ...], st
 
 
 def _signals(printed: Printed) -> Iterator[Logged]:
-    """What is measured, the command, the control, the errors."""
+    """The measurement, the command, the control, the errors."""
     contents, layout = printed.contents, printed.contents.layout
     y, q, m, _ = contents.sizes
     labels = contents.problem.labels
     names, units = _named(printed), () if labels is None else labels.input_units
     measured = [layout.measured.start + i for i in range(y)]
-    own = contents.problem.measured  # without the controls that another code hands over
+    own = contents.problem.measured  # without the controls supplied by other code
     for i, (name, row) in enumerate(zip(_numbered("measured", y), measured, strict=True)):
         yield Logged(name, row, names[i], "last good measurement")
     for i, name in enumerate(_numbered("r", q)):
@@ -87,7 +87,7 @@ def _signals(printed: Printed) -> Iterator[Logged]:
 
 
 def _is_observed(printed: Printed) -> bool:
-    """Whether the law sees an observer's state, with which nothing that is measured is to be compared."""
+    """Whether the law uses an observer's state, which has no measured counterpart for comparison."""
     return printed.contents.problem.feedback == "state" and printed.measured != "x"
 
 
@@ -97,7 +97,7 @@ def _errors(name: str, measured: list[int], of: list[tuple[tuple[float, int], ..
 
 
 def _followed(printed: Printed, model: StatePart) -> list[tuple[tuple[float, int], ...]]:
-    """For each measured channel factors and rows of what the model has in its place."""
+    """For each measured channel, factors and rows of the corresponding model output."""
     contents = printed.contents
     y = contents.problem.measured
     if contents.measures_state:
@@ -107,7 +107,7 @@ def _followed(printed: Printed, model: StatePart) -> list[tuple[tuple[float, int
 
 
 def _states(printed: Printed) -> Iterator[Logged]:
-    """All that is kept beside, by the names of the simulation's columns."""
+    """The rest of the state, under the names of the simulation's columns."""
     contents, layout, loop = printed.contents, printed.contents.layout, printed.contents.loop
     others = {part.path: part.name for part in loop.other_estimates}
     own = [part for part in loop.parts if part.role.kind != "estimates" and part.size]
@@ -129,7 +129,7 @@ def _states(printed: Printed) -> Iterator[Logged]:
 
 
 def _named(printed: Printed) -> list[str]:
-    """The measured channels as people call them, with their units."""
+    """The measured channels by their names for people, with units."""
     problem = printed.contents.problem
     names, labels = problem.measured_names, problem.measured_labels
     inputs = () if problem.labels is None else problem.labels.input_units
@@ -138,13 +138,13 @@ def _named(printed: Printed) -> list[str]:
 
 
 def _numbered(name: str, count: int) -> list[str]:
-    """The names of a vector's entries; of a single one the vector's, except where columns have a number then too."""
+    """The names of a vector's entries; for a single entry the vector's name, unless the columns are numbered then too."""
     alone = count == 1 and name in ("r", "u", "u_limited", "y_tilde")
     return [name] if alone else [f"{name}_{i + 1}" for i in range(count)]
 
 
 def log_header(printed: Printed) -> dict[str, str]:
-    """What stands in the header: macros, and members of the struct."""
+    """The parts of the header: macros, and members of the struct."""
     found, macro = logged(printed), printed.macro
     lists = {"NAMES": [one.name for one in found], "LABELS": [comment(one.label) for one in found]}
     macros = f"#define {macro}_LOG_SIZE {len(found)} /* numbers of a {printed.name}_log, one after another */\n"
@@ -192,7 +192,7 @@ def log_of_u(printed: Printed) -> str:
 
 
 def log_values(printed: Printed, state: Array) -> Array:
-    """(..., N) what the log has after a good sample that led to this flat state, (S, ...), but for a fade."""
+    """(..., N) the log after a good sample that led to this flat state, (S, ...), without a fade."""
     contents = printed.contents
     numbers = state.astype(contents.real.numbers)
     found = []

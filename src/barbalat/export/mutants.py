@@ -68,7 +68,7 @@ def _of(op: Operation, loads: dict[int, list[int]], real: Real) -> Iterator[tupl
     if op.name == "constant":
         with np.errstate(over="ignore"):
             number = real.numbers(op.value)
-        as_a_number = 0 < abs(float(number)) < UNREACHED_BOUND  # otherwise it bounds nothing, or is no number: another constant
+        as_a_number = 0 < abs(float(number)) < UNREACHED_BOUND  # otherwise it is an inactive bound or NaN: another constant
         moved = np.nextafter(number, real.numbers(np.inf)) if as_a_number else real.numbers(1.0)
         yield f"{op.value!r} becomes {float(moved)!r}", (op._replace(value=float(moved)), False)
     elif op.name == "input":

@@ -1,4 +1,4 @@
-"""The plant of an exported loop: a slice of the simulation's own step, with what a sensor measures of it."""
+"""The plant of an exported loop: a slice of the simulation's own step, with the sensor's measurement."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PARAMETER, SIGNAL, PAST, NOISE = 2, 3, 4, 5
 
 @dataclass(frozen=True, eq=False)
 class PlantContents:
-    """All between the control and the measurement: limits, actuators, delay, plant, sensor, one solver step at a time.
+    """Everything between the control and the measurement: limits, actuators, delay, plant, sensor, one solver step at a time.
 
     rows  of the loop's flat state that are its own: x, then what is before the plant, then what is behind it
     """
@@ -43,7 +43,7 @@ class PlantContents:
 
     @cached_property
     def step(self) -> Program:
-        """Its state one solver step later, then what the delay is to remember of this step."""
+        """Its state one solver step later, then the values of this step that the delay must store."""
         whole = self.opened.members.program.program
         following, _, remembered = whole.outputs
         both = Program(whole.operations, ((*(following[row] for row in self.rows), *remembered),))
@@ -51,7 +51,7 @@ class PlantContents:
 
     @cached_property
     def measurement(self) -> Program:
-        """What a controller is handed."""
+        """The measurement that a controller receives."""
         sample = self.opened.members.program.sample
         assert sample is not None
         held = self.loop.unpack(np.arange(self.loop.size)).held
@@ -63,7 +63,7 @@ class PlantContents:
 
     @property
     def outputs(self) -> int:
-        """Entries of what is measured."""
+        """The number of measured entries."""
         return len(self.measurement.outputs[0])
 
     @property
@@ -73,23 +73,23 @@ class PlantContents:
 
     @property
     def nodes(self) -> int:
-        """Instants of a solver step at which it sees the signals."""
+        """Instants of a solver step at which it reads the signals."""
         return len(self.opened.members.simulation.solver.nodes)
 
     @property
     def channels(self) -> int:
-        """Numbers that the delay remembers of each step."""
+        """The number of values that the delay stores for each step."""
         return self.opened.members.program.shape.delayed
 
     @property
     def lag(self) -> int:
-        """Steps that the delay looks back, at the least."""
+        """The smallest number of steps that the delay looks back."""
         lags = self.opened.members.lags
         return 0 if lags is None else int(lags[0])
 
     @property
     def history(self) -> tuple[float, ...]:
-        """What each channel was before t = 0."""
+        """The value of each channel before t = 0."""
         history = self.opened.members.history
         return () if history is None else tuple(np.repeat(history[:, 0], self.channels // self.inputs).tolist())
 
@@ -105,17 +105,17 @@ class PlantContents:
         return tuple(one for k, one in zip(count(), self.opened.parameters) if k in used)
 
     def fed(self, entry: int) -> Parameter | float:
-        """What an entry of a list's third argument is: a parameter, or a number that stays."""
+        """The source of an entry of a list's third argument: a parameter, or a fixed number."""
         k = self.opened.feeds[entry]
         return float(self.opened.values[entry]) if k is None else self.opened.parameters[k]
 
     def start(self, row: int) -> Parameter | float:
-        """What an entry of the loop's state begins with."""
+        """The initial value of an entry of the loop's state."""
         k = self.opened.starts.get(row)
         return float(self.opened.members.states[row, 0]) if k is None else self.opened.parameters[k]
 
     def signal(self, entry: int) -> tuple[int, int] | None:
-        """Node and disturbance that an entry of a step's signals is; None for what a whole step says of itself, 1."""
+        """Node and disturbance of an entry of a step's signals; None for the flag of a whole step, 1."""
         node, which = divmod(entry, self.loop.signals.timed)
         if node >= self.nodes:
             return None
@@ -124,7 +124,7 @@ class PlantContents:
 
     @cached_property
     def control_rows(self) -> tuple[int, ...]:
-        """Rows of the loop's state in which the held control stands."""
+        """Rows of the loop's state that contain the held control."""
         held = self.loop.unpack(np.arange(self.loop.size)).held
         return tuple(int(row) for row in held.u.reshape(-1))
 

@@ -83,7 +83,7 @@ def plant_source(made: PrintedPlant) -> str:
 
 
 def _nothing(plant: PlantContents) -> list[str]:
-    """The delay holds what was before t = 0."""
+    """The delay initially contains the values before t = 0."""
     if not plant.channels:
         return []
     lines = ["int k;", f"for (k = 0; k < {plant.lag + TAPS_PER_CHANNEL}; ++k) {{"]

@@ -1,4 +1,5 @@
-"""The C of parameters that can be set while the controller runs: which there are, their bounds, the function that sets one."""
+"""The C of parameters that can be set while the controller runs: the list of them, their bounds, and the function that sets
+one."""
 
 from __future__ import annotations
 
@@ -9,7 +10,7 @@ from barbalat.export.texts import Printed, comment, filled, indented
 
 
 def settable(printed: Printed) -> dict[str, str]:
-    """What stands in the places of ``controller.h`` and ``controller.c`` that are the parameters'; empty texts without any."""
+    """The parts of ``controller.h`` and ``controller.c`` for the parameters; empty texts without any."""
     names = ("parameter_macros", "parameter_declared", "parameter_functions", "parameter_set")
     if not printed.contents.parameters:
         return dict.fromkeys(names, "")
@@ -38,13 +39,13 @@ def _numbered(printed: Printed) -> list[tuple[int, Parameter]]:
 
 
 def _macro(printed: Printed, one: Parameter) -> str:
-    """Of a path: L1_SET_GAMMA of controller[0].gamma; the export has one controller."""
+    """The macro for a path: L1_SET_GAMMA for controller[0].gamma; the export has one controller."""
     keys = one.path.keys[2:] if one.path.keys[0] == "controller" else one.path.keys
     return f"{printed.macro}_SET_{re.sub(r'[^A-Z0-9]+', '_', '_'.join(map(str, keys)).upper())}"
 
 
 def _about(printed: Printed, i: int) -> str:
-    """The path, what it is, its value in the case, and what is taken."""
+    """The path, its meaning, its value in the case, and the admissible values."""
     one, contents = printed.contents.parameters[i], printed.contents
     names = [other.name for other in contents.parameters]
     bounds = [one.bound] if one.bound else []
@@ -57,13 +58,13 @@ def _about(printed: Printed, i: int) -> str:
 
 
 def _only_starts(printed: Printed, one: Parameter) -> bool:
-    """Whether states begin with it, and no operation reads it."""
+    """Whether it is only an initial value of states and no operation reads it."""
     contents = printed.contents
     return one in contents.starts.values() and one not in contents.read_parameters
 
 
 def _tests(printed: Printed) -> list[str]:
-    """Of the signs and of the pairs."""
+    """Checks of signs and of ordered pairs."""
     contents = printed.contents
     tests = [f"c->parameter[{i}] {one.bound}" for i, one in _numbered(printed) if one.bound]
     return tests + [
@@ -72,7 +73,7 @@ def _tests(printed: Printed) -> list[str]:
 
 
 def _not_at_start(printed: Printed) -> list[str]:
-    """C: that what is set is read while the controller runs."""
+    """C: a changed parameter takes effect while the controller runs."""
     return [f"which != {_macro(printed, one)}" for _, one in _numbered(printed) if _only_starts(printed, one)]
 
 

@@ -1,4 +1,4 @@
-"""What the self-test looks at where parameters can be set: what is refused, what a change does, that it makes no bump."""
+"""The self-test of settable parameters: what is refused, the effect of a change, and that it causes no bump."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def settable_tests(printed: Printed, at: int, fade: int) -> str:
 
 
 def tried(contents: Contents) -> list[float]:
-    """For each parameter another value of it."""
+    """Another value for each parameter."""
     opened = contents.opened
     assert opened is not None
     return [opened.tried[opened.parameters.index(one)] for one in contents.parameters]
 
 
 def _beyond(contents: Contents) -> list[tuple[int, float]]:
-    """Places of parameters, and values that are beyond their bounds, just so or far."""
+    """Indices of parameters, and values just beyond or far beyond their bounds."""
     numbers, found = contents.real.numbers, []
     for i, one in enumerate(contents.parameters):
         side = {">": -1.0, "<": 1.0}.get(one.bound[:1], 0.0)
@@ -52,7 +52,7 @@ def _beyond(contents: Contents) -> list[tuple[int, float]]:
 
 
 def _limits(printed: Printed) -> list[str]:
-    """A limit of the control that is set is the one that is kept."""
+    """A newly set limit of the control is the one that applies."""
     contents, lines = printed.contents, []
     limited = [one.name for one in logged(printed) if one.text.startswith("out.u_limited")]
     for which, (one, value) in zip(parameter_names(printed), zip(contents.parameters, tried(contents), strict=True), strict=True):
@@ -60,7 +60,7 @@ def _limits(printed: Printed) -> list[str]:
             continue
         i, side = one.limit
         between = (one.value + value) / 2
-        kept = max(between, value) if side == 0 else min(between, value)  # of the limits in the case and here
+        kept = max(between, value) if side == 0 else min(between, value)  # the limits in the case and here
         for u, expected in ((value + (1.0 if side else -1.0), value), (between, kept)):
             asked, wanted = (c99.constant(number, contents.real) for number in (u, expected))
             lines += [

@@ -257,14 +257,14 @@ def shell_readme(printed: Printed) -> str:
 
 
 def _sample(printed: Printed, *, timed: bool) -> str:
-    """Taking a sample; with a timer that also counts calls that did not come."""
+    """Accepting a sample; with a timer, missing calls are counted too."""
     unbegun = f" | {printed.macro}_WRONG_SAMPLE_TIME" if timed else ""
     lines = _SAMPLE.format(**_names(printed), unbegun=unbegun).splitlines()
     return _CALLS.format(**_names(printed), sample=indented(lines, 8)) if timed else indented(lines)
 
 
 def _untold(macro: str, *, timed: bool) -> list[str]:
-    """For a lost command; a call that did not come is not reported."""
+    """For a lost command; a missing call is not reported."""
     told = f"*status |= {macro}_COMMAND_LOST;"
     return ["if (*measured != 0) {", f"    {told}", "}"] if timed else [told]
 

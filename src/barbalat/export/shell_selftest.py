@@ -1,4 +1,4 @@
-"""What the self-test looks at where a case has a shell: what is taken of a sample, the outage's end, the return, the timer."""
+"""The self-test of a case's shell: which samples are accepted, the end of an outage, the return, and the timer."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ def _filled(printed: Printed, lines: list[str]) -> list[str]:
 
 
 def _alone(printed: Printed) -> str:
-    """What the baseline alone puts out, where it is the fallback."""
+    """The baseline's own output, if it is the fallback."""
     terms = baseline_terms(printed, "c.")
     return f"const {printed.real} alone[] = {{ {', '.join(terms)} }};" if terms else ""
 
 
 def _ranges(printed: Printed) -> list[str]:
-    """The ends of each range are taken, the next numbers beyond them are not."""
+    """The ends of each range are accepted, and the next numbers beyond them are not."""
     around, x, lines = printed.contents.around, printed.measured, []
     assert around is not None
     number = printed.contents.real.numbers
@@ -76,7 +76,7 @@ def _ranges(printed: Printed) -> list[str]:
 
 
 def _rates(printed: Printed) -> list[str]:
-    """A change beyond the rate is refused, and taken a sample later, when there was time for it."""
+    """A change beyond the rate is refused, and accepted a sample later, when enough time has passed."""
     around, x, lines = printed.contents.around, printed.measured, []
     assert around is not None
     measured: Array = printed.contents.vectors.measured
@@ -92,7 +92,7 @@ def _rates(printed: Printed) -> list[str]:
 
 
 def _stuck(printed: Printed) -> list[str]:
-    """What is measured again as often as a channel may repeat itself is taken, and no more often."""
+    """A repeated measurement is accepted as often as a channel may repeat itself, and no more often."""
     around, lines = printed.contents.around, []
     assert around is not None
     for place, (_, most) in enumerate(around.repeats):

@@ -1,4 +1,4 @@
-"""What numbers of 32 bits do to a high gain: the gain from which on the compiled export and the simulation part."""
+"""The effect of 32-bit numbers at a high gain: the gain from which the compiled export departs from the simulation."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ HALVINGS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class PrecisionLimit:
-    """Where float32 and float64 part, of one controller.
+    """The gain at which float32 and float64 depart, for one controller.
 
     setting  the gain's name, and its value in the case
     apart    by gains that were tried, the largest difference of the plant's state by its largest value
@@ -51,7 +51,7 @@ class PrecisionLimit:
 
     @property
     def sentence(self) -> str:
-        """How far the two runs part, in a sentence for people."""
+        """The difference between the two runs, as a sentence for people."""
         own = self.apart.get(self.gain)
         here = "" if own is None else f"at {self.setting} = {self.gain:g} they are {own:.2g} of the largest |x| apart"
         if self.at is not None:
@@ -63,9 +63,9 @@ class PrecisionLimit:
 def precision_limit(
     problem: TrackingProblem, controller: Controller, simulation: Simulation, *, progress: Progress | None = None
 ) -> PrecisionLimit:
-    """Simulate with the export in 32 bits in the loop and, beside it, as ever, at higher and higher gains.
+    """Simulate with the 32-bit export in the loop, and as usual, at increasing gains.
 
-    InputError for a controller without a gain of its own, and as of ``simulate_export``.
+    InputError for a controller without a gain, and as for ``simulate_export``.
     """
     found = next((one for one in in_object(controller, ()) if one[0][-1] in GAINS), None)
     if found is None:
@@ -114,7 +114,7 @@ def _downwards(gain: float) -> Iterator[float]:
 
 
 def _between(low: float, high: float, parts: Callable[[float], bool]) -> float:
-    """The higher end of a smaller range with the same property: at it they part."""
+    """The upper end of a smaller range with the same property: the two depart there."""
     for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if parts(middle) else (middle, high)
@@ -142,7 +142,8 @@ def with_float32_gains(
     *,
     progress: Progress | None = None,
 ) -> Certificates:
-    """The certificates of the sampled controllers with ``gamma_float32``; InputError where there is no C compiler, or none."""
+    """The certificates of the sampled controllers with ``gamma_float32``; InputError if there is no C compiler or no such
+    controller."""
     require_compiler("a float32 export must run on this machine")
     sampled = [one for one in controllers if ClosedLoop.of(problem, one).sampled]
     if not sampled:

@@ -1,4 +1,4 @@
-"""controller.c: the operations of the simulated list, and around them what a flight computer needs."""
+"""controller.c: the operations of the simulated list, and the code around them that a flight computer needs."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def source(printed: Printed) -> str:
 
 
 def _initial(printed: Printed, row: int, value: float) -> str:
-    """C text of what an entry of the state begins with: a parameter, or this value."""
+    """C text of an entry's initial value: a parameter, or this value."""
     starts = printed.contents.starts
     return printed.parameter(starts[row]) if row in starts else printed.number(value)
 
@@ -90,7 +90,7 @@ def _operations(printed: Printed) -> str:
 
 
 def inputs(printed: Printed) -> dict[tuple[int, int], str]:
-    """C text of what the list reads, by (argument, component)."""
+    """C text of the list's inputs, by (argument, component)."""
     contents, program = printed.contents, printed.contents.step
     y, q, _, _ = contents.sizes
     found = {(STATE, row): text for row, text in contents.layout.entries().items()}
@@ -104,7 +104,7 @@ def inputs(printed: Printed) -> dict[tuple[int, int], str]:
 
 
 def _usable_result(printed: Printed) -> str:
-    """Every number in range, the estimates in their set but for rounding; a set with all its bounds says more than the range."""
+    """Every number is in range and the estimates are in their set up to rounding; a set with all its bounds implies the range."""
     contents, theta_hat, bounds = printed.contents, printed.contents.layout.theta_hat, list[str]()
     ends = _estimate_ends(contents)
     for i, (low, high) in enumerate(ends.tolist()):
@@ -117,7 +117,7 @@ def _usable_result(printed: Printed) -> str:
 
 
 def _estimate_ends(contents: Contents) -> Array:
-    """(p, 2) between which the estimates are taken; nothing without a set that is checked."""
+    """(p, 2) the bounds within which estimates are accepted; empty without a checked set."""
     if contents.checked_limits is None:
         return np.zeros((0, 2))
     low, high = contents.checked_limits
@@ -125,7 +125,7 @@ def _estimate_ends(contents: Contents) -> Array:
 
 
 def _usable(printed: Printed) -> str:
-    """A control to hold, a fade that ends, counters that do."""
+    """Checks of the held control, of the fade and of the counters."""
     tests = [f"in_range(c->last_u, {printed.macro}_INPUTS)", "c->fade_left >= 0L && c->fade_left <= c->fade"]
     tests += ["parameters_are_usable(c)"] if printed.contents.parameters else []
     return _all([*tests, *shell_usable(printed)])
@@ -208,7 +208,7 @@ def header(printed: Printed) -> str:
 
 
 def _place_of_baseline(printed: Printed) -> str:
-    """Where the control of an external baseline stands; nothing of another one."""
+    """The place of an external baseline's control; empty for other baselines."""
     problem = printed.contents.problem
     if not problem.handed_controls:
         return ""
@@ -217,7 +217,7 @@ def _place_of_baseline(printed: Printed) -> str:
 
 
 def _starting(printed: Printed) -> str:
-    """What a start makes of its arguments."""
+    """The effect of a start's arguments."""
     if not printed.contents.measures_state:
         return "model and filters start at rest"
     if printed.contents.problem.fixed_observer is None:
@@ -226,7 +226,7 @@ def _starting(printed: Printed) -> str:
 
 
 def _wrong_time(contents: Contents) -> dict[str, str]:
-    """What counts as another time than the right one, and what is done then."""
+    """Which times count as wrong, and the reaction to them."""
     if contents.around is not None and contents.around.band is not None:
         return {
             "tolerated": "BAND and by no whole number of calls",
@@ -236,7 +236,7 @@ def _wrong_time(contents: Contents) -> dict[str, str]:
 
 
 def _freezes(contents: Contents) -> dict[str, str]:
-    """What the freeze switch does, and what goes on with a lost measurement."""
+    """The effect of the freeze switch, and what continues during a lost measurement."""
     if contents.loop.observer is None:
         return {"predicts_only": "", "with_what": "the last good measurement and this u"}
     return {
@@ -246,7 +246,7 @@ def _freezes(contents: Contents) -> dict[str, str]:
 
 
 def _labelled(printed: Printed, text: str) -> str:
-    """What is measured, with the case's names and units of it."""
+    """The measurements, with the case's names and units."""
     problem, beside = printed.contents.problem, ""
     if problem.handed_controls:
         beside = f"; then, from place {printed.macro}_U_BASELINE on, what the existing loop asks for"
@@ -258,14 +258,14 @@ def _labelled(printed: Printed, text: str) -> str:
 
 
 def _input_units(printed: Printed) -> str:
-    """The units of the inputs behind their meaning, where the case has some."""
+    """The units of the inputs after their meaning, if the case has some."""
     labels = printed.contents.problem.labels
     units = () if labels is None else labels.input_units
     return f" [{comment(', '.join(one or '1' for one in units))}]" if any(units) else ""
 
 
 def shape(of: tuple[int, ...]) -> str:
-    """The shape of a matrix; nothing for what C says itself."""
+    """The shape of a matrix; empty if the C already shows it."""
     return f"{of[0]} x {of[1]}: " if len(of) == 2 else ""  # a matrix
 
 
@@ -282,5 +282,5 @@ def _limits(printed: Printed) -> str:
 
 
 def _bounds(printed: Printed, values: Array) -> str:
-    """Component by component; where there is none, what no number may exceed."""
+    """Component by component; without a bound, the largest admissible number."""
     return ", ".join(printed.number(b if np.isfinite(b) else np.copysign(printed.contents.range, b)) for b in values)

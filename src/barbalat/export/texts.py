@@ -33,12 +33,12 @@ class Printed:
 
     @property
     def name(self) -> str:
-        """What the functions' names begin with."""
+        """The prefix of the functions' names."""
         return self.prefix or prefix_of(self.contents.controller.name)
 
     @property
     def macro(self) -> str:
-        """What the macros' names begin with."""
+        """The prefix of the macros' names."""
         return self.name.upper()
 
     @property
@@ -48,11 +48,11 @@ class Printed:
 
     @property
     def measured(self) -> str:
-        """What is measured, as the paper calls it."""
+        """The paper's symbol for the measurement."""
         return "x" if self.contents.measures_state and self.contents.problem.fixed_observer is None else "y"
 
     def number(self, value: float) -> str:
-        """A constant, exactly, with its decimal form where that is short."""
+        """A constant, exactly, with its decimal form if that is short."""
         text, short = c99.constant(value, self.contents.real), repr(float(value))
         return f"{text} /* {short} */" if len(short) <= SHORT_NUMBER_LENGTH else text
 
@@ -70,14 +70,14 @@ class Printed:
 
     @cached_property
     def mark(self) -> str:
-        """A number of this export, by which its files know each other."""
+        """A number that identifies this export in all its files."""
         vectors = self.contents.vectors
         parts = [repr(self.contents.step).encode(), *(a.tobytes() for a in (vectors.measured, vectors.commands, vectors.states))]
         return f"0x{hashlib.sha256(b''.join([self.name.encode(), self.real.encode(), *parts])).hexdigest()[:8]}UL"
 
     @property
     def origin(self) -> str:
-        """Who made the files, of what."""
+        """The program that made the files, and their source."""
         case, each = comment(self.contents.problem.name), f"every {self.contents.sample_time!r} s"
         return (
             f"{comment(self.contents.controller.name)}: {self._scheme}, {each},\n * for the case "
@@ -94,7 +94,7 @@ class Printed:
 
     @property
     def guard(self) -> str:
-        """Stops a compiler that is given files of two exports."""
+        """Makes a compiler stop if it is given files of two exports."""
         return (
             f"#if {self.macro}_EXPORT != {self.mark}\n"
             '#error "this file and controller.h are from different exports: write the export again"\n#endif\n'
@@ -102,17 +102,17 @@ class Printed:
 
 
 def filled(template: str, /, **given: object) -> str:
-    """A file of the folder ``templates`` with what is given in the places that are named in it, ``${like_this}``."""
+    """A file of the folder ``templates`` with its placeholders, ``${like_this}``, filled in."""
     text = (resources.files("barbalat.export") / "templates" / template).read_text("utf-8")
     return Template(text).substitute(given)
 
 
 def comment(text: str) -> str:
-    """Text that can't end a comment of C, nor go on with it on the next line."""
+    """Text that can neither end a comment of C nor continue it on the next line."""
     plain = text.encode("ascii", "replace").decode()
     return plain.replace("*/", "* /").replace("/*", "/ *").replace("\\", "/").replace("??", "? ?")
 
 
 def indented(lines: Iterable[str], by: int = 4) -> str:
-    """Each line with a newline behind it."""
+    """Each line followed by a newline."""
     return "".join(f"{' ' * by}{line}\n" for line in lines)

@@ -1,8 +1,8 @@
-"""Test vectors that are chosen for what they tell: single samples from states that a simulation may never come to.
+"""Test vectors chosen for the faults that they detect: single samples from states that a simulation may never reach.
 
 Candidates are drawn around the simulation's samples: states scaled, at rest, partly zero of either sign, estimates on the faces
 of the known set, frozen, before the first sample; and for each comparison of the list the places where its sides are equal or
-neighbours, found by bisection. Of them those are kept that tell a mutant of the list which no vector told before.
+neighbours, found by bisection. Those are kept that detect a mutant of the list that no earlier vector detected.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ COMPARED = {"lt", "le", "eq", "ne", "fmin", "fmax"}
 
 @dataclass(frozen=True, eq=False)
 class Vectors:
-    """Single samples, a column each, and what they are worth.
+    """Single samples, one per column, and the faults that they detect.
 
     states    (S, D) flat states before
     measured, commands  (y, D), (q, D)
@@ -74,7 +74,8 @@ class Vectors:
     outcomes: tuple[int, int]
 
     def counted(self, *, ties: bool) -> tuple[int, int, int]:
-        """Mutants, those told, those proven to be none: of those that differ at ties alone, or of all others."""
+        """The numbers of mutants, of detected ones and of those proven equivalent: among those that differ only at ties, or among
+        all others."""
         missed = {mutant: proof for mutant, proof in self.missed.items() if mutant.tie == ties}
         count = sum(mutant.tie == ties for mutant in self.mutants)
         return count, count - len(missed), sum(map(bool, missed.values()))
@@ -87,7 +88,7 @@ def chosen(contents: Contents) -> Vectors:
 
 
 def _faults(left: Sequence[Mutant]) -> int:
-    """How many there are that differ elsewhere than at ties."""
+    """The number of mutants that differ elsewhere than at ties."""
     return sum(not one.tie for one in left)
 
 
@@ -149,7 +150,7 @@ class _Search:
         return Vectors(states, measured, commands, given, freeze, after, every, missed, at_first, outcomes)
 
     def _proofs(self, left: Sequence[Mutant], most_cases: int = CASES) -> dict[Mutant, str]:
-        """Of these mutants, those that are shown to be none."""
+        """The mutants among these that are proven equivalent."""
         contents, most = self.contents, float(self.numbers(self.contents.range))
         y, q, _, _ = contents.sizes
         anything = Interval(-most, most)
@@ -167,7 +168,7 @@ class _Search:
         return {one: proof for one in left if (proof := prover.proof(one))}
 
     def _interval(self, one: Parameter | float) -> Interval:
-        """What a parameter may be; of a number that stays itself."""
+        """The admissible values of a parameter; for a fixed number its value."""
         if isinstance(one, float):
             return Interval(float(self.numbers(one)), float(self.numbers(one)))
         most = float(self.numbers(self.contents.parameter_range))
@@ -178,7 +179,7 @@ class _Search:
         return Interval(low, high)
 
     def _covering(self, pool: Array, left: Sequence[Mutant]) -> tuple[Array, list[Mutant]]:
-        """Few columns that tell all of these mutants that the pool tells, and the others."""
+        """A small number of columns that detect all mutants that the pool detects, and the undetected mutants."""
         judge = self._judge(pool)
         told = np.array([judge.tell(one) for one in left])
         rest = [one for one, row in zip(left, told, strict=True) if not row.any()]
@@ -194,7 +195,7 @@ class _Search:
         return pool[:, picked], rest
 
     def _usable(self, columns: Array) -> Array:
-        """Those that are in range, and lead to a state in range."""
+        """The columns that are in range and lead to a state in range."""
         contents = self.contents
         columns = columns.astype(self.numbers).astype(float)
         with np.errstate(all="ignore"):
@@ -217,7 +218,7 @@ class _Search:
         return columns[:, good]
 
     def _special(self) -> Array:
-        """At rest: with all zeros, of either sign, and with one entry alone that is none."""
+        """At rest: all zeros, of either sign, and all but one entry zero."""
         count = CANDIDATES // 2
         columns = np.zeros((len(self.nominal), count))
         columns[self.random.random(columns.shape) < 0.5] = -0.0
@@ -248,12 +249,12 @@ class _Search:
         return self._of_sets(columns, base)
 
     def _frozen(self, count: int, share: float) -> Array:
-        """The freeze switch, which is on in this share; beside an observer it has two values of which it is on."""
+        """The freeze switch, which is on in this share; with an observer it has two values for "on"."""
         found, lost = (self.random.random(count) < share).astype(float), self.contents.lost
         return found if lost == 1 else found * self.random.choice([1.0, lost], size=count)
 
     def _neighbours(self) -> Array:
-        """Around the columns at which a fault makes another value that no output shows: from the last bits on."""
+        """Around the columns at which a fault changes a value without changing an output: first by the last bits."""
         random, columns = self.random, np.tile(self.begun, 4)
         size = 10.0 ** random.uniform(-17, 0, columns.shape[1])
         moved = random.random(columns.shape) < random.choice([0.1, 0.5, 1.0], size=columns.shape[1])
@@ -261,7 +262,7 @@ class _Search:
         return np.where(moved, columns * (1 + size * random.normal(size=columns.shape)), columns)
 
     def _of_sets(self, columns: Array, drawn_of: Array) -> Array:
-        """With what has to be so: estimates in their set or on its faces, symmetric matrices, started or not."""
+        """With the necessary properties: estimates in their set or on its faces, symmetric matrices, started or not."""
         random, layout, count, before = self.random, self.contents.layout, columns.shape[1], drawn_of
         for part in layout.parts:
             at = [self.place[row] for row in part.rows]
@@ -290,7 +291,7 @@ class _Search:
         return columns
 
     def _parameters(self, count: int) -> Array:
-        """Parameters as in the case, some of them other ones, near or far."""
+        """Parameters as in the case, some of them changed a little or a lot."""
         if not len(self.set):
             return np.zeros((0, count))
         random, shape = self.random, (len(self.set), count)
@@ -300,7 +301,7 @@ class _Search:
         return np.where(moved, drawn, self.set)
 
     def _matrices(self, at: list[int], n: int, count: int) -> Array:
-        """Symmetric and positive definite ones, as covariances are, from nearly nothing to large."""
+        """Symmetric positive definite matrices, like covariances, from almost zero to large."""
         random = self.random
         base = self.nominal[at][:, random.integers(0, self.nominal.shape[1], count)]
         size = np.abs(base).max(axis=0)
@@ -310,7 +311,7 @@ class _Search:
         return (base + more) * scale
 
     def _within(self, columns: Array) -> Array:
-        """Estimates brought into the intervals that their set lies in."""
+        """Estimates moved into the intervals of their set."""
         limits = self.contents.limits
         return columns if limits is None else np.clip(columns, *(limit[:, None] for limit in limits))
 
@@ -340,7 +341,7 @@ class _Search:
         return found
 
     def _beyond(self, pool: Array) -> Array:
-        """Some of these columns with all estimates outside of their set, by as much as is taken for rounding."""
+        """Some of these columns with all estimates outside their set by the amount that is accepted as rounding."""
         limits, random = self.contents.limits, self.random
         if limits is None or not np.isfinite(limits).all():
             return pool

@@ -1,4 +1,4 @@
-"""What every law of the registry owes, with every modification that it takes."""
+"""The contract of every registered law, with every modification that it accepts."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def test_the_registry_has_examples_of_every_law():
 
 @pytest.mark.parametrize("kind", LAWS)
 def test_a_law_takes_the_modifications_that_its_source_allows(kind):
-    """Those of the table in docs/laws.md; every other is refused."""
+    """The combinations of the table in docs/laws.md are accepted; every other is refused."""
     for name, modification in examples.MODIFICATIONS.items():
         if name not in examples.LAW_EXAMPLES[kind].takes:
             with pytest.raises((InputError, TypeError)):
@@ -49,7 +49,7 @@ def test_a_law_takes_the_modifications_that_its_source_allows(kind):
 
 @pytest.mark.parametrize("kind", LAWS)
 def test_every_law_has_a_fastest_rate_or_says_that_nothing_bounds_it(kind):
-    """By hand for each law's example; 1e-15: one rounding of a sum of two terms."""
+    """The values are derived by hand for each law's example; 1e-15 is one rounding of a sum of two terms."""
     example = examples.LAW_EXAMPLES[kind]
     found = LAWS[kind](**example.numbers).fastest_rate
     assert found == (None if example.fastest_rate is None else pytest.approx(example.fastest_rate, rel=1e-15))
@@ -70,9 +70,9 @@ def derivative_of_V(modified, theta, theta_hat, memory, estimation, known_set):
 
 @BY_NAME
 def test_V_does_not_grow_where_the_theory_says_so(modified, sample):
-    """Pointwise, at random states, inside the known set and on its border; theta anywhere in the set.
+    """The inequality holds pointwise at random states, inside the known set and on its border, for any theta in the set.
 
-    Without modelling error; with a dead zone for every |eta|/m_s <= g_0 as well. With a fixed sigma or the
+    Without modelling error, and with a dead zone also for every |eta|/m_s <= g_0. With a fixed sigma or the
     epsilon-modification where |theta_tilde| >= |theta|: there w theta_tilde'theta_hat >= 0.
     """
     random, modification = np.random.default_rng(11), modified.modification
@@ -96,7 +96,7 @@ def test_V_does_not_grow_where_the_theory_says_so(modified, sample):
 
 @BY_NAME
 def test_the_estimate_does_not_leave_the_set(modified, sample):
-    """Random data, steps that are far too long: limit(theta_hat + h rate) is in the set, to the last bit."""
+    """Random data with far too long steps: limit(theta_hat + h rate) lies in the set exactly."""
     random, law = np.random.default_rng(12), modified.law
     for known_set in examples.known_sets(random, N)[1:]:
         theta = examples.inside(random, known_set, N, on_the_border=True)

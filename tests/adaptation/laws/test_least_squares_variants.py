@@ -94,7 +94,7 @@ def test_pure_least_squares_goes_like_1_over_t_and_forgetting_exponentially():
 
 
 def test_windup_and_its_two_cures():
-    """No excitation at all: P = P_0 e^{beta t}; held at R_0; a logistic curve towards k_0."""
+    """Without excitation P is P_0 e^{beta t}, is held at R_0, or follows a logistic curve towards k_0."""
     beta, bound, t = 0.5, 8.0, 10.0
 
     def nothing(_):
@@ -173,7 +173,8 @@ def test_a_bad_covariance_is_not_reset_to_a_good_one():
 
 @pytest.mark.parametrize("kind", [LeastSquaresBounded, LeastSquaresBoundedGain])
 def test_bounds_hold_where_one_direction_is_never_excited(kind):
-    """P grows in the second direction up to the bound and stays; in the first it goes on learning, V falls throughout."""
+    """P grows in the second direction up to its bound and stays there; in the first the law keeps learning, and V falls
+    throughout."""
     bound = 20.0
     law = kind(covariance0=5.0, forgetting=0.5, covariance_bound=bound)
 

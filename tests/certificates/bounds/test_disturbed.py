@@ -34,7 +34,7 @@ SIMULATION = Simulation(t_end=10.0, dt=1e-3)
 
 
 def random_problem(rng: np.random.Generator, n: int, *, unmatched: bool) -> Problem:
-    """A companion A_m, theta at a vertex of its box, and a disturbance as large as what r does."""
+    """A companion A_m, theta at a vertex of its box, and a disturbance whose effect is as large as that of r."""
     poles = -rng.uniform(0.5, 4.0, n)
     A_m = np.vstack([np.eye(n)[1:], -np.poly(poles)[:0:-1]]) if n > 1 else np.array([[poles[0]]])
     b, half = np.eye(n)[-1] * rng.uniform(0.5, 2.0), rng.uniform(0.1, 1.0, n)

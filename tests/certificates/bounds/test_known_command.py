@@ -1,4 +1,4 @@
-"""The bound for the case's own command, attacked: theta by draws and a search uphill, every kind of command, every step."""
+"""Attacks on the bound for the case's own command: random and searched theta, every kind of command, every step."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def schemes(problem: Problem, start: np.ndarray, gamma: float, C) -> list[Contro
 @pytest.mark.parametrize("n", [1, 2, 3])
 @pytest.mark.short(kept=lambda n, command: n == 2)
 def test_no_run_exceeds_it(n, command):
-    """Estimates start anywhere in the set; the bound speaks of this start, of every theta and of this command."""
+    """Estimates start anywhere in the set; the bound holds for this start, this command and every theta."""
     rng = np.random.default_rng(40 + n)
     group, C = None, None
     while C is None:

@@ -52,7 +52,7 @@ def random_member(rng, kind: str, n: int, plant: Plant, kappa: float, *, ball: b
 
 
 def random_plant(rng: np.random.Generator, n: int) -> tuple[Plant, float]:
-    """A plant, and a kappa of five steps or more with which (10) speaks for every set that can be drawn."""
+    """A plant, and a kappa of at least five steps for which (10) applies to every set that can be drawn."""
     while True:
         A_m, b = random_known(rng, n)
         plant = Plant(A_m=A_m, b=b, theta=np.zeros(n), x0=np.zeros(n))
@@ -63,7 +63,7 @@ def random_plant(rng: np.random.Generator, n: int) -> tuple[Plant, float]:
 
 
 def bound_of(problem: Problem, controller: Mrac | L1Adaptive) -> float:
-    """As ``certify`` gives it, without the margins that take most of its time."""
+    """The certificate of ``certify`` without the margins, which take most of its time."""
     assert laws.why_no_bound(controller, problem) is None
     level = laws.error_level(problem, controller, 0.0)
     if isinstance(controller, Mrac):
@@ -86,7 +86,7 @@ def test_no_bound_is_exceeded(kind, n, sample):
     peaks = simulate_ensemble(members, SIMULATION).metrics.max_abs_e.max(axis=1)
     assert np.isfinite(bounds).all()
     assert (peaks <= bounds).all()
-    assert (peaks / bounds).max() > 0.02  # a bound that says something
+    assert (peaks / bounds).max() > 0.02  # a bound that is not trivial
 
 
 @pytest.mark.parametrize("n", [3, 4])

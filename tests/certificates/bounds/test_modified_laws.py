@@ -1,4 +1,4 @@
-"""Certificates with matrix gains, balls and modified laws: what stays guaranteed is held against simulation."""
+"""Certificates with matrix gains, balls and modified laws: whatever stays guaranteed is compared with simulation."""
 
 from __future__ import annotations
 
@@ -65,11 +65,11 @@ def test_the_bounds_hold_for_matrix_gains_balls_and_what_leaves_V_alone(problems
         bounds = np.array([f.values["error_bound"] for f in found])
         assert all("error_bound" in f.guaranteed for f in found)
         assert (peaks <= bounds).all()
-        assert (peaks / bounds).max() > 0.02  # a bound that says something
+        assert (peaks / bounds).max() > 0.02  # a bound that is not trivial
 
 
 def test_equal_gains_have_equal_bounds(problems):
-    """A matrix gamma I against the scalar gamma; the worst case over the set as well."""
+    """A matrix gamma I agrees with the scalar gamma, also in the worst case over the set."""
     scalar, matrix = (certificate(problems[2], Mrac(gamma=gamma)).values for gamma in (3.0, 3 * np.eye(2)))
     for key in ("error_bound", "error_bound_worst", "adaptation_frequency", "step_max", "delay_margin_adapting"):
         assert matrix[key] == pytest.approx(scalar[key], rel=1e-9)
@@ -116,7 +116,7 @@ def test_M_0_may_be_the_set_itself(problems):
 
 
 def test_a_fixed_sigma_does_break_the_bound(problems):
-    """Why it is not given: for a small enough theta_tilde(0) the bias of the leakage is larger than (9)."""
+    """Why no bound is given: for a small enough theta_tilde(0) the leakage's bias exceeds (9)."""
     problem = problems[2]
     controller = Mrac(gamma=50.0, theta_hat0=problem.plant.theta, leakage=FixedSigma(sigma=1.0))
     plain = certificate(problem, Mrac(gamma=50.0, theta_hat0=problem.plant.theta)).values["error_bound"]

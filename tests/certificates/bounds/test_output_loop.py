@@ -1,4 +1,4 @@
-"""Bounds of output-feedback loops against simulation, their pieces against formulas."""
+"""Bounds of output-feedback loops are compared with simulation, and their parts with formulas."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ DRIVERS = (
 @pytest.mark.parametrize("kind", ["l1", "linear"])
 @pytest.mark.short(kept=lambda kind, f, drivers: (kind == "l1") == ((f is None) == (drivers is DRIVERS[1])))
 def test_random_loops_stay_within_their_bounds(kind, f, drivers, sample):
-    """25 loops each, in short 4; where a bound is given no run exceeds it, and it is of use: within a factor of ten for most."""
+    """25 loops each, in short 4; no run exceeds a bound that is given, and most bounds are within a factor of ten."""
     random = np.random.default_rng(3)
     members, bounds = [], []
     while len(members) < sample(4, 25):

@@ -47,7 +47,7 @@ def test_no_gain_and_no_theta_exceeds_them(n):
         assert (peaks[:, None] <= bounds).all()
         assert (bounds[:, [0, 2]] <= bounds[:, [1]] * (1 + 1e-9)).all()  # roundings outward
         nearest = max(nearest, float((peaks / bounds[:, 0]).max()))
-    assert nearest > 0.1  # it is about these runs
+    assert nearest > 0.1  # the statement concerns these runs
 
 
 @pytest.mark.parametrize("key", KEYS)

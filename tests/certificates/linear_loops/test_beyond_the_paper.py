@@ -55,13 +55,15 @@ def test_beside_an_unknown_gain_the_loop_is_that_of_the_parameters(scheme, omega
     assert adapting is not None and (adapting.applies or "largest eigenvalue" in adapting.why)
     line = five(column, found, SIMULATION.dt)[2].text
     assert "with frozen estimates" in line and ("adapting: not known" in line) == (not adapting.applies)
-    unknown = replace(problem, plant=replace(problem.plant, theta=[20.0, 1.5]))  # outside the set: projected, it can't rest there
+    unknown = replace(
+        problem, plant=replace(problem.plant, theta=[20.0, 1.5])
+    )  # outside the set: a projected estimate can't rest there
     text = certify(unknown, [controller], SIMULATION)[controller.name].entry("delay_margin").why
     assert "limit acts" in text
 
 
 def test_beside_an_unknown_gain_the_law_has_a_margin_of_its_own():
-    """At rest under a constant command: with its estimates frozen the loop bears any delay, with its law inside it doesn't."""
+    """At rest under a constant command: with its estimates frozen the loop tolerates any delay, but not with its law active."""
     problem = Problem(
         plant=Plant(A_m=[[0.0, 1.0], [-2.0, -2.0]], b=B, theta=[0.6, -0.4], x0=[1.0, 0.0], input=PlantInput(gain=0.8)),
         reference_model=ReferenceModel(k_0=2.0),

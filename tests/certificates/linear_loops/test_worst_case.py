@@ -74,7 +74,8 @@ def test_the_vectorised_response_and_spectrum_are_the_loops_own(family, box):
 
 
 class Bump(LoopsOverTheta):
-    """L = k/(s (s + 1)), k = 5 - |theta - (0.3, -0.2)|^2: worst in the inside, which matched uncertainty hardly ever is."""
+    """L = k/(s (s + 1)), k = 5 - |theta - (0.3, -0.2)|^2: the worst point is in the interior, which is rare for matched
+    uncertainty."""
 
     def gain(self, thetas):
         return 5 - np.sum((np.atleast_2d(thetas) - [0.3, -0.2]) ** 2, axis=1)
@@ -90,7 +91,7 @@ class Bump(LoopsOverTheta):
 
 
 def lightly_damped(count):
-    """Plants of order 2 and 3 with a damping down to 0.05, a box, a filter and a delay that is not there in half of them."""
+    """Plants of order 2 and 3 with damping down to 0.05, a box, a filter and, in half of them, a delay."""
     rng = np.random.default_rng(11)
     for _ in range(count):
         n, w, zeta = int(rng.integers(2, 4)), rng.uniform(0.5, 3), rng.uniform(0.05, 0.9)
@@ -135,7 +136,7 @@ def test_a_pole_beside_the_axis_is_no_crossing():
 
 
 def test_the_screening_agrees_with_the_exact_margins():
-    """0.03: interpolation, beside a pole that L nearly has. Delayed and not, at points drawn from the set."""
+    """0.03: interpolation, beside a pole that L nearly has. With and without delay, at points drawn from the set."""
     rng = np.random.default_rng(2)
     for plant, box, C in lightly_damped(4):
         for family in family_of(plant, C).values():

@@ -1,4 +1,4 @@
-"""Lyapunov functions that authors of laws hand in: what is accepted is true on numbers, what is false is refused."""
+"""Lyapunov functions supplied by authors of laws: accepted ones hold numerically, and false ones are refused."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def certificate(problem, law):
 
 
 def refused(problem, law):
-    """Its entry of the bound, which it does not get."""
+    """The entry of the bound, which is withheld."""
     found = certificate(problem, law)
     entry = found.entry("error_bound")
     assert entry.value is None or not entry.applies
@@ -133,7 +133,7 @@ class Equations:
 
 @dataclass(frozen=True)
 class Own:
-    """MRAC, with what is to be wrong; ``regressor`` "x_m" is the desired compensation law of Sadegh and Horowitz (1990)."""
+    """MRAC with a deliberate fault; ``regressor`` "x_m" is the desired compensation law of Sadegh and Horowitz (1990)."""
 
     gamma: float = 4.0
     sign: float = 1.0
@@ -228,7 +228,7 @@ class OtherFilter(laws.CompositeEquations):
 
 
 class Unlearning(laws.ConcurrentEquations):
-    """What is recorded counts negatively: Q = R theta all the same."""
+    """The recorded data count negatively, although Q = R theta still holds."""
 
     def derivative(self, state, x, x_m, r, u):
         found = super().derivative(state, x, x_m, r, u)
@@ -264,7 +264,7 @@ class TrackingOnly(laws.CompositeEquations):
 
 
 class OnlyLimited(laws.CompositeEquations):
-    """The estimates are cut off at the set without a projection of their rate."""
+    """The estimates are clipped to the set without projecting their rate."""
 
     def derivative(self, state, x, x_m, r, u):
         found = super().derivative(state, x, x_m, r, u)
@@ -275,7 +275,7 @@ class OnlyLimited(laws.CompositeEquations):
 
 
 class Branching(laws.HighOrderTunerEquations):
-    """Another law on numbers than on what reads it."""
+    """The law behaves differently on numbers and on symbols."""
 
     def derivative(self, state, x, x_m, r, u):
         found = super().derivative(state, x, x_m, r, u)
@@ -283,7 +283,7 @@ class Branching(laws.HighOrderTunerEquations):
 
 
 class Clipping(laws.HighOrderTunerEquations):
-    """A limit on the error that it adapts by."""
+    """A limit on the error that drives the adaptation."""
 
     def derivative(self, state, x, x_m, r, u):
         found = super().derivative(state, x, x_m, r, u)

@@ -48,7 +48,7 @@ def test_the_bound_holds_along_runs(problems, sample, no_searches):
         if "error_bound" in found.guaranteed:
             bounds.append(found.values["error_bound"])
             assert max(run.figures["max_abs_e"]) <= bounds[-1], seed
-    assert len(bounds) > 4  # it speaks of most of them
+    assert len(bounds) > 4  # it applies to most of them
 
 
 def test_the_bound_by_hand(problems):
@@ -115,7 +115,8 @@ def test_an_aircraft_whose_gain_is_unknown_has_margins_too():
 
 
 def test_nothing_is_claimed_of_an_unstable_nominal_loop(problems):
-    """theta_0 with which A is far from Hurwitz is no trouble, an observer that is too slow for the assumed plant is."""
+    """A theta_0 with which A is far from Hurwitz causes no problem, but an observer that is too slow for the assumed plant
+    does."""
     plant = Plant(A_m=[[0.0, 1.0], [-1.0, -1.0]], b=[0.0, 1.0], theta=[5.0, 5.0])
     box = ParameterBox(lower=[4.9, 4.9], upper=[5.1, 5.1])
     problem = replace(problems[2], plant=plant, uncertainty=box)

@@ -1,4 +1,4 @@
-"""What the certificate of the piecewise-constant law says, against simulations and second methods."""
+"""The certificate of the piecewise-constant law is compared with simulations and second methods."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def test_gain_margins_of_several_inputs_are_where_a_simulation_begins_to_grow(wh
 
 
 class LateAtOneInput:
-    """The law, with one entry of its u so many samples later: as a class from outside the package would say it."""
+    """The law with one entry of u delayed by this many samples, written as a class from outside the package."""
 
     name = "late"
 
@@ -123,7 +123,7 @@ class LateAtOneInput:
 class LateState(NamedTuple):
     theta_hat: object
     law: object
-    earlier: object  # what that entry was in the last samples
+    earlier: object  # the entry's values at the last samples
 
 
 class LateEquations:

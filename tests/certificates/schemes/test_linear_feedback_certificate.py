@@ -41,7 +41,7 @@ def test_the_bound_holds_over_the_known_set():
             members = [(variant(theta=theta, reference=Sine(50.0, frequency)), controller) for theta in thetas]
             largest = simulate_ensemble(members, Simulation(t_end=30.0, dt=1e-3)).metrics.max_abs_e
             assert largest.max() < bound
-            assert largest.max() > 1e-4 * bound  # it is about these runs
+            assert largest.max() > 1e-4 * bound  # the statement concerns these runs
 
 
 def test_keys_and_what_is_guaranteed():

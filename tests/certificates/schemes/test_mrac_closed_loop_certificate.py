@@ -116,7 +116,7 @@ TERMS = {1: ("sin(x1)",), 2: ("x1*x2", "sin(x2)"), 3: ("x1*x2", "x3", "tanh(x1)"
 
 
 def test_the_bound_holds_for_another_regressor_too(problems, by_turns, no_searches):
-    """V does not ask what phi(x) is; the margins there are those of one linearisation, and none is guaranteed."""
+    """V holds for any phi(x); the margins are those of one linearisation, and none is guaranteed."""
     for seed in by_turns(range(300), 9):
         problem, controller = random_member(problems, seed)
         problem = replace(problem, plant=replace(problem.plant, regressor=Terms(terms=TERMS[problem.plant.n])))

@@ -21,7 +21,7 @@ SIMULATION = Simulation(t_end=10.0, dt=1e-3)
 def test_the_textbook_s_plant_by_hand():
     """P = 1/4, V(0) = omega (k_x^2 + k_r^2)/Gamma = 0.5 (4 + 16)/4 = 2.5: |e| <= sqrt(2.5/0.25). 1e-9: roundings outward.
 
-    The linear loop is -1 from omega k_x/(s + 1) = 1/(s + 1): no delay takes it, its gain is below 1.
+    The linear loop is -1 from omega k_x/(s + 1) = 1/(s + 1): no delay destabilises it, because its gain is below 1.
     """
     case = load_case("astrom-wittenmark")
     found = certify(case.problem, case.controllers, case.simulation)["Direct MRAC"]
@@ -124,7 +124,7 @@ def test_the_worst_of_several_inputs_is_at_a_vertex_of_all_their_sets(gamma):
 
 
 def test_a_set_made_without_an_interval_bounds_no_other_theta_s_gains():
-    """theta/omega of the case is in the box, that of the box's corner is not, and its run keeps to no such bound."""
+    """theta/omega of the case lies in the box but that of the box's corner does not, and its run violates such a bound."""
     problem = two_inputs(
         omega=(0.25, 1.0), theta=[0.1, 0.0, 0.0, 0.0], uncertainty=ParameterBox(lower=-np.ones(4), upper=np.ones(4))
     )

@@ -1,4 +1,4 @@
-"""What is guaranteed of the MRAC with a network, against runs, and the level that its proof rests on, against brute force."""
+"""The guarantees of the MRAC with a network against runs, and the level used in the proof against brute force."""
 
 from dataclasses import replace
 
@@ -65,7 +65,7 @@ def test_the_highest_level_is_the_largest_where_it_can_grow(seed, inputs):
     F, p = 10 ** random.uniform(-1, 1, (2, inputs))
     highest, farthest = 2 * lowest, 2 * (p @ F) / lowest
     s = np.concatenate([[0.0, farthest], random.uniform(0, farthest, 40_000)])
-    share = np.ones((1, 1)) if inputs == 1 else random.uniform(0, 1, (len(s), inputs)) ** 8  # of |mu_j| in its largest size
+    share = np.ones((1, 1)) if inputs == 1 else random.uniform(0, 1, (len(s), inputs)) ** 8  # the largest value of |mu_j|
     share[:2] = 1.0
     for sigma, nu in ((value, None), (None, value)):
         law = NetworkLaw(gamma=gamma, gamma_v=gamma_v, rows=4, start=0.0, sigma=sigma, nu=nu)
@@ -84,7 +84,8 @@ def test_the_highest_level_is_the_largest_where_it_can_grow(seed, inputs):
 @pytest.mark.parametrize("seed", range(12))
 @pytest.mark.short(kept=lambda seed, leakage: seed == 3)
 def test_the_bounds_hold_with_several_inputs(seed, leakage):
-    """Of random stable models with inputs of far sizes, phi(x) = x or bounded: what is guaranteed of the run, and L along it."""
+    """Random stable models with inputs of very different sizes and phi(x) = x or bounded: the run's guarantees, and L along
+    it."""
     random = np.random.default_rng(seed)
     n, m = 3, int(random.integers(2, 4))
     A_m = random.normal(size=(n, n))
@@ -127,7 +128,8 @@ def test_frozen_margins_hold_both_layers():
 
 @LEAKAGES
 def test_no_weight_leaves_the_e_modification_s_bound_whatever_acts(leakage):
-    """A delay that the loop does not bear, and a limit: with the e-modification |W_i| <= 1/nu still, and comes near."""
+    """Under a delay that the loop does not tolerate, and a limit, the e-modification still keeps |W_i| <= 1/nu, and |W_i| comes
+    near it."""
     leakage = EpsilonModification(nu=2.0) if leakage is NU else leakage
     plant = Plant(A_m=A_M, b=B, theta=[1.5, 2.0], input=PlantInput(delay=0.4, saturation=[-4.0, 4.0]), x0=[2.0, 0.0])
     problem, controller = problem_of(plant), NetworkMrac(gamma=3.0, leakage=leakage, neurons=4)

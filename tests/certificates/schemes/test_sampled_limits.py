@@ -64,7 +64,7 @@ def test_below_the_limit_no_label_and_well_above_one(make, factor):
 @pytest.mark.parametrize("a", [0.5, 60.0])
 @pytest.mark.parametrize("T", [1e-9, 1e-3, 0.05])
 def test_a_scalar_plant_has_a_closed_form(a, T):
-    """Jury's criterion: g <= 2 a^2/(T b^2), also where Euler's method would not bear the plant, a T > 2."""
+    """Jury's criterion gives g <= 2 a^2/(T b^2), also where Euler's method would make the plant unstable, a T > 2."""
     problem = Problem(plant=Plant(A_m=[[-a]], b=[3.0], theta=[0.1]), reference=Constant(1.0))
     held = HeldOscillator(problem.known)
     exact = 2 * a**2 / (T * 9)
@@ -94,7 +94,7 @@ def test_an_error_bound_is_given_only_where_the_law_can_be_trusted():
     assert not {"error_bound", "error_bound_worst"} & chattering.values.keys()
     assert any("admits samples only up to" in finding and "error_bound" in finding for finding in chattering.findings)
     (run,) = simulate(PAPER, [euler(Mrac(gamma=1e4))], SIMULATION).values()
-    assert max(run.figures["max_abs_e"]) > continuous.values["error_bound"]  # it would not have held
+    assert max(run.figures["max_abs_e"]) > continuous.values["error_bound"]  # the limit would not have held
     calm = certificate(euler(Mrac(gamma=1e-4)))
     assert calm.entry("error_bound").value == certificate(Mrac(gamma=1e-4)).values["error_bound"]
     assert calm.entry("error_bound").kind == "does not apply" and "sampled" in calm.entry("error_bound").why

@@ -80,7 +80,7 @@ def radius(discretization, delay, factor=1.0):
 
 @pytest.mark.parametrize("discretization", ["euler", "midpoint"])
 def test_margins_of_adrc_are_those_of_the_map_by_hand(discretization):
-    """Stable just inside each margin and unstable just outside; what the continuous loop tolerates is something else."""
+    """Stable just inside each margin and unstable just outside; the continuous loop has other margins."""
     found = certified(Sampled(Adrc(bandwidth=OMEGA), T, discretization=discretization))
     values = found.values
     assert found.entry("delay_margin").kind == found.entry("gain_margin").kind == "exact"
@@ -101,7 +101,7 @@ def test_margins_of_adrc_are_those_of_the_map_by_hand(discretization):
 
 
 def test_the_longest_sample_is_the_loop_s_own():
-    """Euler's observer takes samples of 0.052 s and not of 0.054: nothing says that 0.05 s were too long."""
+    """The observer by Euler's method is stable with samples of 0.052 s and not of 0.054 s, so 0.05 s is not called too long."""
     found = {sample: certified(Sampled(Adrc(bandwidth=OMEGA), sample, discretization="euler")) for sample in (0.05, 0.052, 0.054)}
     assert [one.values["spectral_radius"] < 1 for one in found.values()] == [True, True, False]
     said = " ".join(found[0.05].findings)
@@ -112,7 +112,7 @@ def test_the_longest_sample_is_the_loop_s_own():
 
 
 def test_over_the_known_set_it_is_the_sampled_loop_too():
-    """The least that is found lies in the set and is the margin there."""
+    """The smallest margin found belongs to a point of the set and equals the margin there."""
     controller = Sampled(Adrc(bandwidth=OMEGA), T, discretization="euler")
     (loop,) = certified(controller).values["margins_over_known_set"]
     assert loop["delay_margin"]["value"] <= certified(controller).values["delay_margin"]
@@ -125,7 +125,7 @@ def test_over_the_known_set_it_is_the_sampled_loop_too():
 
 
 def test_over_the_known_set_an_uncertain_gain_varies_too():
-    """The least is at an end of the gain's interval, and is what the plant with that gain has; a gain that is lost is found."""
+    """The smallest margin is at an end of the gain's interval and equals that plant's margin; an unstable gain is found."""
     gained = replace(PROBLEM, input_gain=(0.5, 1.5))
     controller = Sampled(BaselineAlone(nominal=[4.0, 2.0]), T)
     (loop,) = certified(controller, gained).values["margins_over_known_set"]
@@ -155,7 +155,7 @@ def test_margins_over_a_set_with_unmatched_remainders_say_that_these_are_left_ou
 
 
 def test_no_claim_of_the_continuous_loop_is_left():
-    """mu and its scale are of the continuous loop, and Table 1 does not conclude from them."""
+    """mu and its scale belong to the continuous loop, so Table 1 draws no conclusion from them."""
     controller = Sampled(Adrc(bandwidth=OMEGA), T)
     found = certify(PROBLEM, [controller], SIMULATION)
     assert not {"mu_parameters", "parameter_scale", "theta_destabilising"} & found[controller.name].values.keys()

@@ -59,14 +59,14 @@ def certified(controller, problem=PROBLEM, keys=("delay_margin", "delay_margin_a
 
 
 SUBSTEPS = 10
-"""Of a sample, between which what is on its way to the plant is held."""
+"""Of a sample; between them the input on its way to the plant is held."""
 
 
 def dies_out(controller, delay=0.0):
     """Whether a disturbance of 1e-6 of the estimates dies out of all else: the controller's own equations at the samples, and
     between them the linear plant by its transition matrix.
 
-    Beginning at rest, which a case can't where a filter starts at zero.
+    Start at rest, which a case file can't express if a filter starts at zero.
     """
     rest = sampled_rest(PROBLEM, controller, adapting_of(PROBLEM, controller.controller), frozen=False)
     loop, state, signals = rest.loop, rest.state.copy(), rest.signals
@@ -77,7 +77,7 @@ def dies_out(controller, delay=0.0):
     others = np.setdiff1d(np.arange(loop.size), [*range(loop.size)[part.rows], *places.held.theta_hat, *k_r])
     h = controller.sample_time / SUBSTEPS
     late = [float(state[places.held.u])] * round(delay / h)  # on its way to the plant
-    held = expm(h * np.block([[PLANT.A, PLANT.b[:, None]], [np.zeros((1, 3))]]))  # of x and of v, which rests
+    held = expm(h * np.block([[PLANT.A, PLANT.b[:, None]], [np.zeros((1, 3))]]))  # rates of x and of v, which is at rest
 
     seen = []
     for _ in range(int(max(500, 100 / controller.sample_time))):
@@ -116,7 +116,8 @@ def test_the_delay_margin_with_the_law_is_where_disturbances_stop_dying_out(name
 
 
 def test_frozen_estimates_make_the_loop_of_known_parameters():
-    """One linear loop, by hand, of all schemes without a filter; a sampled controller that knows theta has it too."""
+    """All schemes without a filter have one linear loop, written by hand here; a sampled controller that knows theta has it
+    too."""
     found = {name: certified(sampled(name, "euler")).values for name in ("mrac", "normalised", "direct", "closed-loop model")}
     known = certified(Sampled(controller=KnownParameters(theta=PLANT.theta), sample_time=T, discretization="euler")).values
 

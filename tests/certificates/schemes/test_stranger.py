@@ -42,7 +42,7 @@ def random_problem(rng, n):
 
 
 def test_the_margins_of_a_copy_are_those_of_the_mrac(sample):
-    """By the other way to the same loop: theta's own equilibrium, and the directions of the estimates by Gamma x.
+    """The same loop by the other method: theta's own equilibrium, and the directions of the estimates by Gamma x.
 
     1e-6: eigenvalues and zeros of one loop in two coordinates.
     """
@@ -131,7 +131,7 @@ def test_output_feedback():
 
 
 def test_nothing_is_claimed_beside_what_was_computed(problems):
-    """The others' certificates are what they are without it."""
+    """The other controllers' certificates are unchanged by it."""
     controllers = [Mrac(gamma=2.0), Plain(2.0)]
     found = certify(problems[2], controllers, SIMULATION)
     assert found["MRAC"] == certify(problems[2], controllers[:1], SIMULATION)["MRAC"]
@@ -162,7 +162,7 @@ def test_known_parameters_have_a_certificate_too(problems):
 
 
 class Winding(Proportional):
-    """An integrator of something that never rests."""
+    """An integrator whose input never comes to rest."""
 
     name = "winding"
 
@@ -270,7 +270,7 @@ DRIVE = Problem(
 
 
 def test_a_law_with_two_layers_is_linearised_where_its_estimates_are_right():
-    """Whatever its second layer starts from; with the estimates frozen it is the loop of the known parameters."""
+    """For any start of the second layer the loop with frozen estimates is that of the known parameters."""
     found = [certify(DRIVE, [HighOrderTuner(xi_0)], SIMULATION)["two layers"] for xi_0 in (0.0, 1.0, -5.0, 20.0)]
     adapting = [one.values["delay_margin_adapting"] for one in found]
     assert adapting == pytest.approx([adapting[0]] * 4, rel=1e-9)  # Newton's steps end within 1e-9 of the rest

@@ -78,7 +78,7 @@ def test_what_balls_cannot_bound_is_infinite():
 
 
 def test_modes_of_several_inputs_are_those_of_the_whole_error_system():
-    """(x_tilde, theta_tilde) with a frozen Phi (p m, m): what does not rest has the modes of n + m states."""
+    """(x_tilde, theta_tilde) with a frozen Phi (p m, m): the part that moves has the modes of n + m states."""
     problem = load_case("lateral-aircraft").problem
     known, gamma = problem.known, 3.0
     phi = np.random.default_rng(1).normal(size=problem.plant.regressor.size(known.n))
@@ -137,7 +137,7 @@ def test_no_run_is_faster_than_its_certificate_says(name, gamma):
 @pytest.mark.parametrize("name", ["nonlinear", "gain", "inputs"])
 @pytest.mark.parametrize("scheme", ["mrac", "l1"])
 def test_gain_and_step_say_the_same(name, scheme):
-    """At the largest gain of a step the largest step is that step: one is found along g, the other along h."""
+    """At the largest gain for a step, the largest step is that step: the two are found along g and along h."""
     problem, h = problems()[name], 2e-4
 
     def controller(gamma):

@@ -1,4 +1,4 @@
-"""From where oscillations are due, for what is not the plain law on phi(x) = x: against the labels of runs on both sides."""
+"""The gain from which oscillations are predicted, beyond the plain law on phi(x) = x, against labels of runs on both sides."""
 
 import numpy as np
 import pytest

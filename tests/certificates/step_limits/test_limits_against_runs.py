@@ -54,7 +54,8 @@ def test_the_step_at_which_a_run_leaves_the_region(solver, name):
 
 
 def test_the_step_of_eulers_method():
-    """It bears an oscillation only as far as that is damped: a slow adaptation, and a long run, since its growth is slow too."""
+    """The method tolerates an oscillation only if it is damped: slow adaptation, and a long run because its growth is slow
+    too."""
     controller = Mrac(gamma=1e-5)
     found = limits(controller, EULER)
     for dt, expected in ((0.9 * found["step_max"], False), (1.1 * found["step_max_at_model"], True)):

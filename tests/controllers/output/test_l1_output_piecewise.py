@@ -1,4 +1,4 @@
-"""L1 output feedback with the piecewise-constant law: its equations by SciPy, what it tends to, what it leaves, what it bears."""
+"""L1 output feedback with the piecewise-constant law: its equations by SciPy, its limit, its remaining error and its margins."""
 
 from __future__ import annotations
 
@@ -130,7 +130,7 @@ def test_what_constant_signals_leave_is_what_runs_show():
 @pytest.mark.parametrize("name", MODELS)
 @pytest.mark.short(kept=lambda name: name == "order 2, a zero")
 def test_what_the_estimate_is_of_a_constant_disturbance_is_what_a_run_shows(name):
-    """On a plant that is the model, without a command: sigma_hat's first column, and of y what is left of it without u."""
+    """On a plant equal to the model without a command: sigma_hat's first column, and the part of y that remains without u."""
     (M, C), T, d = MODELS[name], 0.05, 0.7
     made = L1OutputPiecewiseConstant(sample_time=T, filter=C)
     problem = OutputProblem(plant=OutputPlant(M), reference_model=OutputReferenceModel(M), disturbance=Constant(d))
@@ -161,7 +161,8 @@ def test_noise_in_a_simulation_is_what_is_certified(lag):
 
 
 def random_case(random, i):
-    """A plant that is off its model, a command that jumps on or off the samples, or not at all, and every other time a d."""
+    """A plant that differs from its model, a command with jumps on or off the samples or without jumps, and a d every other
+    time."""
     T = float(random.choice([0.02, 0.05]))
     model = TF([4.0], np.poly(-random.uniform(1.0, 4.0, 1 + i % 2)))
     model = TF(model.num * model.den[-1] / 4.0, model.den)
@@ -192,7 +193,7 @@ def test_no_run_is_farther_from_its_model_than_is_guaranteed(sample):
         held = np.abs(run.y.reshape(-1) - held_model(problem.reference_model.transfer_function, run.r, T)).max()
         assert held <= found.values["error_bound_held"] <= bound
         close = max(close, worst / bound)
-    assert close > 0.25  # no wild guess: some command comes near to what any command of its size could do
+    assert close > 0.25  # the bound is not far too large: some command comes near it
 
 
 def held_model(M, r, T):

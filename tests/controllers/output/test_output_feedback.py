@@ -222,7 +222,7 @@ def test_strictly_positive_real_against_a_sweep(sample):
         W = TF(random.choice([1, 1, -1]) * zeros, np.poly(-random.uniform(0.1, 5, n)))
         real = np.array([W.at(1j * x).real for x in w[::20]]) * (1 + w[::20] ** 2)
         if np.abs(real).min() < 1e-3 * np.abs(real).max():
-            continue  # too near to call by sampling
+            continue  # too close to the limit to decide by sampling
         verdicts.append(is_strictly_positive_real(W))
         assert verdicts[-1] == bool((real > 0).all())
     assert any(verdicts)
@@ -237,7 +237,7 @@ def rohrs_runs():
 
 
 def test_rohrs_counterexample(rohrs_runs):
-    """As published: the classical law drifts until the loop bursts; the modified ones stay bounded."""
+    """As published, the classical law drifts until the loop bursts, whereas the modified laws stay bounded."""
     classical = rohrs_runs["Classical"]
     assert 5 < classical.diverged_at < 60
     drift = classical.theta_hat[:, 0]
@@ -249,7 +249,7 @@ def test_rohrs_counterexample(rohrs_runs):
 
 
 def test_the_drift_is_the_loop_s_own(rohrs_runs):
-    """At half the step the classical run is the same up to the burst: the drift is no numerical artefact."""
+    """At half the step the classical run is the same up to the burst: the drift is not a numerical artefact."""
     case = load_case("rohrs")
     until = 10.0
     fine, coarse = (
@@ -304,7 +304,7 @@ def test_equivalent_against_python_control():
 
 
 def test_integral_action_and_anti_windup():
-    """A constant disturbance leaves no error; under saturation the bounded sigma recovers sooner than the free one."""
+    """A constant disturbance leaves no error; under saturation the bounded sigma recovers sooner than the unbounded one."""
     constant = problem_of(G, TF([M], [1.0, M]), Step(amplitude=1.0), disturbance=Step(amplitude=0.7, start=1.0))
     run = simulate(constant, [l1()], Simulation(t_end=20.0, dt=1e-3))["c"]
     assert abs(run.e[-1, 0]) < 1e-9

@@ -576,7 +576,7 @@ def test_result_is_frozen():
 
 
 def test_entries_too_far_apart_are_refused_at_once():
-    """Exact roots of a cubic whose coefficients have 800 bits took eight seconds, for each precision that was tried."""
+    """Exact roots of a cubic with 800-bit coefficients took eight seconds for each precision tried."""
     A = np.array([[-1.0, 7.5e246, 0.0], [0.0, -2.0, 1.0], [-1e-3, 0.0, -3.0]])
     with pytest.raises(ArithmeticError, match="too far apart"):
         l1_norm(A, np.ones((3, 1)), np.ones((1, 3)), np.zeros((1, 1)))

@@ -64,7 +64,7 @@ def _at_infinity(true: flint.arb) -> float:
 
 
 def points(name: str, count: int, rng: np.random.Generator) -> Iterator[tuple[np.ndarray, ...]]:
-    """Random ones of all sizes, and those that are hard: next to multiples of pi/2 and to the limits of over- and underflow."""
+    """Random ones of all sizes, and hard ones: next to multiples of pi/2 and to the limits of over- and underflow."""
 
     def sizes(low: float, high: float) -> np.ndarray:
         return np.exp(rng.uniform(math.log(low), math.log(high), count)) * rng.choice([-1.0, 1.0], count)

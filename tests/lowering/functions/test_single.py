@@ -1,5 +1,5 @@
-"""The elementary functions' lists in 32 bits: C of them against functions of 64 bits, of which the error is nothing here, and
-against the same lists evaluated by NumPy, operation by operation.
+"""The elementary functions' lists in 32 bits: their C against 64-bit functions, whose error is negligible here, and against the
+same lists evaluated by NumPy operation by operation.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def calling(name: str) -> Program:
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory):
-    """All of them, as an export has them, without a number of 64 bits: the compiler would say so."""
+    """All of them as in an export, without 64-bit numbers, which the compiler would report."""
     folder = tmp_path_factory.mktemp("single")
     text = "#include <math.h>\n#include <stdint.h>\n#include <string.h>\n"
     text += c99.definitions([calling(name) for name in sorted(FUNCTIONS)], c99.FLOAT)
@@ -68,7 +68,7 @@ def ulps(found: np.ndarray, exact: np.ndarray) -> np.ndarray:
 
 
 def points(name: str, step: int) -> tuple[np.ndarray, ...]:
-    """Every so many floats of all that there are; for two arguments random ones of all sizes, and near 1."""
+    """Every n-th of all floats; for two arguments random floats of all sizes and near 1."""
     bits = np.arange(0, 2**32, step, dtype=np.uint32)
     every = bits.view(F32)
     if function(name).arguments == 1:
@@ -90,7 +90,7 @@ def test_the_error_is_below_a_unit_in_the_last_place(name, library, sample) -> N
         exact = EXACT[name](*(part.astype(float) for part in x))
     errors = ulps(computed(library, name, *x), exact)
     worst = int(np.argmax(errors))
-    limit = NORMAL if name == "ndtri" else 1  # what fdlibm promises of its own format
+    limit = NORMAL if name == "ndtri" else 1  # the error that fdlibm promises for its own format
     assert errors[worst] < limit, [float(part[worst]) for part in x]
 
 
@@ -129,7 +129,7 @@ def test_arguments_that_are_special_or_next_to_a_multiple_of_a_quarter_turn(libr
 
 
 def test_the_constants_are_floats() -> None:
-    """Rounding a part of a constant once more would lose what the next part has."""
+    """Rounding a part of a constant again would lose the digits of the next part."""
     for name in ("exp", "sin", "tan", "atan", "pow"):
         made = function(name, SINGLE)
         for part in filter(None, (made.usual, made.rare)):

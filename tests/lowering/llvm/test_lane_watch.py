@@ -1,4 +1,4 @@
-"""What is watched of several members side by side: each keeps its own largest value of every eighth step."""
+"""Watched quantities of several members side by side: each keeps its own largest value of every eighth step."""
 
 import casadi as ca
 import numpy as np

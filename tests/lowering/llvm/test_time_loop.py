@@ -170,8 +170,8 @@ def figures_of(problem, controller, starts, simulation, lanes, threads, record=F
 @pytest.mark.parametrize(("n", "scheme"), [(1, "mrac"), (2, "l1"), (2, "robust-mrac")])
 @pytest.mark.parametrize("record", [False, True])
 def test_bit_identity_over_lanes_and_threads(problems, n, scheme, record):
-    """13 members, a multiple of no width above 1; thousands of blocks, so that also the merging of blocks must not depend on
-    how members lie in memory. Every number equal to the last bit."""
+    """13 members, a multiple of no width above 1, and thousands of blocks, so that the merging of blocks must not depend on the
+    members' layout in memory either. Every number equal to the last bit."""
     problem, controller = problems[n], example_controllers(n)[scheme][0]
     starts = np.random.default_rng(1).normal(size=(n, 13))
     simulation = Simulation(t_end=5000 * 2.0**-7, dt=2.0**-7)
@@ -196,7 +196,7 @@ def test_a_member_is_what_it_is_alone(problems, n, scheme):
 
 
 def test_two_runs_are_the_same_run(section_v):
-    """In the regime of numerical chaos, where one bit would become a different trajectory."""
+    """In the regime of numerical chaos, where one bit would give a different trajectory."""
     from barbalat.controllers import L1Adaptive
     from barbalat.linear.systems import input_filter
     from barbalat.run.engine.simulate import simulate
@@ -210,7 +210,7 @@ def test_two_runs_are_the_same_run(section_v):
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="the memory is read where Linux shows it")
 def test_kernels_that_are_gone_leave_no_memory():
-    """llvmlite keeps what its passes have allocated, unless it is told: 0.1 MB each of these small ones."""
+    """llvmlite keeps the memory of its passes unless it is released: 0.1 MB for each of these small kernels."""
     code = """
 import casadi as ca, gc, numpy as np
 from pathlib import Path
@@ -239,7 +239,7 @@ print((pages() - before) * 4096 / 1e6)
 
 
 def test_a_long_quantity_is_a_function_of_its_own_and_has_the_same_bits(problems, monkeypatch):
-    """Beside the step a block of thousands of operations takes minutes to compile; apart from it seconds."""
+    """Compiled together with the step, a block of thousands of operations takes minutes; compiled separately, seconds."""
     from barbalat.lowering.llvm import ir
 
     controller = RobustMrac(c_0=[1.0, 1.0], tau=0.5, law=LeastSquares(covariance0=50.0))

@@ -96,7 +96,8 @@ def test_delays_noise_and_samples_have_the_kernel_s_bits(delay, std, sampled, ad
 
 
 def test_members_of_an_ensemble_differ_in_parameters_of_one_module() -> None:
-    """Gains, plants and initial states are numbers in the memory: what follows from them alone is computed before the loop."""
+    """Gains, plants and initial states are numbers in the memory: values that depend only on them are computed before the
+    loop."""
     case = load_case("paper")
     simulation = Simulation(t_end=1.0, dt=1e-3, fused=False)
     members = [
@@ -121,7 +122,7 @@ def calling(name: str, count: int) -> StepProgram:
 
 
 def applied(kernel: WasmKernel, *x: np.ndarray) -> np.ndarray:
-    """The value of a step's one operation for every row: the state at the next block's start."""
+    """The value of a step's only operation for every row, read from the state at the start of the next block."""
     rows = len(x[0])
     state, out = np.zeros(1), np.empty((rows, 1))
     kernel(rows, 1, state, np.empty(0), np.column_stack(x).astype(float), out)
@@ -158,7 +159,8 @@ def test_single_operations_have_the_kernel_s_bits(name, count) -> None:
 @pytest.mark.parametrize("name", ["fmin", "fmax"])
 @pytest.mark.parametrize("first", [False, True])
 def test_bounds_that_a_compiler_knows_are_no_other_minimum(name, bound, first) -> None:
-    """Of both operands' equal zeros the first stays, and of NaNs the first's alone: what the operation says, by NumPy."""
+    """Of two equal zeros the first is returned, and a NaN only if it is the first operand, as the operation's definition says; by
+    NumPy."""
     operations = [
         Operation("input", source=(3, 0)),
         Operation("constant", (), bound),
@@ -215,7 +217,7 @@ def test_what_webassembly_lacks_is_refused() -> None:
     ("%y = frem double %x, 3.0", "fmod"),
 ])  # fmt: skip
 def test_a_function_from_outside_is_refused_by_name(body, lacking) -> None:
-    """LLVM calls one where WebAssembly has no instruction: such a module would ask its host for other bits."""
+    """LLVM calls a library function where WebAssembly has no instruction, and the host's function would give other bits."""
     intrinsics = "declare double @llvm.fma.f64(double, double, double)\ndeclare double @llvm.sin.f64(double)"
     with pytest.raises(ValueError, match=f"WebAssembly has no {lacking}"):
         module(f"define double @value(double %x) {{\n  {body}\n  ret double %y\n}}\n{intrinsics}", "value")
@@ -237,7 +239,7 @@ def test_a_stack_has_a_size() -> None:
 
 
 def test_modules_take_version_1_and_conversions_that_do_not_trap() -> None:
-    """What browsers of 2021 have: later instructions are switched off here, and the same module with one of them is invalid."""
+    """The instruction set of browsers of 2021: later instructions are disabled here, and a module with one of them is invalid."""
     config = wasmtime.Config()
     config.wasm_bulk_memory = config.wasm_relaxed_simd = config.wasm_simd = config.wasm_multi_value = config.wasm_tail_call = (
         False
@@ -254,7 +256,7 @@ def test_modules_take_version_1_and_conversions_that_do_not_trap() -> None:
 
 
 def test_llvmlite_on_windows_makes_the_same_module(monkeypatch) -> None:
-    """There it names another object format in the triple of any machine that it makes by its defaults."""
+    """On such a system LLVM names another object format in its default triples."""
     here = WasmKernel(calling("tanh", 1)).bytes
     monkeypatch.setattr(llvmlite.binding.targets, "os", SimpleNamespace(name="nt"))
     assert WasmKernel(calling("tanh", 1)).bytes == here

@@ -15,7 +15,7 @@ _ENGINE = wasmtime.Engine()
 
 
 class WasmKernel:
-    """What ``Kernel`` is natively, of the same program."""
+    """The counterpart of the native ``Kernel`` for the same program."""
 
     lanes = 1
 

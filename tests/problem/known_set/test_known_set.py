@@ -57,7 +57,7 @@ def test_points_are_drawn_evenly(known_set, shares):
 
 @pytest.mark.parametrize("n", [1, 2, 4])
 def test_a_box_is_within_a_bound_that_its_corners_keep(n):
-    """Wherever its larger side lies; one double less than the farthest corner is too little."""
+    """For either position of its larger side; one double below the farthest corner is too little."""
     random = np.random.default_rng(n)
     for _ in range(20):
         lower = random.uniform(-3, 1, n)
@@ -71,7 +71,7 @@ def test_a_box_is_within_a_bound_that_its_corners_keep(n):
 
 
 def around(bound, squared):
-    """The doubles from ``bound`` on upwards and downwards, and what the first one beyond the farthest corner fulfils."""
+    """The doubles next to ``bound`` in both directions; the first one beyond the farthest corner satisfies the bound."""
     up, down = [bound], [bound]
     for _ in range(4):
         up.append(math.nextafter(up[-1], math.inf))

@@ -56,8 +56,8 @@ def test_a_matrix_gain(situation):
 @REPRODUCIBLE
 @given(situations())
 def test_up_to_four_parameters_also_in_a_corner(situation):
-    """With the cut of the limit: with two parameters it meets an off-diagonal of the harmless sign only, with three and four
-    nothing is left to cut. With more it is small, and the inequality is not claimed."""
+    """With the limit's clipping: with two parameters it meets only an off-diagonal of the harmless sign, and with three and four
+    nothing remains to clip. With more parameters the clipped part is small, and the inequality is not claimed."""
     box, theta_hat, theta, rate, gain = situation
     projected = project(rate, theta_hat, box, Gain(gain))
     kept = np.where(theta_hat >= box.upper, np.minimum(projected, 0), projected)

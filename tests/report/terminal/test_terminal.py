@@ -37,7 +37,7 @@ CASES = ("paper", "rohrs", "l1-output", "f16-short-period", "first-order")
 
 
 def shown(width, show, encoding="utf-8") -> str:
-    """What a screen shows on a terminal of so many columns."""
+    """What a screen shows on a terminal with this many columns."""
     raw = io.BytesIO()
     file = io.TextIOWrapper(raw, encoding=encoding, errors="backslashreplace", write_through=True)
     show(Screen(Console(file=file, width=width, highlight=False, markup=False, emoji=False), longest=width))
@@ -46,7 +46,7 @@ def shown(width, show, encoding="utf-8") -> str:
 
 @cache
 def case(name):
-    """Short: what is shown has the same form after 2 s."""
+    """Short, because the screen has the same form after 2 s."""
     found = load_case(name)
     return dataclasses.replace(found, simulation=dataclasses.replace(found.simulation, t_end=4.0, dt=1e-3))
 
@@ -166,7 +166,7 @@ def test_every_figure_of_a_run_is_there_as_one_word(name, width):
 
 @pytest.mark.parametrize("name", CASES)
 def test_the_short_screen_has_a_sentence_for_each_controller_and_room_on_one_page(name):
-    """Three controllers end in at most 30 lines, of which the command prints three more; nothing is said twice."""
+    """Three controllers need at most 30 lines, plus three that the command prints; nothing is repeated."""
     text = shown(80, SCREENS[f"run {name}"])
     lines, found = text.splitlines(), results(name)
     assert len(lines) <= runs.MOST_LINES - runs.LINES_BEHIND + 2 * max(len(found) - 3, 0)
@@ -180,7 +180,7 @@ def test_the_short_screen_has_a_sentence_for_each_controller_and_room_on_one_pag
 
 
 def test_findings_are_told_once_for_all_runs():
-    """One sentence for each kind, of whom it is said, and how many others there are with other numbers."""
+    """One sentence for each kind, with the controllers that it concerns and the number of similar ones with other values."""
     one, other = Finding("on bounds", "theta_1 sits, 60 %"), Finding("on bounds", "theta_2 sits, 70 %")
     held, still = Finding("record of a signal", "the command ends"), Finding("still", "it hardly adapts")
     told = together({"A": [held, one, other], "B": [held, one], "C": [still, held]})
@@ -214,7 +214,7 @@ def test_at_80_columns_a_controllers_component_has_one_line():
 
 @pytest.mark.parametrize("name", (*CASES, "satellite-spin"))
 def test_the_five_lines_say_what_the_entries_say(name):
-    """Each number of them is an entry's; the word guaranteed stands beside nothing else than a guarantee."""
+    """Each number comes from an entry; the word guaranteed appears only beside guarantees."""
     made, table = certified(name)
     for column in table.columns:
         found = made[column.name]
@@ -259,7 +259,7 @@ def test_what_fails_is_named_whether_a_condition_is_met_or_not(sampled):
         assert conditions == [reach < 1] * len(conditions)  # a sampled linear loop has none: it is known itself
     small, large = said
     for name, text in small.items():
-        if name == "A" and sampled:  # of it another theorem speaks
+        if name == "A" and sampled:  # another theorem covers it
             assert all(word in text and word in large[name] for word in ("rate limit", "noise"))
             continue
         for broken in ("delay 0.01 s", "saturation", "rate limit", "measurement noise", *(["input gain 0.8"] * (name == "A"))):
@@ -307,7 +307,7 @@ filter = {{ kappa = 0.05 }}
 
 
 def test_a_condition_that_is_met_is_not_enough_with_a_delay():
-    """The theorem's number holds for the loop without the delay: it isn't the word for this one."""
+    """The theorem's number holds for the loop without the delay and must not be called guaranteed for this loop."""
     late = parse_case(bundled()["paper"].read_text().replace("[plant]", "[plant]\ninput = { delay = 0.02 }", 1))
     made = certify(late.problem, late.controllers, late.simulation)
     table = table_1(late.problem, late.controllers, made)
@@ -322,7 +322,7 @@ LABELS = ["condition", "bound of e", "margin", "gain, step", "assumed"]
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("width", [80, 100, 60])
 def test_five_lines_are_all_there_and_whole(name, width):
-    """One for each label, in order; a long reason goes on below, to its last word."""
+    """One line for each label, in order; a long reason continues below in full."""
     lines = shown(width, SCREENS[f"certify {name}"]).splitlines()
     made, table = certified(name)
     for column in table.columns:
@@ -350,7 +350,8 @@ def test_the_longest_limits_fit_80_columns():
     [("rk4", "at least,", "at least,"), ("heun", "about,", "at least, or about"), ("euler", "about,", "at least, or about")],
 )
 def test_the_legend_is_that_of_the_cases_solver(solver, of_one, of_all):
-    """A method without a piece of the imaginary axis bears a limit that counts on damping about, never at least."""
+    """For a method that is unstable on the imaginary axis, a limit that relies on damping is printed as "about" and never as "at
+    least"."""
     found = case("paper")
     simulation = dataclasses.replace(found.simulation, solver=SOLVERS[solver])
     (mrac,) = [one for one in found.controllers if one.name == "MRAC"]
@@ -373,7 +374,7 @@ def test_an_enclosure_is_on_one_line():
 
 
 def test_reproduce_ends_with_each_rows_headline_whole():
-    """The comparison that we added is none of the paper's figures."""
+    """The comparison that we added is not a figure of the paper."""
     added = dataclasses.replace(FIGURE, key="added", checks=(Check("it is better", True, "2"),))
     lines = shown(80, lambda screen: ledger.overview(screen, [FIGURE, added], [PLAIN, PLAIN, NUMBERED])).splitlines()
     assert lines[:2] == ["Holds: 2", "  bound-9, bound-9"]
@@ -414,7 +415,7 @@ def test_a_unit_stays_with_its_number(text):
 
 
 def test_a_run_prints_every_warning_once():
-    """What is the problem's belongs to all of its runs: here x_m settles at 40/3 r, for -A_m^-1 b = (10/3, 0)."""
+    """A property of the problem is shown once for all its runs: here x_m settles at 40/3 r, for -A_m^-1 b = (10/3, 0)."""
     text = " ".join(shown(80, SCREENS["run paper --full"]).split()).lower()
     warnings = {(result.name, warning) for result in results("paper") for warning in result.warnings}
     assert any("13.33 times" in warning for _, warning in warnings)
@@ -425,7 +426,7 @@ def test_a_run_prints_every_warning_once():
 
 
 def test_every_input_has_a_line_of_its_own():
-    """Beside an error's component its size would be read as that one's."""
+    """Beside one component of the error, its norm would be read as that component's value."""
     found = load_case("satellite-spin")
     run = list(simulate(found.problem, found.controllers[:1], dataclasses.replace(found.simulation, t_end=1.0)).values())
     lines = shown(80, lambda screen: runs.show_full(screen, "spin", run)).splitlines()

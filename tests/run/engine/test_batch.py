@@ -86,7 +86,7 @@ def test_a_count_is_given_where_it_is_open_and_nowhere_else():
 @pytest.mark.parametrize("count", [2**63, 2**64 + 4096, 10**80, -1])
 @pytest.mark.parametrize("name", ["noise_hold", "sample_every"])
 def test_a_count_that_machine_code_would_cut_is_refused(name, count):
-    """2**64 + 4096 cut to 64 bits is 4096: rows of noise that nobody made would be read."""
+    """2**64 + 4096 truncated to 64 bits is 4096: uninitialised rows of noise would be read."""
     with pytest.raises(ValueError, match=name):
         LoopShape(1, 0, 0, 0, noise=1, **{name: count})
     import casadi as ca
@@ -100,7 +100,7 @@ def test_a_count_that_machine_code_would_cut_is_refused(name, count):
 
 @pytest.mark.parametrize("time", [2.0**-7 * (2**63 + 4096), 2.0**-7 * (2**64 + 4096), 1e200, 4.5])
 def test_a_sample_time_beyond_the_run_is_refused(problems, time):
-    """Nothing would ever happen; 2**64 + 4096 steps cut to 64 bits would be 4096."""
+    """The event would never occur; 2**64 + 4096 steps truncated to 64 bits would be 4096."""
     simulation, controller = Simulation(t_end=4.0, dt=2.0**-7), Mrac(gamma=1.0)
     noisy = replace(problems[2], sensor=Sensor(noise=Noise(std=0.1, sample_time=time)))
     for problem, chosen in ((noisy, controller), (problems[2], Sampled(controller=controller, sample_time=time))):
@@ -122,7 +122,7 @@ def test_members_of_two_structures_are_refused(problems):
 
 
 def test_recorded_blocks_of_members_that_stop_at_different_times(problems):
-    """One lane for each member: what the diverged one did not come to is NaN, what the other did is there."""
+    """One lane for each member: instants after divergence are NaN, and the other member is complete."""
     members = [(problems[2], Mrac(gamma=gamma, projection=False)) for gamma in (1e9, 1.0)]
     simulation = Simulation(t_end=2.0**12, dt=2.0**-3)
     batch = Batch.of(members, simulation, record=True, lanes=1)

@@ -100,7 +100,7 @@ def test_the_measured_error_is_that_of_the_run() -> None:
 
 
 def test_a_figure_that_the_tolerance_leaves_open_is_named() -> None:
-    """The estimate rests, and what the tolerance leaves of its oscillation is not the motion's: fixed steps tell."""
+    """The estimate rests, and the remaining oscillation is due to the tolerance, as fixed steps show."""
     case = load_case("l1-output")
     loose, tight = (simulate(case.problem, case.controllers[:1], Simulation(5.0, tolerance=t))["L1 output"] for t in (1e-6, 1e-9))
     fixed = simulate(case.problem, case.controllers[:1], Simulation(5.0, 1e-4))["L1 output"].figures

@@ -1,4 +1,5 @@
-"""The check at a finer step: runs whose oscillation is known to be the solver's, the loop's, or beyond what can be afforded."""
+"""The check at a finer step: runs whose oscillation is known to come from the solver or from the loop, and one that is too
+expensive to check."""
 
 from dataclasses import replace
 
@@ -75,7 +76,7 @@ def test_a_step_that_damps_the_loops_own_ringing():
 
 
 def test_a_label_without_consequences():
-    # a sound run that is given a label: whatever the step, it is the same
+    # a correct run that is given a label: it is the same at every step
     (sound,) = simulate(PAPER, [Mrac(gamma=10.0)], Simulation(t_end=10, dt=1e-4)).values()
     labelled = replace(sound, stiffness=replace(sound.stiffness, unstable_from=1.0))
     (result,) = check_numerics({"MRAC": labelled}).values()

@@ -1,4 +1,4 @@
-"""What is recorded, how much is kept, and that nothing depends on how the work is divided."""
+"""What is recorded and how much is kept; the result does not depend on the division of work."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ensembles: any number may vary, no bit depends on lanes or threads, and a member is the run that it would be alone."""
+"""Ensembles: any number may vary, no bit depends on lanes or threads, and a member equals its single run."""
 
 import weakref
 from dataclasses import replace
@@ -142,7 +142,7 @@ def test_progress_begins_while_members_are_read(monkeypatch):
             yield member
 
     class Known:
-        """Members made one by one, whose number is known."""
+        """Members made one at a time, with a known count."""
 
         def __len__(self):
             return 8

@@ -1,4 +1,4 @@
-"""How much of an error is the solver's, by half the step: against runs whose step is far smaller."""
+"""The solver's share of an error, estimated with half the step: against runs whose step is far smaller."""
 
 from __future__ import annotations
 

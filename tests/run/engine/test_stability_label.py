@@ -1,4 +1,4 @@
-"""The label of a run: no step that is recorded or not is missed, and the time is that of the first step outside."""
+"""The label of a run: every step counts, recorded or not, and the time is that of the first step outside."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Jumps and corners inside of steps: the method keeps its order, what counts steps counts no pieces, and what is lost is said."""
+"""Jumps and corners inside of steps: the method keeps its order, step counters do not count pieces, and a loss of order is
+reported."""
 
 from __future__ import annotations
 
@@ -202,7 +203,7 @@ def test_smooth_signals_have_no_breaks():
 
 @pytest.mark.parametrize("kind", BREAKING)
 def test_the_breaks_do_not_depend_on_where_one_looks(kind):
-    """By hand and whole, and gathered step by step: the same to the bit, so that a run is resumed as it went."""
+    """Computed at once and step by step, the result is the same bit for bit, so that a run can be resumed exactly."""
     signal, by_hand = BREAKING[kind]
     simulation = Simulation(t_end=3.0, dt=0.01)
     whole = breaks_inside((signal,), simulation, 0, 300)
@@ -250,7 +251,7 @@ def test_figures_of_steps_in_pieces():
     for edge, level in zip(EDGES[:2], (-2.0, 2.0), strict=True):
         x, theta_hat = np.split(exactly_until(given, edge, controller.theta_hat0), (2, 4))[::2]
         after.append(float(-theta_hat @ x + K_0 * level))
-    assert np.abs(after).max() > np.abs(every.u).max() + 1e-3  # which no instant of the grid shows
+    assert np.abs(after).max() > np.abs(every.u).max() + 1e-3  # between the instants of the grid
     assert run.figures["max_abs_u"] == pytest.approx(np.abs(after).max(), rel=1e-6)
     finer = simulate(given, [controller], Simulation(t_end=T_END, dt=1 / 9600))["MRAC"].figures
     # a path is a sum over steps: at a turn of an estimate it misses twice what lies inside of a step, of order h^2
@@ -333,7 +334,7 @@ def test_the_label_resumes_what_ran(part):
     np.testing.assert_array_equal(ends[0], ends[2])
 
 
-# --- what is lost ---
+# --- loss of order ---
 
 
 @pytest.mark.parametrize(
@@ -438,7 +439,7 @@ MOTION = {
 @pytest.mark.parametrize("name", MOTION)
 @pytest.mark.short(kept=lambda name: name in ("a converter", "a saturation that is not reached"))
 def test_what_the_motion_costs_is_said(name):
-    """By regression over steps, against a run at a far finer one; a converter's errors are as irregular as its crossings."""
+    """By regression over steps, against a run at a far finer one; the errors of a converter are as irregular as its crossings."""
     path, dead_zone, order, said = MOTION[name]
     given, controller = problem(SMOOTH, input=path), Mrac(gamma=GAMMA, name="c", dead_zone=dead_zone)
     steps = np.round(np.geomspace(40, 2500, 14))

@@ -1,4 +1,4 @@
-"""Numbers of members that differ from the first only now and then, against the list of them all."""
+"""Numbers of members that rarely differ from the first, against the list of all numbers."""
 
 from __future__ import annotations
 

@@ -240,8 +240,8 @@ def test_members_that_diverge_do_not_disturb_the_others(problems):
 
 @pytest.mark.parametrize("unit", [1.0, 1e6])
 def test_units_do_not_decide_over_divergence(unit):
-    """The same loop in N and in uN, or with a large initial covariance: bounded is bounded. n_d holds u^2 and covariance(0) is
-    free, so that neither says anything about a blow-up."""
+    """The same loop in N and in uN, or with a large initial covariance: a bounded run stays bounded. n_d contains u^2 and
+    covariance(0) is free, so neither indicates a blow-up."""
     given = Plant(A_m=[[0.0, 1.0], [-2.0, -3.0]], b=[0.0, 1.0 / unit], theta=np.array([1.0, -0.5]) * unit, x0=[0.5, -0.5])
     problem = Problem(plant=given, reference=Sine(2.0 * unit, 1.0))
     controller = RobustMrac(tau=0.5, law=LeastSquares(covariance0=50.0 * unit**2))

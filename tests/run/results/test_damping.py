@@ -1,4 +1,4 @@
-"""What RK4's own damping hides of an oscillation inside of every limit is said beside the run's numerics."""
+"""An oscillation that RK4's own damping hides inside every limit is reported with the run's numerics."""
 
 import json
 
@@ -27,7 +27,7 @@ def runs():
 def test_a_run_that_hides_ringing_says_so(runs):
     coarse, fine = runs[0.01], runs[0.0005]
     rms = [float(np.sqrt(np.mean(run.e[:, 1] ** 2))) for run in (coarse, fine)]
-    assert rms[1] > 5 * rms[0] and coarse.label is None and fine.label is None  # hidden, and no label says it
+    assert rms[1] > 5 * rms[0] and coarse.label is None and fine.label is None  # hidden, without a label
     assert coarse.damping is not None and fine.damping is None
     said = f"by up to {100 * coarse.damping.per_radian:.2g} % per radian, which the equations do not: a finer step may show more"
     assert said in numerics(coarse) and said in coarse.numerics

@@ -1,4 +1,4 @@
-"""What estimates are called, in pictures and tables, and what they are to become."""
+"""The names of estimates in pictures and tables, and their ideal values."""
 
 from dataclasses import replace
 
@@ -21,14 +21,14 @@ def problem(problems) -> Problem:
 
 
 def test_gains_are_called_gains_and_weights_weights(problem):
-    """omega = 2: the ideal gains are theta/2 and k_0/2; of weights nothing is known to be ideal."""
+    """omega = 2: the ideal gains are theta/2 and k_0/2; for weights no ideal values are known."""
     made = [DirectMrac(gamma=2.0), NetworkMrac(gamma=2.0, leakage=FixedSigma(0.1), neurons=3), Mrac(gamma=2.0)]
     direct, network, mrac = simulate(problem, made, AT).values()
     theta, k_0 = problem.plant.theta, problem.reference_model.k_0
     assert [one.name for one in estimates_of(direct)] == ["k_x,1", "k_x,2", "k_r"]
     assert [one.true for one in estimates_of(direct)] == pytest.approx([*(theta / 2), k_0 / 2])
     assert estimates_of(direct)[2].value.tolist() == direct.reported["k_r_hat"][:, 0].tolist()
-    assert [one.name for one in estimates_of(network)] == ["W_0", "W_1", "W_2", "W_3"]  # of 12 inner ones no list is shown
+    assert [one.name for one in estimates_of(network)] == ["W_0", "W_1", "W_2", "W_3"]  # a list of 12 inner ones is not shown
     assert {one.true for one in estimates_of(network)} == {None}
     assert [(one.name, one.true) for one in estimates_of(mrac)] == [("theta_1", theta[0]), ("theta_2", theta[1])]
 

@@ -1,4 +1,4 @@
-"""Results plot themselves, and say on one line what they are."""
+"""Results plot themselves and describe themselves on one line."""
 
 from html import escape
 
@@ -81,7 +81,7 @@ def test_the_estimates_at_the_end_are_all_that_a_scheme_adapts():
 
 
 def test_several_results_are_a_dictionary_that_shows_itself(results):
-    """On one line, with a row for each run and one picture of all in a notebook; it behaves as the plain dictionary does."""
+    """On one line, with a row for each run and one picture of all in a notebook; it behaves like a plain dictionary."""
     assert isinstance(results, dict) and results == dict(results)
     assert isinstance(check_numerics(results), Results)
     text = repr(results)
@@ -101,7 +101,7 @@ def test_the_first_panel_is_the_motion_with_model_and_command(results):
 
 
 def test_on_a_grey_print_the_legend_tells_lines_apart_by_their_widths(results):
-    """Of what is compared each has a width of its own, in the panel and in its legend."""
+    """Each compared run has its own line width, in the panel and in its legend."""
     axes = next(axes for axes in plot(list(results.values())[:3]).axes if axes.get_legend())
     shown = {line.get_label(): line.get_linewidth() for line in axes.get_legend().legend_handles}
     widths = [shown[name] for name in list(results)[:3]]
@@ -237,7 +237,7 @@ def test_a_state_is_chosen_by_its_label():
 
 
 def test_panels_are_drawn_into_axes_of_ones_own(results):
-    """With what was there before; nothing of the figure is changed but those axes."""
+    """Earlier content is kept; nothing in the figure changes except these axes."""
     figure = Figure(figsize=(6, 4))
     left, right = figure.subplots(1, 2)
     left.plot([0, 1], [5, 5])

@@ -1,4 +1,4 @@
-"""The elevator and the sensors, against the exact responses of what they are."""
+"""The elevator and the sensors, against their exact responses."""
 
 import numpy as np
 import pytest

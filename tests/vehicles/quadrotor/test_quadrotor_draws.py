@@ -1,4 +1,4 @@
-"""Quadrotors that are drawn: what a draw does to one, against statics and closed formulas; a campaign goes on."""
+"""Drawn quadrotors: the effect of a draw, against statics and closed formulas; campaigns resume."""
 
 from dataclasses import replace
 
@@ -137,7 +137,7 @@ def test_a_store_goes_on_where_it_was_left(tmp_path):
 
 
 def test_the_stored_flights_of_the_ledger_are_flown_again():
-    """The first draw, by three schemes: to what another processor's rounding leaves alike in thirteen seconds."""
+    """The first draw, by three schemes: to the digits that agree between processors after thirteen seconds."""
     stored = Flights.stored("quadrotor").document
     assert stored["numbers"] == TUNED
     schemes = [name for name in ("geometric", "hinf", "l1") if name in available(SCHEMES)]

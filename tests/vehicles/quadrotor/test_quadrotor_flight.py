@@ -54,7 +54,7 @@ def flown(axes):
 
 
 def test_the_same_flight_twice_is_the_same_in_every_bit(axes, flown):
-    """And whatever flew before it, and from wherever it went on by itself."""
+    """Independent of earlier flights and of the instant at which it continued alone."""
     (again,) = quadrotor_through(axes, scheme_on(axes, "l1-piecewise"), [FAILURES["slung-mass"]], SHORTER)
     np.testing.assert_array_equal(again.record, flown["l1-piecewise"]["slung-mass"].record)
 
@@ -92,11 +92,11 @@ def test_who_is_lost_and_who_is_not(flown):
 
 
 def test_an_integral_that_ran_on_the_ground_throws_the_vehicle_off_its_path(flown):
-    """Which is why laws are reset as control is handed to them: with it the integral is no worse off than the others."""
+    """This is why laws are reset when they take over control: with a reset the integral is no worse than the others."""
     tried = ("geometric-integral", "l1-piecewise")
     largest, reset = ({name: np.max(flown[name][failure].error[200:600]) for name in tried} for failure in ("no-reset", "none"))
     assert largest["geometric-integral"] > 5 * reset["geometric-integral"]
-    assert largest["l1-piecewise"] < 0.5 * largest["geometric-integral"]  # what it learnt it forgets sooner
+    assert largest["l1-piecewise"] < 0.5 * largest["geometric-integral"]  # it forgets sooner
 
 
 @pytest.mark.parametrize("name", available(SCHEMES))
@@ -124,7 +124,7 @@ def test_what_flies_is_the_package_s_own_sampled_controller(name, axes, monkeypa
 
 
 def test_a_command_beyond_the_limit_is_fed_to_the_predictor_as_what_is_left_of_it(axes):
-    """A roll that is off by 2 rad for a second: the estimate of what acts stays near nothing, where nothing acts."""
+    """A roll that is off by 2 rad for a second: the estimate of the disturbance stays near zero if there is none."""
     for name in ("l1-piecewise", "l1-piecewise-flown"):
         axis = axes.attitude[0]
         loop = ClosedLoop.of(*on_axis(name, axis))
@@ -151,7 +151,7 @@ def test_the_delay_borne_is_found_to_a_sample(axes):
 
 
 class Overflowing:
-    """Adds nothing, until it has no number to add."""
+    """Adds nothing, and finally NaN."""
 
     name, overflows_at = "overflowing", 2.6
 

@@ -1,4 +1,4 @@
-"""The picture of a contest: a line for each entrant, from its best held-out run to its worst, with who failed beside it."""
+"""The picture of a contest: a line for each entrant, from its best validation run to its worst, with the failures beside it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,8 @@ EACH_HEIGHT = 0.42
 
 
 def draw(found: Contest, *, narrow: bool = False, shown: bool = False) -> Figure:
-    """Errors of all held-out runs of those that meet the rule, the first on top; a cross: on the worst of the tuning's plants."""
+    """Errors of all validation runs of the entrants that meet the rule, the first on top; a cross marks the error on the worst of
+    the tuning's plants."""
     if not found.held_out:
         raise InputError("no entrant satisfies the rule, so there are no validation runs to draw")
     theme, names = Theme.current(), [one.name for one in found.entrants if one.name in found.held_out]

@@ -1,4 +1,4 @@
-"""One entrant tuned under the rule: the search, the choice, the margins that it has and by how much more than asked."""
+"""One entrant tuned under the rule: the search, the choice, its margins, and by how much they exceed the requirement."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ EDGE_SHARE = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class Probed:
-    """The delay [s] that a loop bears, and the factors by which the input's effectiveness may be multiplied and divided."""
+    """The delay [s] that a loop tolerates, and the factors by which the input's effectiveness may be multiplied and divided."""
 
     delay: float
     gain_up: float
     gain_down: float
 
     def slack(self, rule: Rule) -> dict[str, float]:
-        """The factor by which each is more than was asked."""
+        """The factor by which each margin exceeds its requirement."""
         return {
             "delay": self.delay / rule.delay_margin,
             "gain_up": self.gain_up / rule.gain_margin,
@@ -54,7 +54,7 @@ class Probed:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Qualified:
-    """An entrant with the tuning that the rule gives it.
+    """An entrant with its tuning under the rule.
 
     tuning       numbers of the knobs; of the nearest one where none meets the rule
     meets        whether the tuning keeps both margins
@@ -90,7 +90,7 @@ class Qualified:
 
     @property
     def delay_margin_measured(self) -> float:
-        """[s] on the worst of the tuning's plants: up to where it is lost or in a limit cycle."""
+        """[s] on the worst of the tuning's plants: up to the delay at which it is lost or in a limit cycle."""
         return self.margins[Criterion.ONSET].delay
 
     @property
@@ -104,7 +104,7 @@ class Qualified:
         return self.entrant.name
 
     def as_json(self, rule: Rule) -> dict[str, object]:
-        """But for what is measured on held-out plants."""
+        """Without the measurements on validation plants."""
         return {
             "meets": self.meets,
             "verdict": self.verdict.as_json(),
@@ -172,7 +172,7 @@ def qualify(
 
 
 def _try_tunings(trials: Trials, space: Space, rule: Rule, progress: Progress | None) -> None:
-    """Try as many tunings as the rule says, and no fewer than the search needs; where there is no knob, the only one."""
+    """Try as many tunings as the rule says, but at least as many as the search needs; without a knob, only one."""
     if not len(space):
         trials.judged(np.zeros((1, 0)), np.inf)
         return
@@ -183,7 +183,7 @@ def _try_tunings(trials: Trials, space: Space, rule: Rule, progress: Progress | 
 def _probed(
     trials: Trials, plants: Plants, controller: Controller, rule: Rule, simulation: Simulation, judge: Judge
 ) -> dict[Criterion, Probed]:
-    """All margins of the tuning, by both criteria: on each of the plants, of which the worst counts."""
+    """All margins of the tuning, by both criteria, on the worst of the plants."""
     members = [(problem, controller) for problem in plants.problems]
     probing = Probing(members, simulation, np.arange(len(members)), plants, Judging(judge), trials.threads)
     delays, gains = (PROBES[one.quantity.name] for one in rule.constraints)
@@ -201,7 +201,7 @@ def _probed(
 
 
 def _own(entrant: Entrant, problem: Problem, controller: Controller, simulation: Simulation) -> dict[str, float]:
-    """Values of the certificate on the problem's own plant, where some are looked at."""
+    """The examined values of the certificate on the problem's own plant, if there are any."""
     if not entrant.knobs.aims:
         return {}
     certificate = certify(problem, (controller,), simulation)[controller.name]
@@ -216,7 +216,7 @@ def _own(entrant: Entrant, problem: Problem, controller: Controller, simulation:
 
 
 def _settled(trials: list[Trial], rule: Rule) -> float | None:
-    """The share by which the best of all is better than the best of the first half."""
+    """The share by which the best trial improves on the best of the first half."""
     scores = [trial.score if trial.meets(rule.aim) else np.inf for trial in trials]
     half, all_of_them = min(scores[: max(len(scores) // 2, 1)]), min(scores)
     return float(1 - all_of_them / half) if np.isfinite(half) and half > 0 else None

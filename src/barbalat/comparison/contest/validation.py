@@ -1,4 +1,4 @@
-"""Tuned entrants on plants, commands and noise that no tuning saw; who fails is counted, and counts as worse than any error."""
+"""Tuned entrants on validation plants, commands and noise; a failure is counted as worse than any error."""
 
 from __future__ import annotations
 
@@ -55,13 +55,13 @@ class Paced:
 
 
 def with_command(problem: Problem, size: float, pace: float) -> Problem:
-    """The problem with each of its commands changed; a disturbance stays what it is."""
+    """The problem with each of its commands changed; disturbances are unchanged."""
     commands = tuple(Paced(command, size, pace) for command in problem.commands)
     return replace(problem, reference=commands if isinstance(problem.reference, tuple) else commands[0])
 
 
 def drawn_commands(count: int, seed: int) -> Array:
-    """(count, 2) sizes and paces, a Latin hypercube over both: evenly in the size, in the logarithm of the pace."""
+    """(count, 2) sizes and paces, a Latin hypercube over both: uniform in the size and in the logarithm of the pace."""
     from scipy.stats import qmc
 
     shares = qmc.LatinHypercube(2, rng=np.random.default_rng(seed)).random(count)
@@ -71,7 +71,7 @@ def drawn_commands(count: int, seed: int) -> Array:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Draws:
-    """What was drawn: ``members`` runs, those of one command together.
+    """The draws: ``members`` runs, grouped by command.
 
     problems  (M,) each with its plant and its command; streams (M,) of the noise
     commands  (C, 2) size and pace
@@ -109,7 +109,7 @@ VALIDATION_SEED = 1
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Validation:
-    """One entrant on all that was drawn.
+    """One entrant on all draws.
 
     error     (M,) RMS |e| relative to the RMS of |x_m|; infinite for a run that failed
     diverged  (M,) truth values; lost: the judge calls the run lost or, where the rule ends margins at the onset, a limit cycle,
@@ -149,12 +149,12 @@ class Validation:
 
     @property
     def largest_control(self) -> float:
-        """The median of max |u|; infinite where half of the runs diverged."""
+        """The median of max |u|; infinite if half of the runs diverged."""
         return Median.of(np.where(self.diverged, np.inf, self.effort)).value
 
     @property
     def quantiles(self) -> dict[str, float]:
-        """Quantiles of the errors of all runs; infinite where so many failed."""
+        """Quantiles of the errors of all runs; infinite if too many runs failed."""
         ordered = np.sort(self.error)
         upper = float(ordered[min(int(np.ceil(0.9 * len(ordered))), len(ordered)) - 1])
         return {"median": Median.of(self.error).value, "upper_tenth": upper, "worst": float(ordered[-1])}
@@ -162,7 +162,7 @@ class Validation:
 
 @dataclass(frozen=True, kw_only=True)
 class Remeasured:
-    """Some held-out runs of one entrant once more, with a step that is FINER_BY times smaller.
+    """Some validation runs of one entrant, repeated with a step that is FINER_BY times smaller.
 
     verdicts  runs of which another thing is said: lost, or not bearing what the rule asks
     errors    runs whose error is another one
@@ -239,7 +239,7 @@ def measure(
 
 @dataclass(frozen=True, eq=False)
 class _Asked:
-    """What the rule asks to be borne, with the loops that know theta beside it."""
+    """The delay and gain factors that the rule requires, with the loops that know theta for comparison."""
 
     errors: dict[str, tuple[float, Ideals]]
     rule: Rule
@@ -259,7 +259,7 @@ class _Asked:
 def _measured(
     members: Sequence[Member], streams: Array, asked: _Asked, simulation: Simulation, threads: int | None
 ) -> Validation:
-    """Errors with the noise, verdicts, and what is borne."""
+    """Errors with the noise, verdicts, and whether the requirements are tolerated."""
     found, until = Undelayed.run(members, simulation, asked.by.judge, streams, threads), asked.rule.until
     motion = ReferenceMotion.of(members[0][0], simulation)  # one command, one model
     metrics, lost = found.noisy.metrics, found.noisy.lost | ~found.noisy.tracks

@@ -1,4 +1,4 @@
-"""The case file with the designed controller in the place of its own ones, read back before it is handed out."""
+"""The case file with the designed controller in place of its own ones; it is read back before it is returned."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ NEGATIVE_ZERO = re.compile(r"-0\.(?![0-9])")
 
 
 def with_controller(text: CaseText, controller: Controller) -> str:
-    """The text with this controller alone.
+    """The text with only this controller.
 
-    Raises InputError where a setting of it can't be said in a case file, or is read back as another one.
+    Raises InputError if one of its settings can't be written in a case file or is read back differently.
     """
     document = tomlkit.parse(text.text)
     tables = tomlkit.aot()
     tables.append(tomlkit.item(_table(controller)))
     document["controller"] = tables
     written = tomlkit.dumps(document)
-    controllers = replace(text, text=written, own=None).case().controllers  # a baseline joins them alone
+    controllers = replace(text, text=written, own=None).case().controllers  # only a baseline joins them
     read = next(one for one in controllers if one.name == controller.name)
     if NEGATIVE_ZERO.sub("0.", repr(read)) != NEGATIVE_ZERO.sub("0.", repr(controller)):
         raise InputError(f"{controller.name} is read back from its case file as {read!r} instead of {controller!r}")
@@ -49,7 +49,7 @@ def _table(controller: Any) -> dict[str, Any]:
 
 
 def _given(settings: Any) -> dict[str, Any]:
-    """The fields that are not as by default."""
+    """The fields that differ from their defaults."""
     found = {}
     for one in fields(settings):
         value = getattr(settings, one.name)

@@ -1,4 +1,4 @@
-"""How far a controller meets a specification on one plant: a step of the command's size, with noise and without."""
+"""How well a controller meets a specification on one plant: a step of the command's size, with and without noise."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ FIGURES = ("settling", "overshoot", "u_max", "noise")
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Step:
-    """A step of the command, and what it is judged by.
+    """A step of the command, and the criteria by which it is judged.
 
     own        how the case's own command is simulated
     component  the state that is judged, ``name`` its label; rest, band  where the model comes to rest, and the judge's band
@@ -43,7 +43,7 @@ class Step:
 
     @classmethod
     def of(cls, problem: Problem, simulation: Simulation, judge: Judge, asked: Specification) -> Step:
-        """Of the size of the case's command; InputError where the model rests at none."""
+        """A step of the size of the case's command; InputError if the model's steady state is zero."""
         t = np.linspace(0.0, simulation.t_end, INSTANTS)
         commands = tuple(Constant(float(np.abs(np.asarray(one(t), dtype=float)).max())) for one in problem.commands)
         A, B, _ = problem.model.matrices
@@ -67,7 +67,7 @@ class Step:
         return replace(problem, reference=self.commands if isinstance(problem.reference, tuple) else self.commands[0])
 
     def settled_after(self, t: Array, y: Array) -> float:
-        """[s] since when y stays in the band to the end; infinite where it does not."""
+        """The time [s] from which y stays in the band to the end; infinite if it does not."""
         outside = np.flatnonzero(~(np.abs(y - self.rest) <= self.band))
         if not len(outside):
             return 0.0
@@ -78,7 +78,7 @@ class Step:
 
 
 def measured(problems: Sequence[Problem], controller: Controller, step: Step, judge: Judge) -> dict[str, Array]:
-    """The figures on each plant, (K,) by name, ``u_max`` under its own command too; infinite where a run diverged."""
+    """The figures on each plant, (K,) by name, ``u_max`` under its own command too; infinite if a run diverged."""
     found: dict[str, list[float]] = {name: [] for name in FIGURES}
     for problem in problems:
         (own,) = simulate(problem, [controller], step.own, judge=judge).values()
@@ -107,7 +107,8 @@ def _on_one(problem: Problem, controller: Controller, step: Step, judge: Judge) 
 
 
 def model_settling(problem: Problem, step: Step) -> float:
-    """When the reference model itself has settled [s], which no controller that follows it can beat by more than the band."""
+    """The settling time of the reference model itself [s]; a controller that follows it can be faster only by the effect of the
+    band."""
     A, B, _ = problem.model.matrices
     h = step.simulation.t_end / INSTANTS
     held = HeldSystem.of(A, B, h)

@@ -34,12 +34,12 @@ Judged = Callable[[Array, float], Array]
 
 
 def least_trials(dimensions: int) -> int:
-    """The spread, a generation over all, and one around each best with the one that it begins with."""
+    """The fewest trials: the spread, one generation over the whole cube, and one around each best with its initial one."""
     return (SPREAD_GENERATIONS + 1 + 2 * len(REFINED_SHARES)) * _size(dimensions)
 
 
 def search(judged: Judged, dimensions: int, *, trials: int, seed: int, start: Array | None, progress: Progress | None) -> None:
-    """Spend ``trials`` on the unit cube; who judges keeps what was found. ``start`` is among the first."""
+    """Spend ``trials`` on the unit cube; the judging function keeps the results. ``start`` is among the first."""
     from scipy.stats import qmc
 
     size, random = _size(dimensions), np.random.default_rng(seed)
@@ -71,7 +71,7 @@ def _star(best: Array, size: int) -> Array:
 
 @dataclass(eq=False)
 class _Spent:
-    """What is judged, with the best point so far."""
+    """The judging function with the best point so far."""
 
     judged: Judged
     trials: int
@@ -101,7 +101,7 @@ class _Spent:
                 return known.pop()
             try:
                 return self.score(columns.T, to_beat)
-            except InputError as error:  # a ValueError, of which SciPy would say that the function is malformed
+            except InputError as error:  # a ValueError, which SciPy would report as a malformed function
                 raise _RefusedError(error) from None
 
         def told(intermediate_result: OptimizeResult) -> None:
@@ -125,7 +125,7 @@ def _size(dimensions: int) -> int:
 
 
 class _RefusedError(Exception):
-    """What can't be judged, on its way through SciPy."""
+    """An error of the judging function, passed through SciPy."""
 
     def __init__(self, reason: InputError) -> None:
         super().__init__()

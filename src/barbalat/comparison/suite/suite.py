@@ -1,4 +1,4 @@
-"""The suite: a file of cases with its hash, submissions to it, and the rows of its table, which are compared with stored ones."""
+"""The suite: a file of cases with its hash, submissions to it, and the rows of its table, compared with stored ones."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Suite:
 
     @classmethod
     def read(cls, path: str | Path | None = None) -> Suite:
-        """The public suite, or a file; InputError for one that has a public suite's name and not its hash."""
+        """The public suite, or a file; InputError for a file with a public suite's name but another hash."""
         source = "the public suite" if path is None else str(path)
         if path is None:
             file = resources.files("barbalat.comparison.suite") / "public.toml"
@@ -124,7 +124,7 @@ class Suite:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Submission:
-    """What somebody brings: controllers as set on one case, or laws that are tuned by the rule on every case.
+    """A submission: controllers with fixed settings on one case, or laws that the rule tunes on every case.
 
     case   the name of the suite's case on which ``as_set`` take part
     tuned  laws that say what is tuned of them
@@ -170,7 +170,7 @@ class Submission:
 
 
 def _require_sample_time(entry: str, case: Case, one: Controller, held: float) -> None:
-    """InputError for a controller that does not run at the sample time that all have on this case of the suite."""
+    """InputError for a controller that does not run at the common sample time of this case of the suite."""
     equations = bound(case.problem, one)
     own = equations.sample_time if isinstance(equations, SampledEquations) else None
     if own != held:
@@ -179,7 +179,7 @@ def _require_sample_time(entry: str, case: Case, one: Controller, held: float) -
 
 
 def row_of(found: Design, one: Candidate, name: str, settings: str) -> Row:
-    """What the table has of an entry on a case: no number of it depends on who else takes part."""
+    """An entry's row of the table on one case; no number of it depends on the other entries."""
     held = found.contest.held_out.get(one.name)
     measured = None if held is None else held.as_json()
     return {
@@ -202,7 +202,7 @@ def row_of(found: Design, one: Candidate, name: str, settings: str) -> Row:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Standings:
-    """The table: rows that were measured now, in the order of each case's contest, and the stored ones of the public suite.
+    """The table: newly measured rows, in the order of each case's contest, and the stored ones of the public suite.
 
     left_out  sentences by cases on who does not take part
     stored    the stored table; without rows where the suite is another one
@@ -215,9 +215,9 @@ class Standings:
 
     @cached_property
     def compared(self) -> dict[str, list[str]]:
-        """Measured rows that are stored too, by whether they agree; those that agree in every bit stand in a list of their own.
+        """Measured rows that are also stored, by whether they agree; those that agree bit for bit are listed separately.
 
-        Rows agree where their choices and counts are equal and their numbers are, to ``SAME_DIGITS``.
+        Rows agree if their choices and counts are equal and their numbers agree to ``SAME_DIGITS``.
         """
         known = {_place(row): row for row in self.stored.get("rows", ())}
         found: dict[str, list[str]] = {"agree": [], "differ": [], "in_every_bit": []}
@@ -237,7 +237,7 @@ class Standings:
 
     @property
     def empty(self) -> list[str]:
-        """Cases in which nobody takes part."""
+        """Cases without any entry."""
         return [name for name in self.left_out if name not in {row["case"] for row in self.rows}]
 
     def as_json(self) -> dict[str, Any]:
@@ -265,7 +265,7 @@ def _agree(a: Any, b: Any) -> bool:
 
 
 def stored_table() -> dict[str, Any]:
-    """The table of the public suite that comes with the package."""
+    """The public suite's table that is part of the package."""
     found: dict[str, Any] = json.loads((resources.files("barbalat.comparison.suite") / "table.json").read_text("utf-8"))
     return found
 
@@ -345,7 +345,7 @@ def _on_case(
 def _side_by_side(
     suite: Suite, names: Sequence[str], schemes: Sequence[str], count: int, progress: Progress | None
 ) -> list[Part]:
-    """The registered schemes on each case, in so many processes."""
+    """The registered schemes on each case, in this number of processes."""
     with own_processes(count) as pool:
         with deaf_children():
             parts = [pool.submit(_on_case, suite, name, (), True, schemes, 1) for name in names]

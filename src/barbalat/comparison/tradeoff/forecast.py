@@ -36,7 +36,7 @@ class Cost:
 
     @classmethod
     def measured(cls, members: Sequence[Member], simulation: Simulation) -> Cost:
-        """From three ensembles: many members over two lengths, few over the shorter one."""
+        """Fitted to three ensembles: many members over two lengths, few over the shorter one."""
         many, few = (list(members[:: max(len(members) // size, 1)][:size]) for size in TIMED_MEMBERS)
         least = _fewest_steps(members[0], simulation)
         long = min(simulation.steps, max(2 * CHUNK_STEPS, 2 * least))
@@ -53,13 +53,13 @@ class Cost:
         return cls(max(at_short - len(many) * (member + short * step), 0.0), member, step)
 
     def seconds(self, members: int, problems: int, steps: int) -> float:
-        """The time of all rounds of a scheme with so many members on so many plants, with the loops that know theta."""
+        """The time of all rounds of a scheme with this number of members and plants, including the loops that know theta."""
         runs = RUNS_EACH * members + 2 * SIZES_TRIED * problems
         return ENSEMBLES_EACH * self.call + runs * (self.member + steps * self.step)
 
 
 def _fewest_steps(member: Member, simulation: Simulation) -> int:
-    """The steps of a run in which what happens at instants of its own, a controller's samples or new noise, happens once."""
+    """The steps of a run in which events at fixed instants, a controller's samples or new noise, occur once."""
     problem, controller = member
     rhythm = Rhythm.of(ClosedLoop.of(problem, controller), problem.noise, simulation)
     return max(3, rhythm.sample_every, rhythm.noise_hold)
@@ -86,29 +86,29 @@ unrepresentative, or most runs may be lost early."""
 
 @dataclass
 class Forecast:
-    """The seconds that several parts of one work take in all, refined while they go on."""
+    """The total seconds of several parts of one task, refined while they run."""
 
     expected: dict[str, float]  # of each part, before it started
     finished: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, schemes: Mapping[str, Sequence[Member]], plants: int, simulation: Simulation) -> Forecast:
-        """The forecast for each scheme's members on so many plants."""
+        """The forecast for each scheme's members on this number of plants."""
         costs = {name: Cost.measured(members, simulation) for name, members in schemes.items()}
         return cls({name: cost.seconds(len(schemes[name]), plants, simulation.steps) for name, cost in costs.items()})
 
     @contextmanager
     def timed(self, part: str) -> Iterator[None]:
-        """What is done within is that part."""
+        """The work done inside belongs to that part."""
         begun = time.perf_counter()
         yield
         self.finished[part] = time.perf_counter() - begun
 
     def total(self, part: str, fraction: float, seconds: float) -> float:
-        """Seconds in all, ``part`` being done to a fraction after so many of them.
+        """The total seconds, if a fraction of ``part`` is done after the given seconds.
 
-        What was expected of the parts says how much of the work each is; the pace at which it goes replaces what was expected of
-        the whole little by little.
+        The parts' estimates determine each part's share of the work; the actual pace gradually replaces the estimate of the
+        total.
         """
         whole = sum(self.expected.values())
         done = sum(self.expected[name] for name in self.finished) + fraction * self.expected[part]

@@ -1,4 +1,5 @@
-"""The picture of a trade-off: tracking error against the delay borne, by two criteria; a cloud and a front for each scheme."""
+"""The picture of a trade-off: tracking error against the tolerated delay, by two criteria; a cloud and a front for each
+scheme."""
 
 from __future__ import annotations
 
@@ -20,7 +21,7 @@ SYMBOLS = {"gamma": "Γ", "kappa": "κ", "slope_ratio": "κ₂/κ", "tau": "τ",
 
 
 def criteria(found: TradeOff) -> dict[str, str]:
-    """What each criterion asks, in a line."""
+    """What each criterion requires, in one line."""
     return {
         "onset": "onset: until it is lost or in a limit cycle",
         "loss": f"loss: error grown by less than {found.by.lost.share:g} max |x$_m$|, with or without oscillation",
@@ -28,7 +29,7 @@ def criteria(found: TradeOff) -> dict[str, str]:
 
 
 def panels(found: TradeOff) -> list[str]:
-    """The case's plant, and the worst over the sample where there is one."""
+    """The case's plant and, if there is a sample, the worst over it."""
     return ["plant", "worst"] if len(found.thetas) > 1 else ["plant"]
 
 
@@ -75,7 +76,7 @@ def _panel(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
     )  # fmt: skip
     for k, cloud in enumerate(found.clouds):
         error, margin = cloud.at(which, criterion)
-        shown = np.where(margin > 0, margin, edge / (2.4 - 0.35 * k))  # in the band, each scheme in a column of its own
+        shown = np.where(margin > 0, margin, edge / (2.4 - 0.35 * k))  # in the band, each scheme in its own column
         axes.scatter(shown, error, s=9, color=theme.colour(k), marker=MARKS[k % len(MARKS)], alpha=0.22, linewidths=0)
         line = _front(cloud, which, criterion)
         knobs = " × ".join(SYMBOLS.get(name, name) for name in cloud.tunings[0])
@@ -96,7 +97,7 @@ def _front(cloud: Cloud, which: str, criterion: str) -> Array:
 
 
 def _label_ends(axes: Axes, found: TradeOff, which: str, criterion: str) -> None:
-    """The tunings at both ends of each front, and the way to go."""
+    """The tunings at both ends of each front, and an arrow in the direction of improvement."""
     theme = Theme.current()
     lines = [_front(cloud, which, criterion) for cloud in found.clouds]
     labels = LabelPlaces(axes, lines, 6.5)

@@ -1,4 +1,4 @@
-"""Exports with names of their own in one folder, as one component: a header, a README and a target of CMake join them."""
+"""Exports with their own names in one folder, as one component: a header, a README and a CMake target join them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HEADER = "_controller.h"
 
 
 def joined(present: Mapping[str, str]) -> dict[str, str]:
-    """The files that join the exports of these names, each with its header's text: all that stand in one folder."""
+    """The files that join the exports of these names in one folder, from the text of each header."""
     names = sorted(present)
     for a, b in pairwise(sorted(names, key=str.upper)):
         if a.upper() == b.upper():
@@ -37,13 +37,13 @@ def joined(present: Mapping[str, str]) -> dict[str, str]:
 
 
 def present(folder: Path, names: Iterable[str] = ()) -> dict[str, str]:
-    """By their names the headers of exports with a name that stand in a folder, without these names."""
+    """The headers of named exports in a folder, by their names, without these names."""
     found = {file.name.removesuffix(HEADER): file.read_text("utf-8", "replace") for file in folder.glob(f"?*{HEADER}")}
     return {name: text for name, text in found.items() if name not in names and f"#define {name.upper()}_EXPORT " in text}
 
 
 def require_apart(folder: Path, made: Iterable[str]) -> None:
-    """InputError where one of both, what stands in the folder and what is made, has a name and the other has none.
+    """InputError if, of the export in the folder and the new one, one has a name and the other has none.
 
     Both have a ``README.md``: that of the export, and that of the component.
     """
@@ -65,6 +65,6 @@ def _is_export(header: Path) -> bool:
 
 
 def _origin(header: str) -> str:
-    """What a header says of itself in its first lines: the controller, its scheme, its sample time, its case."""
+    """The description in a header's first lines: the controller, its scheme, its sample time, its case."""
     lines = [line.removeprefix(" * ").strip() for line in header.splitlines()[1:3]]
     return comment(" ".join(lines).partition(". Made by")[0])

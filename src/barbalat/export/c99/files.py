@@ -56,7 +56,7 @@ def sources(
     parameters: bool = False,
     place: int = 0,
 ) -> tuple[Printed, dict[str, str]]:
-    """The same with the export that they are printed of, for what is made around the C."""
+    """The same files with the export from which they are printed, for wrappers around the C."""
     require_case(problem, simulation)
     contents = made_of(problem, controller, simulation, FLOAT if float32 else DOUBLE, parameters=parameters, place=place)
     printed = Printed(contents, name)
@@ -95,7 +95,7 @@ FILES = re.compile(r"\b(controller\.[hc]|selftest\.c|plant\.[hc]|loop\.c|README\
 
 
 def named(files: dict[str, str], name: str) -> dict[str, str]:
-    """The files with this name before theirs, in their texts as well; as they are where it is empty."""
+    """The files with this prefix in their names and texts; unchanged if it is empty."""
     if not name:
         return files
     return {FILES.sub(rf"{name}_\1", file): FILES.sub(rf"{name}_\1", text) for file, text in files.items()}
@@ -158,7 +158,7 @@ EXISTING = """
 
 
 def _handed(printed: Printed) -> str:
-    """The lines that hand over the control of an external baseline."""
+    """The lines that pass the control of an external baseline."""
     controls = len(printed.contents.problem.handed_controls)
     places = [f"{printed.macro}_U_BASELINE{f' + {i}' if i else ''}" for i in range(controls)]
     return "".join(f"    in.{printed.measured}[{place}] = ...;   /* u of the existing loop */\n" for place in places)
@@ -177,7 +177,7 @@ def _is_checked(contents: Contents) -> bool:
 
 
 def _patent(printed: Printed) -> str:
-    """What is to be asked before such a law flies."""
+    """Questions to settle before such a law flies."""
     controller = printed.contents.controller
     return f"\n## Before you fly it\n\n{controller.patent}\n" if isinstance(controller, PatentNamed) else ""
 
@@ -213,7 +213,7 @@ MOST_NUMBERS = 20_000
 
 
 def loop_program(made: PrintedPlant) -> str:
-    """The text of loop.c; InputError where a signal jumps inside of the first sample."""
+    """The text of loop.c; InputError if a signal jumps inside the first sample."""
     plant, printed = made.plant, made.printed
     vectors, every = printed.contents.vectors, plant.steps_per_sample
     at_a_sample = every * plant.nodes * plant.disturbances
@@ -259,7 +259,7 @@ def _rows(values: Array) -> str:
 
 
 def _noise(plant: PlantContents, count: int) -> Array:
-    """(K, channels) what the simulation's generator gives at each sample."""
+    """(K, channels) the values of the simulation's generator at each sample."""
     noise, members = plant.problem.noise, plant.opened.members
     assert noise is not None
     hold = members.rhythm.noise_hold

@@ -58,7 +58,7 @@ class Archive:
     stop: float
 
     def bytes(self, *, compiled: bool) -> bytes:
-        """The archive; InputError where it is to be compiled, and can't be."""
+        """The archive; InputError if it can't be compiled although it must be."""
         token, texts = self._sources()
         names = [name for name in texts if name.endswith(".c")]
         whole: dict[str, bytes] = {f"sources/{name}": text.encode("ascii") for name, text in texts.items()}
@@ -78,7 +78,7 @@ class Archive:
         return _zipped(whole)
 
     def _sources(self) -> tuple[str, dict[str, str]]:
-        """The token that they are known by, and they."""
+        """The token that identifies the sources, and the sources."""
         unit = self.unit
         texts: dict[str, str] = {}
         if unit.controller:
@@ -137,7 +137,7 @@ class Archive:
         return filled("fmu.html", title=self.unit.title, step=repr(self.unit.step_size), origin=self.unit.printed.origin)
 
     def _binary(self, system: str, machine: str, ending: str) -> str:
-        """The place of a binary, as the version calls it."""
+        """The folder of a binary, as named in this version."""
         if self.version == 3:
             place = f"{machine}-{'windows' if system == 'win' else system}"
         else:
@@ -146,7 +146,7 @@ class Archive:
 
 
 def _platform() -> tuple[str, str, str]:
-    """This machine's system and processor, and a library's ending."""
+    """This machine's system and processor, and the file extension of a library."""
     system, ending = _SYSTEMS.get(sys.platform, ("", ""))
     machine = _MACHINES.get(platform.machine().lower(), "")
     if not system or not machine:
@@ -268,7 +268,7 @@ def _none(name: str) -> str:
 
 
 def _function(version: int, name: str, rest: str, result: str) -> str:
-    """A function that uses no argument but its instance, and the count of what is asked for."""
+    """A function that uses only its instance and the number of requested values."""
     first = "fmi2Component c" if version == 2 else "fmi3Instance c"
     arguments = [part.strip() for part in rest.split(",") if part.strip()]
     names = ["c", *(part.replace("[]", "").replace("*", " ").split()[-1] for part in arguments)]
@@ -348,7 +348,7 @@ def _general(unit: Unit) -> dict[str, str]:
 
 
 def _common(root: xml.Element, unit: Unit, stop: float) -> None:
-    """Sections that both versions have."""
+    """Sections common to both versions."""
     units = xml.SubElement(root, "UnitDefinitions")
     for name in unit.variables.units:
         defined = xml.SubElement(units, "Unit", name=name)

@@ -1,4 +1,4 @@
-"""What each unit is made of: its variables, and the C between them and the exported controller and plant."""
+"""The contents of each unit: its variables, and the C between them and the exported controller and plant."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ STATUS = Variable("status", "output", "discrete", "0: the last sample was accept
 
 @dataclass(frozen=True, eq=False)
 class Unit:
-    """A unit of a closed loop: the controller, the plant, or with both of them the loop."""
+    """A unit of a closed loop: the controller, the plant, or the loop of both."""
 
     printed: Printed
     controller: bool
@@ -27,18 +27,18 @@ class Unit:
 
     @property
     def identifier(self) -> str:
-        """What its files are called."""
+        """The name of its files."""
         return self.printed.name + ("" if self.made is None else "_loop" if self.controller else "_plant")
 
     @property
     def title(self) -> str:
-        """What the unit is called where people read it."""
+        """The unit's name for people."""
         what = "controller" if self.made is None else "closed loop" if self.controller else "plant"
         return f"{self.printed.contents.controller.name}, {what}"
 
     @property
     def step_size(self) -> float:
-        """The step of which a communication step has a whole number [s]."""
+        """The step [s] of which a communication step is a whole multiple."""
         if self.controller or self.made is None:
             return self.printed.contents.sample_time
         return self.made.plant.opened.members.simulation.dt
@@ -67,9 +67,9 @@ class Unit:
         return require_distinct(Variables(tuple(self._labelled(found)), (FREEZE, STATUS) if self.controller else ()))
 
     def _labelled(self, found: list[Variable]) -> list[Variable]:
-        """What is measured by the case's labels, with underscores for what no name may contain.
+        """The measurements under the case's labels, with underscores for characters that a name may not contain.
 
-        A channel whose label gives no name of its own keeps ``x[1]``. The description contains the label and ``x[1]``.
+        A channel whose label gives no distinct name keeps ``x[1]``. The description contains the label and ``x[1]``.
         """
         labels = self.printed.contents.problem.measured_labels
         names = () if labels is None else labels.names
@@ -126,14 +126,14 @@ class Unit:
         return array(name, causality, variability, text, starts, scalar=scalar, units=() if labels is None else labels.units)
 
     def _of_inputs(self, name: str, causality: str, text: str, starts: list[float | None]) -> list[Variable]:
-        """Something that each input has."""
+        """A variable for each input."""
         labels = self.printed.contents.problem.labels
         variability = "discrete" if self.controller else "continuous"
         units = () if labels is None else labels.input_units
         return array(name, causality, variability, text, starts, scalar=len(starts) == 1, units=units)
 
     def _states(self) -> list[Variable]:
-        """What the controller keeps, but for what is an output anyway."""
+        """The controller's state, except parts that are outputs anyway."""
         found = []
         for part in self._kept:
             found += array(f"state.{part.name}", "local", "discrete", part.meaning, [None] * part.size)
@@ -145,7 +145,7 @@ class Unit:
         return [part for part in layout.parts if part not in (layout.u, layout.theta_hat, layout.started)]
 
     def refusals(self) -> list[str]:
-        """C: bounds of parameters, their own and those that lie between two of them."""
+        """C: bounds of parameters, their own and those between two of them."""
         opened, contents = self.printed.contents.opened, self.printed.contents
         assert opened is not None
         here = {one.name for one in self.variables.reals if one.causality == "parameter"}
@@ -177,7 +177,7 @@ class Unit:
         return lines
 
     def step(self) -> list[str]:
-        """C: one step of its own; the value is one of FMU_OK, FMU_WARNING, FMU_ERROR."""
+        """C: one step of the unit; the value is one of FMU_OK, FMU_WARNING, FMU_ERROR."""
         name, macro, lines = self.printed.name, self.printed.macro, []
         if self.made is not None:
             lines += [f"{name}_plant_input given;", *([f"double y[{macro}_PLANT_OUTPUTS];"] if self.controller else [])]
@@ -218,7 +218,7 @@ class Unit:
         return [*lines, "        return FMU_ERROR;", "    }", "}"]
 
     def give(self) -> list[str]:
-        """C: what the plant is given, ``in``, from the variables."""
+        """C: the plant's input, ``in``, from the variables."""
         assert self.made is not None
         plant, lines = self.made.plant, []
         names = entries("u", plant.inputs, scalar=plant.inputs == 1)

@@ -34,9 +34,10 @@ class Variable:
 
     @property
     def settable(self) -> str:
-        """When a real variable may be set, for ``fmu_instance.h``: i always, any value; t always; s before the start; n never.
+        """When a real variable may be set, for ``fmu_instance.h``: i: always, to any value; t: always; s: before the start; n:
+        never.
 
-        T and S are t and s for numbers above 0 alone.
+        T and S are t and s for positive numbers only.
         """
         if self.causality == "input":
             return "i"
@@ -46,23 +47,24 @@ class Variable:
 
 @dataclass(frozen=True)
 class Variables:
-    """All variables of a unit: real ones first, then the independent one, then the others; so their references count up."""
+    """All variables of a unit: real ones first, then the independent one, then the others; their references increase in this
+    order."""
 
     reals: tuple[Variable, ...]
     wholes: tuple[Variable, ...]
 
     def place(self, name: str) -> int:
-        """Where it stands among the real ones."""
+        """Its index among the real variables."""
         return next(i for i, one in enumerate(self.reals) if name in (one.name, one.path))
 
     @property
     def time(self) -> int:
-        """The value reference of the independent one."""
+        """The value reference of the independent variable."""
         return len(self.reals)
 
     @property
     def by_reference(self) -> tuple[tuple[int, Variable], ...]:
-        """All but the independent one."""
+        """All variables except the independent one."""
         return (*enumerate(self.reals), *enumerate(self.wholes, self.time + 1))
 
     @property
@@ -100,7 +102,7 @@ def _same(count: int, *values: str) -> list[list[str]]:
 
 
 def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter]) -> list[Variable]:
-    """Parameters; of those that a state begins with, none changes after the start."""
+    """Parameters; initial values of states do not change after the start."""
     begun = set(fixed)
     return [
         Variable(one.name, "parameter", "fixed" if one in begun else "tunable", one.meaning, one.value, bound=one.bound)
@@ -109,7 +111,7 @@ def parameters(found: Iterable[Parameter], fixed: Iterable[Parameter]) -> list[V
 
 
 def require_distinct(variables: Variables) -> Variables:
-    """A scheme of the user's own may have states of any name; of two variables with one name the second would be lost."""
+    """A user's scheme may have states of any name; of two variables with the same name the second would be lost."""
     names = sorted(one.name for _, one in variables.by_reference)
     same = [a for a, b in pairwise(names) if a == b]
     assert not same, same

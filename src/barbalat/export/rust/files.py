@@ -53,7 +53,7 @@ def files(asked: Request) -> dict[str, str]:
 
 
 def _settable(printed: Printed, number: str) -> dict[str, str]:
-    """What stands in lib.rs's places that are the parameters'; empty texts without any."""
+    """The parts of lib.rs for the parameters; empty texts without any."""
     macros = parameter_names(printed)
     if not macros:
         return dict.fromkeys(("set_declared", "parameters", "set", "set_tested"), "")
@@ -72,7 +72,7 @@ def _settable(printed: Printed, number: str) -> dict[str, str]:
 
 
 def _samples(printed: Printed) -> str:
-    """Rows of bits: what is measured, the command, the control."""
+    """Rows of bits: the measurement, the command, the control."""
     contents = printed.contents
     control = contents.vectors.states[:TESTED, list(contents.layout.u.rows)]
     rows = np.hstack([contents.vectors.measured[:TESTED], contents.vectors.commands[:TESTED], control])

@@ -1,4 +1,5 @@
-"""Certificates of L1-AC and of linear controllers for a measured output: what must not be proven, and the bundled case."""
+"""Certificates of L1-AC and of linear controllers for a measured output: false statements are not proven, and the bundled case is
+correct."""
 
 import pytest
 

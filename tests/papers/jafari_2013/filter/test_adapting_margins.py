@@ -53,7 +53,7 @@ def is_stable(loop, delay):
 
 
 def test_the_filter_costs_gain_margin_whatever_the_gain(effect):
-    """At gains in between the map's: the factor that MRAC's loop bears loses the filtered one."""
+    """At gains between those of the map, the factor that MRAC's loop tolerates destabilises the filtered one."""
     shown = effect.maps[1]
     assert (shown.values[shown.y.values <= adapting_margins.MODERATE_KAPPA] < 1).all()
     for size in (3e-3, 7.0, 2e5):
@@ -70,7 +70,7 @@ def test_the_ends_of_the_curves():
     assert [reading.holds for reading in claim.readings if reading.literal] == [True]
     assert [reading.says for reading in claim.readings if not reading.literal and not reading.holds] == [
         "L1-AC with Section V's filter: both are more than a tenth smaller at Section V's gain than at 10",
-        "MRAC: the gain margin downwards falls with every increase of the gain",  # more gain bears more loss of it
+        "MRAC: the gain margin downwards falls with every increase of the gain",  # a higher gain tolerates a larger loss of it
         *(
             f"L1-AC, kappa = 0.02 s: the {name} falls with every increase of the gain"
             for name in ("gain margin downwards", "phase margin", "delay margin")
@@ -90,7 +90,7 @@ def test_the_gain_margin_upwards_is_the_papers_evidence_no_other_is(effect):
     assert [reading.holds for reading in effect.readings] == [True, *[False] * 4]
     assert effect.fall_at_every_gain == (adapting_margins.UPWARDS,)
     assert effect.rise_at_high_gain == ("phase margin", "delay margin", "small-gain margin 1/||T||_inf")
-    slow = effect.readings[0].measured  # the cells that are not in the condition are named: 3 filters of 43 gains
+    slow = effect.readings[0].measured  # the excluded cells are named: 3 filters of 43 gains
     assert "all 387 cells with kappa <= 0.1 s" in slow and slow.count("of 43 cells") == 3
     assert (
         "rises in 2 (Gamma r^2 = " in slow and "kappa = 0.4 s falls in 0 of 43 cells, is unstable with the filter in 43" in slow
@@ -128,7 +128,8 @@ def test_phase_and_small_gain_margins_rise_with_the_filter_and_the_gain_margin_d
 
 
 def test_the_delay_margin_of_mrac_falls_like_one_over_gamma():
-    """Not like its root, which is how its oscillation's frequency grows: ten times the gain, a tenth of the delay."""
+    """The delay margin falls with the gain and not with its root, as the oscillation's frequency would suggest: ten times the
+    gain, a tenth of the delay."""
     gains = (1e2, 1e3, 1e4, 1e5)
     found = [
         certify(section_v.problem(), [Mrac(gamma=gamma)], Simulation(t_end=1.0, dt=1e-4))["MRAC"].values["delay_margin_adapting"]
@@ -145,4 +146,6 @@ def test_what_l1s_authors_say_of_its_margins():
     assert "0.0932 at the smallest" in phase.measured and "1.6 at the largest" in phase.measured
     assert delay.holds and "0.03277 s in the limit" in delay.measured
     least = adapting_margins.bears(adapting_margins.loop(0.02)(100.0)).margins.delay
-    assert least == pytest.approx(1.03e-4, rel=0.01) and "0.000103 s" in claim.shows  # the dip stands beside what is restored
+    assert (
+        least == pytest.approx(1.03e-4, rel=0.01) and "0.000103 s" in claim.shows
+    )  # the dip is reported beside the restored margin

@@ -1,4 +1,4 @@
-"""MRAC and L1-AC at equal error: who is matched follows from made-up numbers by hand, and both sides are drawn by one rule."""
+"""MRAC and L1-AC at equal error: the matches for made-up numbers are derived by hand, and both sides are drawn by one rule."""
 
 import numpy as np
 import pytest
@@ -42,4 +42,4 @@ def test_both_sides_have_one_range_of_gains_and_as_many_tunings():
     assert sum("(6)" in one for one in found.l1.tunings) == 2
     gamma = float(found.mrac.tunings[0].removeprefix("Gamma "))
     (alone,) = delay_margins_ensemble([(variant(reference=signal), Mrac(gamma=gamma))], simulation, resolution=0.05).onset.bears
-    assert -found.mrac.reached[0, 1] == pytest.approx(alone, rel=0.15)  # gamma was told with three digits
+    assert -found.mrac.reached[0, 1] == pytest.approx(alone, rel=0.15)  # gamma was printed with three digits

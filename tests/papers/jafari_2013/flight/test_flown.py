@@ -1,4 +1,4 @@
-"""The row that reads stored flights: what it makes of documents whose answer is known, and of the stored ones."""
+"""The row that reads stored flights: its result for documents with a known answer and for the stored ones."""
 
 from itertools import combinations, product
 from pathlib import Path
@@ -26,7 +26,8 @@ def share(count, judged):
 
 
 def document(best, wins=20, *, also=""):
-    """Two failures that are survived, and one that is not; through ``gusts`` ``best`` beats all others on so many draws.
+    """Two failures that are survived and one that is not; through ``gusts`` ``best`` beats all others on the given number of
+    draws.
 
     also  the same through ``none``
     """
@@ -65,13 +66,13 @@ def document(best, wins=20, *, also=""):
         ("LQR with PI", "", False),
         ("L1 piecewise, as flown", "", False),  # a linear controller
         ("", "", False),
-        ("L1", "LQR with PI", False),  # as often the one as the other
+        ("L1", "LQR with PI", False),  # each equally often
     ],
 )
 def test_an_adaptive_scheme_must_beat_every_linear_one_through_more_than_the_reverse(best, also, follows):
     claim = flown.in_flight([Flights(document(best, also=also))])
     losses, errors, *_ = claim.readings
-    assert (losses.holds, errors.holds) == (False, follows)  # as many are lost on either side
+    assert (losses.holds, errors.holds) == (False, follows)  # equally many are lost on both sides
     assert claim.finding == ("mixed" if follows else "fails")
     if best == "LQR with PI":
         assert "a linear design is ahead of every adaptive scheme for 1 (f16-pitch: gusts)" in errors.measured

@@ -1,4 +1,4 @@
-"""The filter of two slopes: its order at zero frequency, and what that does to the error of the limit loop."""
+"""The filter of two slopes: its order at zero frequency, and the effect on the error of the limit loop."""
 
 import numpy as np
 import pytest

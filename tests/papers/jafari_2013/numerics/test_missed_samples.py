@@ -1,4 +1,4 @@
-"""Lost samples of a loop without states, stepped once more by hand; what a scheme's factors make of the row."""
+"""Lost samples of a loop without states, stepped by hand, and the effect of a scheme's factors on the row."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ T = missed_samples.SAMPLE_TIME
 
 
 def by_hand(lost: np.ndarray) -> np.ndarray:
-    """max |e| of known parameters: x' = (A_m + b theta') x + b u with u held, and held on where a sample is lost; exact."""
+    """max |e| of known parameters: x' = (A_m + b theta') x + b u with u held, also over a lost sample; exact."""
     given = section_v.problem()
     A_m, b, theta, k_0 = given.plant.A_m, given.plant.b, given.plant.theta, given.reference_model.k_0
     amplitude, omega = given.reference.amplitude, given.reference.frequency

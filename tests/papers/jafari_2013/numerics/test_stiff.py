@@ -1,4 +1,4 @@
-"""What the row on stiff solvers calls following, ringing too much and avoiding; a code at a loose tolerance."""
+"""The row on stiff solvers: its terms following, ringing too much and avoiding, and a code at a loose tolerance."""
 
 from types import SimpleNamespace
 
@@ -73,7 +73,7 @@ def tried(monkeypatch, fixed: list[list[SolverPath]], *loose: SolverPath) -> Sim
     [
         ([[path(3.0), path(1.0)], [path(1.0), path(3.0)]], True),  # each fails at one of the gains
         ([[path(3.0), path(1.0)], [path(1.0), path(1.1)]], False),  # the second fails at none: a counterexample to "no solver"
-        ([[path(3.0), path(0.1)], [path(1.0), path(0.0)]], False),  # what damps shows no phenomenon of Figure 3
+        ([[path(3.0), path(0.1)], [path(1.0), path(0.0)]], False),  # a damping method shows no phenomenon of Figure 3
         ([[path(1.0, 1.0, 2.0), path(1.0, lost=True)], [path(1.0), path(1.0)]], True),
     ],
 )
@@ -103,4 +103,4 @@ def test_every_code_and_some_code(monkeypatch, loose, every, some):
     _, each, one = stiff._automatic(found)
     assert (each.holds, each.role) == (every, "weaker") and (one.holds, one.role) == (some, "beside")
     assert stiff._giving_up(found).holds == any(one.lost for one in loose)
-    assert not stiff._giving_up(found).decides  # a code that gives up is no singularity of the solution
+    assert not stiff._giving_up(found).decides  # a code that gives up does not prove a singularity of the solution

@@ -1,4 +1,4 @@
-"""(17)'s second term: the runs against SciPy's, the norm against a quadrature, what the readings would say of other numbers."""
+"""(17)'s second term: the runs against SciPy's, the norm against a quadrature, and the readings for other numbers."""
 
 from dataclasses import replace
 

@@ -43,7 +43,7 @@ def by_loops(theta: np.ndarray, gamma: float, delay: float, t_end: float) -> np.
 
 @pytest.mark.parametrize("delay, grows", [(0.222, False), (0.548, True)])
 def test_without_end_is_so_by_other_code_too(delay, grows):
-    """theta = 0, where u = k_0 r alone bears any delay, at delays on both sides of the first that is lost."""
+    """theta = 0, where u = k_0 r alone tolerates any delay, at delays on both sides of the first that is lost."""
     members = [((0.0, 0.0), 1.0, delay)]
     (lost,), _ = unmodelled.lost(members, "MRAC (3)-(4)")
     e = by_loops(np.zeros(2), 1.0, delay, 80.0)

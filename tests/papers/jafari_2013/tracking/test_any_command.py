@@ -57,7 +57,7 @@ def test_the_standard_mracs_quarters_and_integral_are_those_of_a_finer_step():
 
 
 def test_with_a_modelling_error_it_stays():
-    """What the row asks for is not so of every run: the same controller beside a delay, two sines."""
+    """The row's property does not hold for every run: the same controller with a delay and two sines violates it."""
     given, simulation = (
         variant(reference=Sines((30.0, 20.0), (0.5, 1.7)), input=PlantInput(delay=0.03)),
         Simulation(t_end=400.0, dt=any_command.STEP),

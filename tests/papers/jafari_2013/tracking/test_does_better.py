@@ -16,7 +16,8 @@ def side(*reached):
 
 
 def test_who_is_beaten():
-    """Worse in no objective and better in one; what is equal in all is not beaten, and a lost tuning is left to nobody."""
+    """A tuning is beaten if another is worse in no objective and better in one; equal tunings are not beaten, and lost ones are
+    discarded."""
     one = side((1.0, 5.0), (2.0, 2.0), (np.inf, np.inf))
     every = (0, 1)
     assert list(one.unbeaten(side((2.0, 1.0)), every)) == [0]

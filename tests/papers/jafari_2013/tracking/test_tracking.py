@@ -1,4 +1,4 @@
-"""What the filtered MRAC, the Lyapunov function and the robust MRAC's numerics rows measure, against runs of their own."""
+"""The rows on the filtered MRAC, the Lyapunov function and the robust MRAC's numerics, against independent runs."""
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -19,7 +19,7 @@ def test_v_falls_within_the_condition_and_beyond_it_and_the_state_grows_beyond()
 
 
 def test_a_filter_that_is_no_filter_leaves_the_same_tails():
-    """The comparison of both schemes is one that a fast enough filter and a slow law can't pass by being vacuous."""
+    """The comparison of both schemes can't be passed trivially by a fast filter and a slow law."""
     by_e, by_prediction = tracking._filtered_pair(section_v.KAPPA, 10.0, 1e-4)
     same = tracking._same_tails("itself", {10.0: (by_e.tail_max_abs_e / by_e.tail_max_abs_e)[0]})
     other = tracking._same_tails("the other", {10.0: (by_e.tail_max_abs_e / by_prediction.tail_max_abs_e)[0]})
