@@ -2,7 +2,7 @@
 
 A signal that is a sum of sines, or linear between instants, is the output of a linear system that restarts at each bend. With
 that system's states included, the response is c e^(At) z, computed in ball arithmetic; on each step the Bernstein coefficients of
-the Taylor polynomial, and its remainder, bound the outputs (docs/theorem-1.md, "The known command").
+the Taylor polynomial, and its remainder, bound the outputs (docs/proofs.md, "Along the command").
 """
 
 from __future__ import annotations

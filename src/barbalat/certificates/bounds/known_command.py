@@ -1,4 +1,4 @@
-"""A bound of e for the case's own command and every theta in the known set: docs/theorem-1.md, "The known command".
+"""A bound of e for the case's own command and every theta in the known set: docs/proofs.md, "Along the command".
 
 A loop that equals the model for theta = origin has e = G[(theta - origin)'x - k r] + w, with G from a matched disturbance to x, k
 the factor with which the command passes G, and w due to adaptation. Over a cell |theta_i - c_i| <= rho_i, with H = (I - G (c -
