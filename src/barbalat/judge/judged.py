@@ -17,7 +17,7 @@ CLASSES = tuple(Class)
 TIE = 1e-9
 """Components whose errors relative to their bands differ by less count as equal, because the difference is rounding."""
 LEAST_BESIDE = 1e-3
-"""Share of its band below which the worst component's error is not named beside that of a declared state."""
+"""Share of its band below which the worst error is told alone, whichever state is declared to follow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,7 +219,7 @@ class Judged:
             return worst, None
         first = declared[int(_worst(self.error[i : i + 1, declared], self.bands.follows[i : i + 1, declared])[0])]
         if first == worst or self.error[i, worst] <= LEAST_BESIDE * self.bands.follows[i, worst]:
-            return first, None
+            return worst, None
         return (worst, first) if kind is Class.OFF and self.error[i, first] <= self.bands.follows[i, first] else (first, worst)
 
     def _deviation(self, i: int, component: int) -> Deviation:

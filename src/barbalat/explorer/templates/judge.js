@@ -87,7 +87,7 @@ function toldOf(judge, kind, error, follows) {
   const worst = worstOf(error, follows, error.map((_, i) => i));
   if (!judge.declared.length || kind === "lost") return [worst, null];
   const first = worstOf(error, follows, judge.declared);
-  if (first === worst || error[worst] <= judge.leastBeside * follows[worst]) return [first, null];
+  if (first === worst || error[worst] <= judge.leastBeside * follows[worst]) return [worst, null];
   return kind === "off" && error[first] <= follows[first] ? [worst, first] : [first, worst];
 }
 
