@@ -20,6 +20,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -129,9 +130,15 @@ class FixedObserver(Settings):
     def equations(self, x0: Array, limits: Array | None, T: float | None) -> ObserverEquations:
         """The equations in continuous time, or for samples of length T [s]; x_hat starts at x0 (n,)."""
         bounds = None if limits is None else np.asarray(limits, dtype=float).reshape(2, -1)
-        made = self.design.continuous(self) if T is None else self.design.sampled(self, T)
+        made = dict(_designed(self, T))
         of_x = made.pop("of_x", None)
         return ObserverEquations(**made, start=x0 if of_x is None else of_x @ x0, limits=bounds)
+
+
+@lru_cache(maxsize=16)  # the members of an ensemble share the design, and a Riccati equation takes longer than a short run
+def _designed(plant: FixedObserver, T: float | None) -> Mapping[str, Any]:
+    """The matrices of a design in continuous time, or for samples of length T [s]."""
+    return plant.design.continuous(plant) if T is None else plant.design.sampled(plant, T)
 
 
 class Observer(ABC, Settings):
