@@ -149,7 +149,7 @@ def _case(options: argparse.Namespace) -> int:
     case = load_case(options.case, options.controllers)
     defaults = QUICK_SIZES if options.quick else FULL_SIZES
     sizes = {name: default if (given := vars(options)[name]) is None else given for name, default in defaults.items()}
-    seconds = trial_seconds(case.simulation.steps, sizes["trials"], options.schemes)
+    seconds = trial_seconds(case.simulation.steps, sizes["trials"], sizes["plants"], options.schemes)
     expected = {"contest": seconds, "drawing": DRAWING_SECONDS}
     with folder_of(options.out, None if options.json else "barbalat-contest") as folder, work(expected) as running:
         with running.part("contest") as progress:

@@ -47,7 +47,7 @@ def add(commands: Commands) -> None:
     parser.set_defaults(execute=execute)
 
 
-DRAWING_SECONDS = 12.0
+DRAWING_SECONDS = 40.0
 CASE_FILE, PREFIX = "design.toml", "design"
 
 
@@ -61,7 +61,7 @@ def execute(options: argparse.Namespace) -> int:
 
     text = CaseText.read(options.case)
     case = text.case()
-    seconds = trial_seconds(case.simulation.steps, options.trials, options.schemes)
+    seconds = trial_seconds(case.simulation.steps, options.trials, options.plants, options.schemes)
     expected = {"designing": seconds, "drawing": DRAWING_SECONDS}
     with folder_of(options.out, None if options.json else "barbalat-design") as folder, work(expected) as running:
         with running.part("designing") as progress:

@@ -9,7 +9,7 @@ from decimal import Decimal, InvalidOperation
 from pathlib import Path
 from typing import Any, NoReturn
 
-from barbalat.commands.progress import SECONDS_EACH_STEP, say
+from barbalat.commands.progress import say
 
 
 def add_budget(parser: argparse.ArgumentParser) -> None:
@@ -191,8 +191,8 @@ def add_schemes(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def trial_seconds(steps: int, trials: int, schemes: Sequence[str]) -> float:
+def trial_seconds(steps: int, trials: int, plants: int, schemes: Sequence[str]) -> float:
     """The time that a competition takes with so many tunings of each scheme, for its progress [s]."""
-    from barbalat.comparison.contest.contest import RUNS_EACH_TRIAL
+    from barbalat.comparison.contest.contest import search_seconds
 
-    return max(steps * trials * RUNS_EACH_TRIAL * (len(schemes) or MOST_SCHEMES) * SECONDS_EACH_STEP, 1.0)
+    return max(search_seconds(steps, len(schemes) or MOST_SCHEMES, trials, plants), 1.0)

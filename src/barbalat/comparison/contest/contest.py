@@ -192,18 +192,26 @@ def _require(problem: Problem, simulation: Simulation, entrants: Sequence[Entran
         raise InputError(f"entrants must have different names, got {validate.show(twice[0])} twice")
 
 
-RUNS_EACH_TRIAL = 22
-"""As for the template's case: four plants, including modelling errors."""
+RUNS_EACH_PLANT = 12
+"""Runs of a tuning on one plant, including modelling errors: 6 for the template's case, 18 beside an observer and a specification
+of delay and gain."""
+RUN_SECONDS = 2e-3
+"""Seconds for the equations of a run, in addition to its steps: 1 ms for a small loop, 3 ms beside an observer."""
 STEP_SECONDS = 1e-8
 """Seconds per step of a member: 3 ns for a small loop; most loops are larger."""
 HELD_OUT = Estimate(memory=20e3, seconds=2e-3)
 """Seconds for the plant and command of a validation run, in addition to its steps."""
 
 
+def search_seconds(steps: int, entrants: int, trials: int, plants: int) -> float:
+    """The time of one core for the search of so many tunings of each entrant on so many plants [s]."""
+    return entrants * trials * plants * RUNS_EACH_PLANT * (RUN_SECONDS + steps * STEP_SECONDS)
+
+
 def _require_budget(simulation: Simulation, entrants: int, rule: Rule, members: int) -> None:
     """InputError if the plants, the trials on them or the validation runs exceed the budget."""
     steps = entrants * simulation.steps * STEP_SECONDS
-    searched = Estimate(seconds=steps * RUNS_EACH_TRIAL / DEFAULT_PLANTS)
+    searched = Estimate(seconds=search_seconds(simulation.steps, entrants, 1, 1))
 
     def held_out(count: float) -> Estimate:
         return (HELD_OUT + Estimate(seconds=steps)).times(count)
