@@ -19,7 +19,8 @@ from barbalat.comparison.plants import plants_of
 from barbalat.comparison.tradeoff import forecast
 from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff, pareto_front, trade_off
 from barbalat.controllers import SCHEMES, Mrac, Sampled
-from barbalat.controllers.tuning_grid import TuningGrid
+from barbalat.controllers.robust_mrac import NormalizedMrac
+from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
 from barbalat.folders import Folder
 from barbalat.loop.binding import bound
 from barbalat.pictures.labels import LabelPlaces
@@ -184,6 +185,13 @@ def test_a_known_set_without_zero_starts_in_its_middle(gain):
         start = bound(apart, one.make(**next(one.tunings()))).initial().theta_hat
         assert start[0] == 1.5
     assert grids.start_of(SMALL) is None  # otherwise each scheme starts as before
+
+
+def test_the_normalised_law_is_also_tried_far_slower_than_the_model():
+    """Its rate is at most Gamma: from a hundredth of the slowest rate of the other gains."""
+    scale = TuningScale(1e3, 1e3, np.array([0.1, 1.0]), 2, SMALL.known, 0.01)
+    gains = NormalizedMrac.knobs(scale).values["gamma"]
+    np.testing.assert_allclose(gains, [scale.frequencies[0] / 100, *scale.frequencies])
 
 
 def test_a_trade_off_without_a_scheme_or_without_a_motion_is_refused(monkeypatch):
