@@ -189,7 +189,8 @@ def test_a_known_set_without_zero_starts_in_its_middle(gain):
 
 def test_the_normalised_law_is_also_tried_far_slower_than_the_model():
     """Its rate is at most Gamma: from a hundredth of the slowest rate of the other gains."""
-    scale = TuningScale(1e3, 1e3, np.array([0.1, 1.0]), 2, SMALL.known, 0.01)
+    times = np.array([0.1, 1.0])
+    scale = TuningScale(highest_gain=1e3, highest_square=1e3, times=times, density=2, known=SMALL.known, sample_time=0.01)
     gains = NormalizedMrac.knobs(scale).values["gamma"]
     np.testing.assert_allclose(gains, [scale.frequencies[0] / 100, *scale.frequencies])
 
