@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from barbalat import Simulation, load_case, simulate
+from barbalat import Simulation, load_case, simulate, simulate_ensemble
+from barbalat.budget import Budget
 from barbalat.controllers.sampled import Sampled
 from barbalat.open_numbers.varied import VariedObjects
 from barbalat.problem.faults import Dropout, Jitter
@@ -69,6 +70,19 @@ def test_members_with_signals_of_their_own_are_single_runs(path, values) -> None
         alone.append(simulate(one, [controller], simulation)["MRAC"].figures["rms_e"][1])
     assert found == pytest.approx(np.array(alone), rel=1e-9)
     assert len(np.unique(found)) == len(values)
+
+
+def test_the_budget_counts_what_the_tolerance_costs() -> None:
+    """L1 to 20 s at its gain of 1e4 takes 400,000 attempts, a second and more for each member: once 0.03 ms were counted."""
+    l1 = tuple(c for c in CASE.controllers if c.name == "L1")
+    case = replace(CASE, controllers=l1, simulation=Simulation(20.0, tolerance=1e-6))
+    refused = r"would take about \d\.?\d* h of computing, more than the budget"
+    with Budget(seconds=60.0), pytest.raises(InputError, match=refused):
+        sweep(case, sample={"plant.theta[0]": "uniform:2:4"}, members=10_000, bounds=False)
+    with Budget(seconds=60.0), pytest.raises(InputError, match=refused):
+        simulate_ensemble([(case.problem, l1[0])] * 10_000, case.simulation)
+    with Budget(seconds=60.0):  # which a slow adaptation does not need
+        assert len(swept(Simulation(4.0, tolerance=1e-6)).rows.column("member")) == 12
 
 
 def test_bits_do_not_depend_on_threads() -> None:

@@ -19,6 +19,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.probe import Kind
 from barbalat.run.kernel.costs import MEMBER, of_judging, of_members, of_steps
 from barbalat.run.kernel.metrics import Metrics
+from barbalat.run.kernel.time_signals import TimeSignals
 from barbalat.sweeps.chunks import MOST_MEMBERS, chunk_size
 from barbalat.sweeps.cluster import Tabulated, WorkerTask, figures
 from barbalat.sweeps.settling import MOST_RERUN, RERUN_COST, Settling
@@ -44,23 +45,37 @@ def require_members(settling: Settling, members: int, certificates: int = 0) -> 
     """
     study = settling.study
     loops = [ClosedLoop.of(study.example.problem, one) for one in study.example.controllers]
-    each, stored = study.steps / len(loops), Estimate(memory=MEMBER.memory * (len(study) - members))  # the evaluation reads all
+    by_tolerance = study.example.simulation.tolerance is not None
+    stored = Estimate(memory=MEMBER.memory * (len(study) - members))  # the evaluation reads all
 
     groups, structures = _apart(study, Kind.SIGNAL, Kind.STRUCTURE), _apart(study, Kind.STRUCTURE)
-    alone = of_steps(study.example.problem, loops, each) + Estimate(seconds=GROUP_SECONDS * len(loops))
+    alone = Estimate(seconds=GROUP_SECONDS * len(loops))
     certified = budget.of_certificate(len(study.example.problem.dynamics.x0)).seconds
     traced = sum(of_kernel(loop.size).seconds for loop in loops)
+    if not by_tolerance:
+        alone += of_steps(study.example.problem, loops, study.steps / len(loops))
+    elif any(TimeSignals.of(study.example.problem.signals).formulas):  # which are part of the attempts' code
+        alone += Estimate(seconds=traced)
 
     def cost(count: float) -> Estimate:
         apart = Estimate(seconds=alone.seconds * min(count, groups) + traced * min(count, structures))
         apart += Estimate(seconds=certified * min(count * len(loops), certificates))
-        steps = of_members(loops, each, count)
+        if by_tolerance:
+            each = zip(loops, study.steps_like, strict=True)
+            steps = sum((of_members([loop], own, count) for loop, own in each), Estimate())
+        else:
+            steps = of_members(loops, study.steps / len(loops), count)
         again = Estimate(seconds=RERUN_COST * reruns * (steps.seconds + alone.seconds * min(count, groups)))
         return stored + steps + of_judging(loops, min(count, MOST_MEMBERS)) + apart + again
 
     reruns = 0.0
     plain, budgeted = cost(members), budget.in_force()
-    if settling.settles and budgeted.allows(plain) and plain.seconds * (1 + RERUN_COST * MOST_RERUN) > budgeted.seconds:
+    if (
+        settling.settles
+        and not by_tolerance
+        and budgeted.allows(plain)
+        and plain.seconds * (1 + RERUN_COST * MOST_RERUN) > budgeted.seconds
+    ):
         reruns = settling.reruns
     grid = f" at {study.plan.points} points of a grid" if study.plan.points > 1 else ""
     budget.require(

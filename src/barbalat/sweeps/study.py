@@ -18,12 +18,13 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
-from barbalat.run.engine.by_tolerance import run_members
+from barbalat.run.engine.by_tolerance import expected_attempts, run_members
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import Terms, judged
 from barbalat.run.engine.refining import FACTORS, NEGLIGIBLE, ORDER_EIGHT_FACTORS, finer_by, needed_by_modes
 from barbalat.run.kernel import delay, template
 from barbalat.run.kernel.breaks import can_be_split
+from barbalat.run.kernel.costs import steps_like
 from barbalat.run.kernel.members import Members
 from barbalat.run.kernel.metrics import Metrics
 from barbalat.solvers.simulation import Simulation
@@ -147,12 +148,23 @@ class Study:
 
     @property
     def steps(self) -> int:
-        """The solver steps of a member's run, the maximum over the ends of what varies; summed over all controllers."""
+        """The solver steps of a member's run, the maximum over the ends of what varies; summed over all controllers.
+
+        With a tolerance those that take as long as the first member's run.
+        """
+        if self.example.simulation.tolerance is not None:
+            return round(sum(self.steps_like))
         found = [self.example]
         for column, kind in enumerate(self.kinds):
             if kind is Kind.STRUCTURE:
                 found += [self.varied.at(row) for row in self.tried.rows(column, self.tried.middle)]
         return max(case.simulation.steps for case in found) * len(self.example.controllers)
+
+    @cached_property
+    def steps_like(self) -> tuple[float, ...]:
+        """With a tolerance, for each controller: the fixed steps that take as long as the first member's run."""
+        (part,) = self.parts(0, 1)
+        return tuple(steps_like(expected_attempts(one)) for one in part.members)
 
     def values(self, first: int, count: int) -> Array:
         """(count, paths) the varied numbers of the members from number ``first`` on."""

@@ -29,6 +29,7 @@ from barbalat.run.kernel.metrics import Metrics
 from barbalat.run.kernel.observer import observer_program
 from barbalat.run.kernel.pieces import Pieces, past_of, require_known_instants
 from barbalat.run.kernel.portable import run_times
+from barbalat.run.kernel.step import CompiledLoop
 from barbalat.run.results.accuracy import Accuracy, MeasuredError, differences, relative_differences
 from barbalat.run.results.result import Envelope, Result, Results
 from barbalat.run.results.series import series_along
@@ -41,6 +42,8 @@ MOST_ROWS = 1 << 15
 FINER = 1 / 32
 """Factor from the tolerance to that of the second run, which measures the first run's error; its own error is some 20 times
 smaller."""
+COUNTED = 200_000
+"""Attempts from which the number in a whole run is extrapolated: half a second."""
 FINEST = 1e-14
 """Least tolerance of a second run; below it rounding dominates."""
 
@@ -196,22 +199,14 @@ def run_members(members: Members, which: slice, *, threads: int | None = None, p
     The results don't depend, to any bit, on the threads or on the other members. InputError, with its number, for a member that
     stalls.
     """
-    simulation, attempts, grid = members.simulation, members.attempts, members.simulation.grid
-    tolerance = simulation.tolerance
+    attempts, grid = members.attempts, members.simulation.grid
     assert attempts is not None
-    assert tolerance is not None
     states, parameters = members.states[:, which], members.parameters[:, which]
     batch = ObservedBatch(members.loop, members.program, states, parameters, lanes=1, steps=inf, remembered=members.remembered)
-    noise, numbers = None if members.problem is None else members.problem.noise, members.numbers[which]
     code = compiled_attempts(*attempts.lists, attempts.shape)
 
-    def begun(i: int) -> Motion:
-        own = None if noise is None or members.seeds is None else replace(noise, seed=int(members.seeds[which][i]))
-        pieces = Pieces(attempts, own, int(numbers[i]))
-        return Motion.begun(pieces, code, states[:, i].copy(), parameters[:, i].copy(), simulation, tolerance)
-
     def whole(i: int) -> None:
-        motion = begun(i)
+        motion = _of_member(members, code, which.start + i)
         group = batch.groups[i] = ObservedGroup.of(batch.groups[i], motion)
         try:
             observe(group, Nodes(motion, grid, members.signals, 0, grid.steps))
@@ -226,6 +221,32 @@ def run_members(members: Members, which: slice, *, threads: int | None = None, p
     with ThreadPoolExecutor(threads or os.cpu_count() or 1) as pool:
         list(pool.map(whole, range(len(batch.groups))))
     return batch
+
+
+def _of_member(members: Members, code: CompiledLoop, i: int) -> Motion:
+    """The motion of member ``i``, counted from 0, at t = 0."""
+    simulation, attempts = members.simulation, members.attempts
+    assert attempts is not None
+    assert simulation.tolerance is not None
+    noise = None if members.problem is None else members.problem.noise
+    own = None if noise is None or members.seeds is None else replace(noise, seed=int(members.seeds[i]))
+    pieces = Pieces(attempts, own, int(members.numbers[i]))
+    start, parameters = members.states[:, i].copy(), members.parameters[:, i].copy()
+    return Motion.begun(pieces, code, start, parameters, simulation, simulation.tolerance)
+
+
+def expected_attempts(members: Members) -> float:
+    """The attempts that the first member's run takes, extrapolated from the first ``COUNTED`` of them if it takes more."""
+    attempts = members.attempts
+    assert attempts is not None
+    motion = _of_member(members, compiled_attempts(*attempts.lists, attempts.shape), 0)
+    try:
+        while not motion.over and motion.steps + motion.rejected < COUNTED:
+            motion.further()
+    except InputError as error:
+        raise InputError(f"member 1: {error}") from error
+    share = 1.0 if motion.over else motion.t / members.simulation.t_end
+    return (motion.steps + motion.rejected) / share
 
 
 def motion_of(problem: TrackingProblem, controller: Controller, simulation: Simulation, number: int = 0) -> Motion:

@@ -15,7 +15,7 @@ from barbalat.judge.settings import Judge
 from barbalat.pictures.plotted import Plotted
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
-from barbalat.run.engine.by_tolerance import run_members
+from barbalat.run.engine.by_tolerance import expected_attempts, run_members
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import Terms, judged, watched_in_sweeps
 from barbalat.run.kernel import costs, delay
@@ -124,8 +124,11 @@ def simulate_ensemble(
 
     def cost(count: float) -> Estimate:
         kept = Estimate() if judge is None else costs.of_judging([read.loop], count)
-        return costs.of_members([read.loop], simulation.steps, count) + kept
+        return costs.of_members([read.loop], steps, count) + kept
 
+    steps: float = simulation.steps
+    if simulation.tolerance is not None:
+        steps = costs.steps_like(expected_attempts(read))
     budget.require("members", len(read), cost, what="an ensemble")
     by_tolerance, grid = simulation.tolerance is not None, simulation if simulation.tolerance is None else simulation.grid
     if not by_tolerance:

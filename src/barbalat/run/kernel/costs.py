@@ -17,7 +17,11 @@ TERM_SECONDS = 3e-8
 """Cost of a sine per step."""
 MEMBER = Estimate(memory=200.0, seconds=1.2e-5)
 """Cost of a member of an ensemble in addition to its states and steps: reading, columns, evaluation."""
-
+ATTEMPT_STEPS = 300.0
+"""Fixed steps of an ensemble's member that take as long as one attempt with a tolerance, which evaluates the equations 15 times
+outside vectors and is observed at eight nodes or more: 280 to 390 for the controllers of Section V over 20 s."""
+BEGUN_STEPS = 4e5
+"""Likewise, for the beginning and the end of such a run: 4 ms."""
 
 JUDGED_COMPONENT, JUDGED_INPUT, JUDGED_COPIES = 3, 10, 4
 """Largest number of rows of the judge's memory for each component of the error and each input, and the number of copies of
@@ -92,6 +96,11 @@ def of_members(loops: Sequence[ClosedLoop], steps: float, members: float) -> Est
     counted = sum(budget.operations(loop.size, _plant_states(loop)) for loop in loops)
     each = Estimate(8.0 * sum(loop.size for loop in loops), steps * counted * budget.MEMBER_OPERATION_SECONDS)
     return (MEMBER + each).times(members)
+
+
+def steps_like(attempts: float) -> float:
+    """The fixed steps of an ensemble's member that take as long as a run of this many attempts with a tolerance."""
+    return BEGUN_STEPS + ATTEMPT_STEPS * attempts
 
 
 def of_judging(loops: Sequence[ClosedLoop], members: float) -> Estimate:
