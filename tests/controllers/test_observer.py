@@ -30,6 +30,7 @@ from barbalat import (
     simulate_ensemble,
 )
 from barbalat.cases.load import CaseText, parse_case
+from barbalat.certificates.linear_loops.from_sample_to_sample import linearised
 from barbalat.export.in_the_loop import simulate_export
 from barbalat.laws import FixedSigma, LeastSquares
 from barbalat.loop.closed_loop import ClosedLoop
@@ -578,3 +579,20 @@ def test_the_keys_of_another_kind_are_told_in_one_line():
     kalman = CASE.format(C="C = [[1, 0]]", observer='kind = "luenberger"\nQ = [1.0, 1.0]\nR = 1e-6')
     said = refusal(lambda: parse_case(kalman))
     assert said == "observer.Q has no meaning for luenberger; observer.poles is missing; known here: kind, poles, measured"
+
+
+def test_a_sampled_dynamic_baseline_has_its_margins_over_the_known_set():
+    """The loop beside the nominal one is that of the plant with that theta; the baseline's own state does not change."""
+    plant = Plant(A=A, b=B, x0=X0, baseline=LqiBaseline(Q=[1.0, 1.0, 0.1, 0.1, 4.0], R=1.0, output=C[0]))
+    change = np.array([0.1, -0.2, 0.05, 0.1, 0.0])
+    known = ParameterBox(lower=plant.theta - 2 * abs(change), upper=plant.theta + 2 * abs(change))
+    problem = Problem(plant=plant, reference=COMMAND, observer=OBSERVERS["kalman"], uncertainty=known)
+    controller = Sampled(controller=BaselineAlone(), sample_time=T)
+    there = linearised(replace(problem, truth=Truth(A=A + np.outer(B, change[:4]))), controller).loop
+    np.testing.assert_allclose(linearised(problem, controller).beside(plant.b, change).A, there.A, atol=1e-12)
+    found = certify(problem, [controller], SIMULATION)
+    (loop,) = found[controller.name].values["margins_over_known_set"]
+    assert 0 < loop["delay_margin"]["value"] <= found[controller.name].values["delay_margin"]
+    (column,) = found.table.columns
+    assert "over the known set" in column.cells["margins"].text
+    assert "dynamic baseline" in column.cells["stability"].text and "sample_time" not in column.cells["stability"].text

@@ -123,7 +123,7 @@ def margins_cell(certificate: Certificate) -> Entry:
     if margin is not None and margin.applies:
         value = "unlimited" if margin.value is None else f"{margin.value:.4g} s"
         parts.append(f"delay margin {value} ({margin.of})")
-    for loop in () if over_set is None else over_set.value:
+    for loop in () if over_set is None or not over_set.applies else over_set.value:
         name = f"{loop['loop']}, without {loop['left_out']}" if "left_out" in loop else loop["loop"]
         if "unstable_at" in loop:
             parts.append(f"unstable for part of the known set ({name})")

@@ -27,9 +27,12 @@ class Linearised:
     rows: dict[str, Array]
 
     def beside(self, b: Array, change: Array) -> SampledLoop:
-        """The loop for the plant whose theta differs by ``change`` (n,), for phi(x) = x and one input with the column b."""
+        """The loop for the plant whose theta differs by ``change`` (n,), for phi(x) = x and one input with the column b.
+
+        The states of a dynamic baseline, which follow the plant's in b and theta, are the controller's own and do not change.
+        """
         A, x = self.loop.A.copy(), self.rows["x"]
-        A[np.ix_(x, x)] += np.outer(b, change)
+        A[np.ix_(x, x)] += np.outer(b[: len(x)], change[: len(x)])
         return replace(self.loop, A=A)
 
 

@@ -70,7 +70,8 @@ def _linear_when(problem: Problem, controller: Controller) -> str | None:
 
 def column(problem: Problem, controller: Controller, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The class's name, and cells that claim only what was computed."""
-    inner, why = controller.controller if isinstance(controller, Sampled) else controller, _why(problem, controller)
+    inner, bound = controller.controller if isinstance(controller, Sampled) else controller, certificate.entry("error_bound")
+    why = _why(problem, controller) if bound is None or bound.applies else bound.why
     cells = {key: nothing(key, why) for key in ("stability", "tracking", "transient", "estimates", "modelling_error")}
     if not ClosedLoop.of(problem, controller).parameters:
         cells["estimates"] = advice("estimates", "it estimates nothing")
