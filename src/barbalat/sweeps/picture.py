@@ -1,4 +1,4 @@
-"""Pictures of a sweep: how the members' errors are spread, a map over two axes, what each varied number accounts for."""
+"""Pictures of a sweep: the distribution of the members' errors, a map over two axes, and the share of each varied number."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ BINS_OF_DECIDING = 8
 
 @dataclass(frozen=True, eq=False)
 class WorstRun:
-    """A controller's worst member, simulated once more: the panel of its motion, up to ``t_end`` [s]."""
+    """A controller's worst member, simulated again: the panel of its motion, up to ``t_end`` [s]."""
 
     controller: str
     member: int
@@ -57,7 +57,8 @@ class WorstRun:
 
 
 def members_by_verdict(found: SweepResult, runs: Sequence[WorstRun], *, narrow: bool = False) -> Figure:
-    """For each controller the members over the two numbers that decide most; beside it, on a phone below, its worst run."""
+    """For each controller, the members over the two most influential numbers; beside it, or below it on a phone, its worst
+    run."""
     shown = [run for run in runs if f"{run.controller}/{VERDICT}" in found.rows.names][:MOST_SHOWN]
     rows, columns = (2 * len(shown), 1) if narrow else (len(shown), 2)
     figure, theme = new_figure(NARROW if narrow else WIDE, 3.4 * rows + 0.4, shown=False), Theme.current()
@@ -73,7 +74,7 @@ def members_by_verdict(found: SweepResult, runs: Sequence[WorstRun], *, narrow: 
 
 
 def deciding(found: SweepResult) -> list[FieldPath]:
-    """What varies, in the order of how much of the verdicts it decides alone; of the tail's error where all verdicts are one."""
+    """The varied numbers, ordered by their own share of the verdicts, or of the tail's error if all verdicts are equal."""
     judged = []
     for controller in found.controllers:
         kinds = found.column(f"{controller}/{VERDICT}")
@@ -169,7 +170,7 @@ def _histogram(axes: Axes, found: SweepResult, name: str, theme: Theme) -> None:
 
 
 def _largest_bound(found: SweepResult, controller: str) -> float | None:
-    """The largest bound of all members, where each of them has one."""
+    """The largest bound of all members, if each of them has one."""
     name = f"{controller}/{ERROR_BOUND}"
     if name not in found.rows.names:
         return None
@@ -179,7 +180,7 @@ def _largest_bound(found: SweepResult, controller: str) -> float | None:
 
 @dataclass(frozen=True, eq=False)
 class Heat:
-    """A figure over two axes of the grid: the median of the draws at each point, NaN where a member diverged there."""
+    """A figure over two axes of the grid: the median of the draws at each point, NaN if a member diverged there."""
 
     x: tuple[FieldPath, Array]
     y: tuple[FieldPath, Array]
@@ -187,7 +188,7 @@ class Heat:
 
 
 def heat_of(found: SweepResult, figure: str) -> Heat | None:
-    """None for a grid of other than two axes, and where members diverged at each of its points."""
+    """None for a grid of other than two axes, and if members diverged at each of its points."""
     axes = [(path, axis.values) for path, axis in found.plan.axes.items() if axis.count > 1]
     if len(axes) != 2 or len(found.plan.axes) != 2:
         return None
@@ -198,7 +199,7 @@ def heat_of(found: SweepResult, figure: str) -> Heat | None:
 
 
 def heat_map(heat: Heat, title: str, logarithmic: tuple[bool, bool], *, narrow: bool = False) -> Figure:
-    """A panel for each controller, on a phone one below the other; grey where members diverged."""
+    """A panel for each controller, stacked on a phone; grey where members diverged."""
     from matplotlib.colors import LogNorm, Normalize
 
     count = len(heat.values)
@@ -212,7 +213,7 @@ def heat_map(heat: Heat, title: str, logarithmic: tuple[bool, bool], *, narrow: 
         axes.set_facecolor("0.85")
         x, y = _edges(heat.x[1], logarithmic=logarithmic[1]), _edges(heat.y[1], logarithmic=logarithmic[0])
         mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(values), cmap="viridis", norm=scale)
-        mesh.set_rasterized(True)  # as vectors, the cells show hairlines between them
+        mesh.set_rasterized(True)  # vector cells would show hairlines between them
         axes.set_title(controller, fontsize="medium")
         axes.set_xlabel(str(heat.x[0]), fontsize=9)
         if narrow or i == 0:
@@ -233,7 +234,7 @@ def _edges(values: Array, *, logarithmic: bool) -> Array:
 
 
 def tornado(sensitivities: Sequence[Sensitivity], controllers: Sequence[str], name: str, *, narrow: bool = False) -> Figure:
-    """A bar for each varied number and controller: the share of the figure's variance, with its interval; the largest on top."""
+    """A bar for each varied number and controller: its share of the figure's variance, with its interval; the largest on top."""
     shares: dict[str, float] = {}
     for one in sensitivities:
         shares[str(one.path)] = max(shares.get(str(one.path), 0.0), one.first)

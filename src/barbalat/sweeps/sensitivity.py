@@ -33,7 +33,7 @@ class Sensitivity:
     """The sensitivity of one figure of one controller to one number.
 
     first      share of the variance, with its interval ``low`` to ``high``; both ends equal it where it is exact for the grid.
-               What an estimator gives below 0 or above 1 is cut off there, where no share lies
+               Estimates below 0 or above 1 are clipped
     total      with what it accounts for together with others; of Saltelli's design only, else None
     estimator  how it was obtained
     """
@@ -111,9 +111,9 @@ def _of(rows: Rows, values: Array, plan: Plan, made: Made) -> Iterator[Sensitivi
 
 
 def _near_one(values: Array) -> Array:
-    """The values times a power of two, which leaves every share of a variance its bits.
+    """The values times a power of two, which changes no bit of any share of a variance.
 
-    Squares of very small or very large values would underflow or overflow, so that nothing, or infinity, would be shared out.
+    Squares of very small or very large values would underflow or overflow, so that the variance would be zero or infinite.
     """
     return np.ldexp(values, -int(np.frexp(np.abs(values).max())[1]))
 
@@ -152,7 +152,7 @@ def _saltelli(values: Array, plan: Plan, made: Made) -> Iterator[Sensitivity]:
         of_a, of_b, of_ab = a[rows] - mean, b[rows] - mean, ab[:, 0, rows] - mean
         return np.asarray((of_b * (of_ab - of_a)).mean(axis=1) / np.var([of_a, of_b]))
 
-    generator = np.random.default_rng(plan.seed)  # SobolResult.bootstrap takes none: its intervals differ from run to run
+    generator = np.random.default_rng(plan.seed)  # SobolResult.bootstrap accepts no seed: its intervals differ from run to run
     resampled = bootstrap(
         [np.arange(n)], first_order, confidence_level=CONFIDENCE_LEVEL, n_resamples=RESAMPLES, method="BCa", rng=generator
     )

@@ -1,4 +1,4 @@
-"""How a number is spread: over the values of a grid's axis, or as a distribution to draw from."""
+"""The values of a varied number: on a grid's axis, or from a distribution."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MOST_VALUES = 10**7
 
 @dataclass(frozen=True)
 class Axis:
-    """``count`` values from ``start`` to ``stop``, equally far apart, in the logarithm where asked."""
+    """``count`` values from ``start`` to ``stop``, equally spaced, in the logarithm if requested."""
 
     start: float
     stop: float
@@ -60,10 +60,10 @@ class Axis:
 
 
 class Distribution(Protocol):
-    """What a number is drawn from."""
+    """The distribution of a number."""
 
     def at(self, share: Array, before: Sequence[Array] = ()) -> Array:
-        """The values below which these shares of all draws lie, given the numbers that were drawn ``before``."""
+        """The quantiles at these shares, given the numbers drawn ``before``."""
         ...
 
 
@@ -126,7 +126,7 @@ class Normal:
 
 @dataclass(frozen=True)
 class CutNormal:
-    """From ``low`` to ``high``, normal around the middle; three standard deviations reach the ends, where it is cut off."""
+    """From ``low`` to ``high``, normal around the middle; truncated at the ends, which are three standard deviations away."""
 
     low: float
     high: float
@@ -144,9 +144,9 @@ class CutNormal:
 
 @dataclass(frozen=True)
 class InBall:
-    """An entry of a vector that lies evenly in a ball, given the entries before it, which were drawn just before.
+    """An entry of a vector that is uniform in a ball, given the entries drawn before it.
 
-    What is left of the ball there is a ball of fewer dimensions; along one of its axes a point of d dimensions has the density
+    The remaining section of the ball is a ball of fewer dimensions; along one axis of a d-dimensional ball the density is
     (1 - t^2)^((d - 1)/2) of t in [-1, 1], a beta distribution (Rosenblatt's transformation).
     """
 

@@ -317,7 +317,7 @@ def _locked(folder: Path) -> Iterator[None]:
             yield
         finally:
             shutil.rmtree(folder / WRITING_DIR, ignore_errors=True)
-            # while it is locked: a process that waits for it sees that it is gone, and makes a new one
+            # removed while it is locked: a waiting process notices this and makes a new one
             with contextlib.suppress(OSError):
                 (folder / LOCK_FILE).unlink()
             lock.release()

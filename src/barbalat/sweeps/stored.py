@@ -1,4 +1,4 @@
-"""What a sweep's folder on disk holds, and how it is read, also while another process writes it."""
+"""The contents of a sweep's folder on disk, and how to read it, also while another process writes it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ NAMES_OF_DIFFERENCES = {
 
 @dataclass(frozen=True)
 class StoreIndex:
-    """What is stored: ``files`` by their names, each with its first member, how many, and its SHA-256."""
+    """The index of a store: ``files`` by their names, each with its first member, its number of members, and its SHA-256."""
 
     identity: dict[str, Any]
     members: int
@@ -68,13 +68,13 @@ def name_of(chunk: Chunk) -> str:
 
 
 def require_parquet(purpose: str = "a store") -> None:
-    """InputError where what reads and writes it is missing."""
+    """InputError if the packages for reading and writing it are missing."""
     for module in ("pyarrow", "filelock"):
         validate.require_extra(module, "study", purpose)
 
 
 def read_index(folder: Path) -> StoreIndex | None:
-    """None if there is none; InputError where it can't be read."""
+    """None if there is none; InputError if it can't be read."""
     from pyarrow import ArrowException
 
     try:
@@ -97,14 +97,14 @@ def read_index(folder: Path) -> StoreIndex | None:
 
 
 def _schema(index: bytes) -> pa.Schema:
-    """The schema that the bytes of an index file hold."""
+    """The schema in the bytes of an index file."""
     from pyarrow import parquet
 
     return parquet.read_schema(io.BytesIO(index))
 
 
 def names_in(folder: Path) -> list[str]:
-    """The columns of a store; none where nothing is stored yet."""
+    """The columns of a store; none if nothing is stored yet."""
     try:
         return list(_schema((folder / INDEX_FILE).read_bytes()).names)
     except (FileNotFoundError, NotADirectoryError):
@@ -112,13 +112,13 @@ def names_in(folder: Path) -> list[str]:
 
 
 def checksum(text: bytes, schema: pa.Schema) -> bytes:
-    """SHA-256 of an index' text and of the columns beside it, whose names no other checksum has."""
+    """SHA-256 of an index's text and of its columns, whose names no other checksum covers."""
     columns = "".join(f"\n{one.name}: {one.type}" for one in schema)
     return hashlib.sha256(text + columns.encode()).hexdigest().encode()
 
 
 def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, float]:
-    """A member's row, also of a store that is being written; InputError where it is another sweep's or lacks the member."""
+    """A member's row, also from a store that is being written; InputError if it belongs to another sweep or lacks the member."""
     index = read_index(folder)
     if index is None:
         raise InputError(f"the store {str(folder)!r} does not contain a sweep")
@@ -129,7 +129,7 @@ def row_of(folder: Path, identity: dict[str, Any], member: int) -> dict[str, flo
 def require_same(
     folder: Path, index: StoreIndex, identity: dict[str, Any], differences: Mapping[str, str] = NAMES_OF_DIFFERENCES
 ) -> None:
-    """InputError where the store is another sweep's, with what differs."""
+    """InputError, with the difference, if the store belongs to another sweep."""
     for key, what in differences.items():
         if key in identity.keys() & index.identity.keys() and index.identity[key] != identity[key]:
             by = f" (made by barbalat {index.versions.get('barbalat')})" if key in ("equations", "judge") else ""
@@ -137,9 +137,10 @@ def require_same(
 
 
 def grown(index: StoreIndex, identity: dict[str, Any], members: int) -> StoreIndex:
-    """The index for further members, of a plan that keeps its first; as it is where it is of another sweep or of as many."""
+    """The index extended to further members of a plan that keeps its first ones; unchanged for another sweep or the same
+    number."""
     plan = index.identity.get("plan", {}) | {"members": members}
-    known = {key: value for key, value in identity.items() if key in index.identity}  # a store of old has fewer
+    known = {key: value for key, value in identity.items() if key in index.identity}  # an old store has fewer
     if members <= index.members or -(-members // index.chunk) > MOST_CHUNKS or index.identity | {"plan": plan} != known:
         return index
     return replace(index, identity=known, members=members, files=dict(index.files))
@@ -182,7 +183,7 @@ class StoredRows:
 def _table(file: Path, names: list[str] | None) -> pa.Table:
     """These columns of a file, or all of them.
 
-    Arrow gets the open file: it would take a name with a colon for a URL, expand a ``~``, and see a column in a folder ``a=1``.
+    Arrow gets the open file: it would take a name with a colon for a URL, expand ``~``, and read a folder ``a=1`` as a column.
     """
     from pyarrow import parquet
 
@@ -191,7 +192,7 @@ def _table(file: Path, names: list[str] | None) -> pa.Table:
 
 
 def intact(file: Path, sha256: str) -> bool:
-    """Whether a file is there with the bytes that were stored."""
+    """Whether a file exists with the stored bytes."""
     try:
         with file.open("rb") as content:
             return hashlib.file_digest(content, "sha256").hexdigest() == sha256

@@ -138,7 +138,7 @@ def run_study(
     scheduler  of the workers that run them; by default threads of this process
     bounds  certify what can be certified, a second for each controller, and compare the errors with it
     audit   number of members that are repeated with half of their step; see ``audit.audit``
-    told    receives sentences on the store and on what is waited for
+    told    receives sentences on the store and on the current wait
     Raises InputError for members beyond the budget, and, with its number, for one that gives no valid case; stored rows stay.
     """
     if audit is not None:
@@ -241,7 +241,7 @@ def _sink(settling: Settling, store: Path | None, chunk: int | None, columns: Se
 
 @contextlib.contextmanager
 def _kept(sink: Store | UnstoredChunks) -> Iterator[Callable[[Chunk, Columns], None]]:
-    """Takes what is complete; what a store has not written yet when it ends, in whatever way, is written then."""
+    """Accepts complete chunks; when it ends in any way, it writes what the store has not written yet."""
     if isinstance(sink, UnstoredChunks):
         yield sink.add
         return
@@ -253,7 +253,7 @@ def _kept(sink: Store | UnstoredChunks) -> Iterator[Callable[[Chunk, Columns], N
 
 
 def _paced(made: Made, pace: Pace, settling: Settling) -> Made:
-    """The same, where the next pieces are as large as these show to be right."""
+    """The same, with the next pieces sized by the duration of these."""
     for one, columns in made:
         yield one, columns
         pace.fewest = FEWEST_MEMBERS * settling.kernels
@@ -261,7 +261,7 @@ def _paced(made: Made, pace: Pace, settling: Settling) -> Made:
 
 
 def _here(settling: Settling, units: Iterator[Chunk], done: int, threads: int | None, progress: Progress | None) -> Made:
-    """In threads, one after the other; ``done`` members are there already."""
+    """In threads, one after the other; ``done`` members are already stored."""
     members = len(settling.study)
     for one in units:
         told = part_of(progress, done / members, one.size / members)
@@ -284,7 +284,7 @@ def _numbers(chunk: Chunk) -> Array:
 
 
 def _runner(scheduler: Scheduler | None, threads: int | None) -> Callable[[Work], Columns]:
-    """What does a piece of work by itself, where the members are run."""
+    """The function that does a piece of work alone, in the process that runs the members."""
     if scheduler is None:
         return lambda work: done_here(work, threads=threads)
 
@@ -297,7 +297,7 @@ def _runner(scheduler: Scheduler | None, threads: int | None) -> Callable[[Work]
 
 
 def _judged(found: Columns, study: Study, bounds: Bounds | None, chunk: Chunk) -> Columns:
-    """A chunk's columns with what is guaranteed of each member."""
+    """A chunk's columns with the guarantees for each member."""
     if bounds is not None:
         found |= {f"{name}/{ERROR_BOUND}": values for name, values in bounds.of(study.values(*chunk)).items()}
     return found
@@ -305,7 +305,8 @@ def _judged(found: Columns, study: Study, bounds: Bounds | None, chunk: Chunk) -
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Replayed:
-    """A member's case and the runs of its controllers, with what varies and all figures by the names of a store's columns."""
+    """A member's case and the runs of its controllers, with the varied numbers and all figures under the names of a store's
+    columns."""
 
     number: int
     case: Case
@@ -313,15 +314,15 @@ class Replayed:
     columns: Columns
 
     def differing(self, stored: Mapping[str, float]) -> list[str]:
-        """The columns of a stored row that are other bits than this run's."""
+        """The columns of a stored row that differ bit by bit from this run's."""
         own = {name: float(values[0]) for name, values in self.columns.items()}
         return [name for name, value in own.items() if name in stored and not np.array_equal(stored[name], value, equal_nan=True)]
 
 
 def replay(study: Study, member: int, *, threads: int | None = None, progress: Progress | None = None) -> Replayed:
-    """The member by its number, on the kernel of its sweep: one that is made for it alone would round differently.
+    """The member with this number, on its sweep's kernel: a kernel made for it alone would round differently.
 
-    A recorded run adds its sums up in other blocks. So its figures are those of the run that is not recorded.
+    A recorded run accumulates its sums in other blocks. Its figures are therefore those of the unrecorded run.
     """
     validate.whole("member", member, least=0, most=len(study) - 1)
     settling, row = Settling(study), study.values(member, 1)
@@ -336,9 +337,9 @@ def replay(study: Study, member: int, *, threads: int | None = None, progress: P
 
 
 def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) -> dict[str, tuple[int, Result]]:
-    """For each controller its worst member and that member's run, recorded, with the step that settled it.
+    """The worst member of each controller and its recorded run, with the step that settled it.
 
-    Of the first class that any member has, the one that was lost first, or else has the largest error in the tail.
+    Among the members of the worst class: the one that was lost first, or else the one with the largest error in the tail.
     """
     settling, runs = Settling(study), {}
     for i, name in enumerate(study.controllers):
@@ -356,7 +357,7 @@ def worst_runs(study: Study, found: SweepResult, *, threads: int | None = None) 
 def _recorded(
     study: Study, member: int, number: int, controller: Controller, threads: int | None, progress: Progress | None
 ) -> Result:
-    """A member's run with one controller; its figures are those of the run that is not recorded."""
+    """A member's run with one controller; its figures are those of the unrecorded run."""
     row = study.values(member, 1)
     case, setting = study.varied.at(row[0]), study.setting(row[0], windows=MOST_WINDOWS)
     members = setting.members(row, study.plan.streams(member, 1))[number]
@@ -372,6 +373,6 @@ def _recorded(
 
 
 def study_members(study: Study, member: int) -> tuple[Members, ...]:
-    """What each controller's kernel is given of one member."""
+    """The arguments of each controller's kernel for one member."""
     (part,) = study.parts(member, 1)
     return part.members

@@ -1,7 +1,7 @@
 """Many flights: every controller through every failure on vehicles that are drawn, kept in a store.
 
-What is drawn of a vehicle is its ``Drawing``'s to say. A store is that of a sweep: Parquet, a
-row for each draw, resumed by the same call after whatever ended the last one.
+A vehicle's ``Drawing`` defines what is drawn. The store is like that of a sweep: Parquet, a row for each draw, resumed by the
+same call however the last one ended.
 """
 
 from __future__ import annotations
@@ -53,10 +53,10 @@ DIFFERENCES = {
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Campaign:
-    """What is flown: schemes through failures on the draws of a plan. It is pickled into the processes that fly.
+    """A campaign: schemes through failures on the draws of a plan. It is pickled into the processes that fly.
 
     models  the vehicle at each of its conditions
-    aboard  what flies it there
+    aboard  the controllers there
     """
 
     vehicle: AnyVehicle
@@ -75,7 +75,7 @@ class Campaign:
 
     @property
     def conditions(self) -> tuple[str, ...]:
-        """Where the draws fly, in turns."""
+        """The flight conditions of the draws, in turn."""
         return tuple(self.vehicle.drawing.conditions)
 
     @property
@@ -84,12 +84,12 @@ class Campaign:
         return min(max(self.vehicle.drawing.chunk // (len(self.controllers) * len(self.failures)), 1), MOST_DRAWS)
 
     def cost(self, members: float, processes: int) -> Estimate:
-        """What flying so many draws takes, with the processes side by side."""
+        """The cost of flying this number of draws in parallel processes."""
         flights = members * len(self.controllers) * len(self.failures)
         return Estimate(memory=FLIGHT_BYTES * flights, seconds=CHUNK_SECONDS / self.vehicle.drawing.chunk * flights / processes)
 
     def require(self, members: int, processes: int) -> None:
-        """InputError where so many draws are beyond the budget."""
+        """InputError if this number of draws exceeds the budget."""
         drawn = counted(members, "draw")
         budget.require(
             "the campaign", members, lambda count: self.cost(count, processes), given=f"of {drawn}",
@@ -97,7 +97,7 @@ class Campaign:
         )  # fmt: skip
 
     def identity(self) -> dict[str, object]:
-        """What a store must have been made with to be gone on with."""
+        """The data with which a store must have been made in order to be continued."""
         case = {
             "flight": self.name,
             "conditions": list(self.conditions),
@@ -118,10 +118,10 @@ class Campaign:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DispersedComparison:
-    """What all of them came to.
+    """The results of a campaign.
 
     rows     a row for each draw: what was drawn, and ``KEPT`` for each controller and failure
-    resumed  draws that the store held already
+    resumed  number of draws that were already stored
     """
 
     campaign: Campaign
@@ -133,7 +133,7 @@ class DispersedComparison:
         return len(self.campaign.plan)
 
     def column(self, controller: str, failure: str, figure: str) -> Array:
-        """(members,) one figure of a controller's flights through a failure, one for each draw; KeyError where there is none."""
+        """(members,) one figure of a controller's flights through a failure, one for each draw; KeyError if there is none."""
         name = column_name(controller, failure, figure)
         if name not in self.rows.names:
             raise validate.unknown_name("column", name, self.rows.names)
@@ -141,13 +141,13 @@ class DispersedComparison:
 
     @cached_property
     def evidence(self) -> Evidence:
-        """Losses, errors and who is better than whom, with intervals."""
+        """Losses, errors and comparisons of controllers, with intervals."""
         failures = tuple(one.name for one in self.campaign.failures)
         return evidence_of(self.column, self.campaign.controllers, failures)
 
 
 def column_name(controller: str, failure: str, figure: str) -> str:
-    """What the store calls the column of a controller, a failure and a figure."""
+    """The store's column name for a controller, a failure and a figure."""
     return f"{controller}, {failure}/{figure}"
 
 
@@ -165,12 +165,12 @@ def fly_dispersed(
     """Fly schemes through failures on vehicles that are drawn; the extras ``flight`` and, for a store, ``study``.
 
     name, schemes, failures  as of ``fly``
-    members    draws, each flown by every scheme through every failure; where there are several conditions they take turns
+    members    number of draws, each flown by every scheme through every failure; several conditions alternate
     seed       of the draws, and each draw's number of its gusts
-    store      a folder that keeps every row and from which the same call goes on, or one for more draws
+    store      a folder that keeps every row, from which the same call, or one for more draws, continues
     processes  that fly side by side
 
-    Raises InputError for what can't be flown, SimulatorFailed where the simulator breaks; what was stored before stays.
+    Raises InputError for anything that can't be flown, and SimulatorFailed if the simulator fails; stored rows remain.
     """
     validate.whole("processes", processes, least=1)
     vehicle = vehicle_of(name)
@@ -205,7 +205,7 @@ def _sink(campaign: Campaign, store: Path | None) -> Iterator[Store | UnstoredCh
 
 
 def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterator[tuple[Chunk, Columns]]:
-    """Each chunk in a process of its own, so many at a time, as they are done."""
+    """Yield each chunk when it is done; each has its own process, with this number in parallel."""
     seconds = STARTING_SECONDS + campaign.chunk * SECONDS_PER_FLIGHT * len(campaign.failures) * len(campaign.controllers)
     pool = ThreadPoolExecutor(processes)
     try:
@@ -217,7 +217,7 @@ def _made(campaign: Campaign, chunks: Sequence[Chunk], processes: int) -> Iterat
 
 
 def _flying(campaign: Campaign) -> Callable[[Draw, int], Iterator[tuple[str, str, Mapping[str, float | None]]]]:
-    """How a draw and its number are flown, by every controller through every failure; made once in a process.
+    """The function that flies a numbered draw with every controller through every failure; made once in a process.
 
     Yields controller, failure and at least the figures ``KEPT`` of each flight.
     """
@@ -257,13 +257,13 @@ def flown_members(campaign: Campaign, chunk: Chunk) -> Columns:
 
 @dataclass(frozen=True, kw_only=True)
 class Pairing:
-    """A controller beside another, both through the same failure on the same draws; a lost flight is worse than any other.
+    """A controller compared with another through the same failure on the same draws; a lost flight is worse than any other.
 
     better   draws on which it had the smaller error, of those on which they differ: both lost says nothing;
              None where there are none
     spared   draws on which the other alone was lost, of those on which one of them was lost alone; None if there are none
-    follows  1 where its error is less beyond chance, -1 where it is more, else 0, all comparisons together
-    keeps    the same of its losses: 1 where they are fewer
+    follows  1 if its error is significantly smaller, -1 if significantly larger, else 0, for all comparisons together
+    keeps    the same for its losses: 1 if they are fewer
     """
 
     other: str
@@ -286,7 +286,8 @@ class Flown:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Evidence:
-    """What the flights show for each failure, the controllers that lost least first, then by their error; and for all failures.
+    """The evaluation of the flights for each failure, with the controllers ordered by losses and then by error, and for all
+    failures.
 
     lost         of all flights of each controller, the fewest first: draws are independent, flights on one draw are not, so that
                  no interval stands beside them

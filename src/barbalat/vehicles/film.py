@@ -1,4 +1,4 @@
-"""A film of a scene: the vehicles' frames, what they leave behind them, where they should be. A GIF, drawn by Matplotlib."""
+"""A film of a scene: the vehicles' frames, their trails, and their commanded positions. A GIF, drawn by Matplotlib."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _film(scene: Scene, start: float, rate: int) -> bytes:
 
 
 class Canvas(Protocol):
-    """What is used of Matplotlib's, which has no types."""
+    """The parts of Matplotlib that are used, which have no types."""
 
     def draw(self) -> None: ...
 
@@ -70,7 +70,7 @@ class Canvas(Protocol):
 
 
 def _palette(scene: Scene) -> Image:
-    """What is drawn has these colours: the vehicles', ink, greys."""
+    """The colours of the drawing: the vehicles', ink, greys."""
     theme, shares = Theme(), np.linspace(0, 1, SHADES)[:, None]
     named = np.array([to_rgb(one) for one in (*(theme.colour(mover.colour) for mover in scene.movers), INK, QUIET_INK)])
     shades = np.concatenate([(1 - shares) * one + shares for one in named])
@@ -80,7 +80,7 @@ def _palette(scene: Scene) -> Image:
 
 
 def _frames(scene: Scene, instants: range) -> Iterator[Image]:
-    """The box is drawn once; on it what moves."""
+    """The box is drawn once, and the moving parts on top of it."""
     figure = new_figure(FRAME_SIDE, FRAME_SIDE, shown=False)
     figure.set_dpi(PIXELS_PER_INCH)
     figure.set_facecolor(GROUND)
@@ -115,7 +115,7 @@ def _frames(scene: Scene, instants: range) -> Iterator[Image]:
 
 
 def _moving(axes: Axes, scene: Scene, mover: Mover, k: int, theme: Theme) -> list[Line2D]:
-    """A vehicle at an instant, or what is left to see of one that was lost."""
+    """A vehicle at an instant, or the mark of a lost one."""
     at, colour, dash = min(k, len(mover.path) - 1), theme.colour(mover.colour), dash_of(mover.colour)
     since = max(0, k - round(TRAIL_SECONDS / float(scene.t[1] - scene.t[0])))
     found: list[Line2D] = []
@@ -130,12 +130,12 @@ def _moving(axes: Axes, scene: Scene, mover: Mover, k: int, theme: Theme) -> lis
 
 
 def _clipped(scene: Scene, points: Array) -> Array:
-    """At the box's wall where they are outside."""
+    """Points outside are moved to the box's wall."""
     return np.asarray(np.clip(points, *scene.box))
 
 
 def _told(scene: Scene, k: int) -> str:
-    """Time, and how far each vehicle is from where it should be."""
+    """The time, and each vehicle's distance from its commanded position."""
     since = float(scene.t[k]) - scene.fails
     failed = f", {since:.1f} s after the failure" if scene.failing and since >= 0 else ""
     lines = [f"{scene.t[k]:.1f} s{failed}"]

@@ -1,7 +1,7 @@
-"""A function called in a process of its own, with a time limit: what a simulator breaks there is one sentence here.
+"""A function called in a separate process with a time limit: a simulator's crash there becomes one sentence here.
 
-JSBSim ends the whole process on some errors of its files, and prints as it likes; both stay there. The function and what it is
-given and returns are pickled, between a process and its own child.
+On some errors of its files JSBSim ends the whole process, and it prints freely; both stay in that process. The function, its
+arguments and its result are pickled, between a process and its own child.
 """
 
 from __future__ import annotations
@@ -35,9 +35,9 @@ class SimulatorFailed(RuntimeError):
 
 
 def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
-    """``function(*given, **named)`` elsewhere; the function stands at the top of a module.
+    """``function(*given, **named)`` in another process; the function is at the top level of a module.
 
-    Raises InputError as the function does, SimulatorFailed where the process crashes or takes longer than so many seconds.
+    Raises InputError as the function does, SimulatorFailed if the process crashes or takes longer than this number of seconds.
     """
     with tempfile.TemporaryDirectory(prefix="barbalat-") as made:
         folder = Path(made)
@@ -59,7 +59,7 @@ def isolated(seconds: float, function: Callable[Given, Answer], *given: Given.ar
 
 @contextmanager
 def _held_open() -> Iterator[int]:
-    """A pipe's end to read from, which ends when this process does, however it ends."""
+    """The read end of a pipe, which closes when this process ends in any way."""
     reading, writing = os.pipe()
     try:
         yield reading
@@ -79,14 +79,15 @@ def _crash(code: int, said: str) -> str:
 
 
 def _end_with_parent(folder: Path) -> None:
-    """In the child, beside what it does: wait for the parent's end, where it was killed, clear up in its stead and go too."""
+    """In the child, in parallel with its work: wait for the parent's end; if the parent was killed, clean up in its place and end
+    too."""
     os.read(sys.stdin.fileno(), 1)
     shutil.rmtree(folder, ignore_errors=True)
     os._exit(1)
 
 
 def _answer(folder: Path) -> None:
-    """In the child: call what was asked for, keep what it returns or refuses."""
+    """In the child: call the requested function, and keep its result or its error."""
     threading.Thread(target=_end_with_parent, args=(folder,), daemon=True).start()
     function, given, named = pickle.loads((folder / ASKED).read_bytes())
     try:

@@ -1,4 +1,4 @@
-"""What flights look like over time: the panels that their vehicle declares, all controllers through one failure in each."""
+"""Flights over time: the panels that their vehicle declares, each with all controllers through one failure."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DRAWN_STRIDE = 10
 
 
 def figure_of(vehicle: Vehicle[Any, Any, Any], flights: Sequence[Flight], *, narrow: bool = False, shown: bool = False) -> Figure:
-    """All controllers through one failure; what lost ones do stands as far as the others' ranges reach.
+    """All controllers through one failure; lost ones are drawn within the others' ranges.
 
     narrow, shown  as of a run's picture
     """
@@ -51,7 +51,7 @@ def _panel(of: Shown[Any], flights: Sequence[Flight]) -> Panel:
 
 
 def thinned(values: Array) -> Array:
-    """Every so many rows of a record, and its last one."""
+    """Every n-th row of a record, and its last one."""
     rows = np.unique([*range(0, len(values), DRAWN_STRIDE), len(values) - 1])
     return np.asarray(values[rows])
 
@@ -93,7 +93,7 @@ def paths_figure(scene: Scene, *, narrow: bool = False, shown: bool = False) -> 
 
 
 def _fill(figure: Figure, axes: Axes3D, scene: Scene) -> None:
-    """The box as large as there is room below the legend, and the figure no higher than both: a box's shape is its flight's."""
+    """The box as large as fits below the legend, and the figure no higher than both: the flight determines the box's shape."""
     width, height = figure.get_size_inches()
     (legend,) = figure.legends
     top = height - legend.get_window_extent().y0 / figure.dpi
@@ -126,7 +126,7 @@ def _drawn(figure: Figure, axes: Axes3D, scene: Scene) -> tuple[Array, Array]:
 
 
 def box_of(figure: Figure, scene: Scene, font: float) -> Axes3D:
-    """Empty axes around all that is to be drawn of a scene."""
+    """Empty axes around everything to be drawn in a scene."""
     from mpl_toolkits.mplot3d import Axes3D
 
     low, high = scene.box
@@ -141,12 +141,12 @@ def box_of(figure: Figure, scene: Scene, font: float) -> Axes3D:
     if all(np.ptp(mover.path[:, 1]) == 0 for mover in scene.movers):  # a flight in one plane
         axes.set(yticks=[], ylabel="")
     for side in (axes.xaxis, axes.yaxis, axes.zaxis):
-        side.set_pane_color((1.0, 1.0, 1.0, 0.0))  # a palette has room for the lines' colours then
+        side.set_pane_color((1.0, 1.0, 1.0, 0.0))  # the palette then has enough colours for the lines
     return axes
 
 
 def sides(scene: Scene) -> Array:
-    """How long the box is drawn along each axis."""
+    """The drawn length of the box along each axis."""
     low, high = scene.box
     return np.asarray((high - low) / (high - low).max()) if scene.equal else np.array([1.0, 0.5, 0.5])
 

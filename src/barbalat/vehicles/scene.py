@@ -1,4 +1,4 @@
-"""Flights in space, as data: who flew where, and how it stood there. ``film`` and ``picture`` draw them."""
+"""Flights in space, as data: position and attitude of each vehicle. ``film`` and ``picture`` draw them."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from barbalat.validate import Array
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Mover:
-    """One vehicle's flight at the scene's instants, or the first of them, up to where it was lost.
+    """One vehicle's flight at the scene's instants, up to its loss.
 
     label     the controller's name
-    colour    of the palette, as in the other pictures
+    colour    from the palette, as in the other pictures
     path      (K, 3), in the scene's unit
     attitude  (K, 3, 3), its columns the body's axes
     lost      whether control was lost at the end
@@ -29,16 +29,16 @@ class Mover:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scene:
-    """What is seen at some instants.
+    """A scene at some instants.
 
     unit    of all lengths
     t       (K,) [s]
     target  (K, 3), where the vehicle should be; None if no place is commanded
     movers  the vehicles
     wire    lines (P, 3) in the body's axes, of size 1: the vehicle's frame
-    fails   [s], when the failure comes
-    failing whether anything does then
-    equal   whether a length is as long on all axes; of a flight of miles at one height it can't be
+    fails   [s], the time of the failure
+    failing whether there is a failure
+    equal   whether all axes have the same scale, which is impossible for a flight of miles at one height
     """
 
     title: str
@@ -53,7 +53,7 @@ class Scene:
 
     @property
     def box(self) -> tuple[Array, Array]:
-        """The least and greatest coordinates of all that kept control, or of all where nobody did; a span of 1 at least."""
+        """The smallest and largest coordinates of the vehicles that kept control, or of all if none did; a span of at least 1."""
         kept = [one.path for one in self.movers if not one.lost] or [one.path for one in self.movers]
         points = np.vstack([*kept, *([] if self.target is None else [self.target])])
         low, high = points.min(axis=0), points.max(axis=0)

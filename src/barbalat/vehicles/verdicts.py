@@ -1,7 +1,7 @@
-"""The judge beside a flight model: its list over a flight's record, sample by sample.
+"""The judge for flight models: its list, evaluated over a flight's record sample by sample.
 
-What a vehicle calls lost is its own: an envelope, a ground. No flight model is taken further with its command held, nor without
-its gusts and its sensors' noise, so that a limit cycle can be suspected here and not confirmed.
+Each vehicle has its own criteria for being lost: an envelope, the ground. Flights are not continued with the command held and
+without gusts and noise, so a limit cycle can only be suspected here, not confirmed.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ SWINGS = "swings from limit to limit"
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """What the judge sees of a flight of K samples: n components that follow, m controls with limits, q commands.
+    """The judge's data for a flight of K samples: n components that follow, m controls with limits, q commands.
 
     names, units  of the components; unit of the controls
-    y, y_m        (K, n) what follows, and what is to be followed
+    y, y_m        (K, n) the following motion and the commanded one
     u             (K, m) the controls as demanded, and ``limited`` (K, m) as they are
     limits        (2, m) the ends of their ranges
     commands      (K, q)
@@ -59,7 +59,7 @@ class Followed:
 
 
 def verdict_of(seen: Followed, t: Array, duration: float, lost: str) -> Verdict:
-    """The verdict on a flight with its samples at t (K,) [s], planned for so long [s], and lost where a reason is given."""
+    """The verdict on a flight with samples at t (K,) [s] and the planned duration [s]; a given reason means that it was lost."""
     inputs, tail = seen.u.shape[1], int(np.searchsorted(t, TAIL_SHARE * duration))
     memory = Memory(
         components=seen.y.shape[1],
@@ -93,7 +93,7 @@ def verdict_of(seen: Followed, t: Array, duration: float, lost: str) -> Verdict:
 
 
 def _suspected(seen: Followed, kept: Kept, tail: int, t: Array) -> str:
-    """What the controls do in the tail that no command explains, in words; empty where nothing is."""
+    """The controls' motion in the tail that no command explains, in words; empty if there is none."""
     if tail >= len(t):
         return ""
     reversals, swings = kept.reversals, kept.swings

@@ -1,4 +1,5 @@
-"""A rigid aircraft of JSBSim: put into a state, asked for its rates, moved by steps; in feet and pounds, as its tables are."""
+"""A rigid aircraft of JSBSim: its state can be set, its rates read, and its motion stepped; in feet and pounds, like its
+tables."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ STEP = 1 / 400
 
 @dataclass(frozen=True)
 class FlightCondition:
-    """Where level flight is trimmed.
+    """The condition at which level flight is trimmed.
 
     altitude  [ft]
     mach      true airspeed over the speed of sound there
@@ -61,7 +62,7 @@ ABOVE_GROUND = 50_000.0
 
 
 class Motion(NamedTuple):
-    """The state of a rigid aircraft without its place: [ft/s], [rad], [rad/s]."""
+    """The state of a rigid aircraft without its position: [ft/s], [rad], [rad/s]."""
 
     speed: float
     alpha: float
@@ -89,7 +90,7 @@ DEGREES = 180 / np.pi
 
 
 class Surfaces(NamedTuple):
-    """[rad], as the tables see them."""
+    """[rad], as read by the tables."""
 
     elevator: float
     aileron: float = 0.0
@@ -97,7 +98,7 @@ class Surfaces(NamedTuple):
 
 
 class Airframe:
-    """The F-16 at a condition. Its numbers are JSBSim's: a process holds one, see ``isolated``."""
+    """The F-16 at a condition. Its data are global in JSBSim: a process can have only one, see ``isolated``."""
 
     def __init__(self, condition: FlightCondition, step: float = STEP) -> None:
         self.condition, self.step = condition, step
@@ -111,7 +112,7 @@ class Airframe:
         self.speed = float(self.fdm["ic/vt-fps"])
 
     def put(self, motion: Motion, surfaces: Surfaces, throttle: float) -> None:
-        """At t = 0 into a state, with an engine that has settled at its throttle."""
+        """Set the state at t = 0, with an engine that has settled at its throttle."""
         fdm = self.fdm
         fdm["ic/h-sl-ft"] = self.condition.altitude
         fdm["ic/vt-fps"] = motion.speed
@@ -126,12 +127,12 @@ class Airframe:
         fdm.run_ic()
 
     def move(self, surfaces: Surfaces) -> None:
-        """What the aerodynamic tables see from now on."""
+        """Set the deflections that the aerodynamic tables read from now on."""
         for name, value in zip(f16.SURFACES, surfaces, strict=True):
             self.fdm[f"surfaces/{name}-rad"] = value
 
     def surface(self, place: int) -> FGPropertyNode:
-        """What the aerodynamic tables see of one of them [rad], to be set many times."""
+        """A setter for one deflection that the aerodynamic tables read [rad], for repeated use."""
         return self._node(f"surfaces/{f16.SURFACES[place]}-rad")
 
     def seeing(self, states: Iterable[str], trimmed: Sequence[float]) -> Callable[[], list[float]]:
@@ -140,30 +141,30 @@ class Airframe:
         return lambda: [DEGREES * value() - at for value, at in read]
 
     def _node(self, name: str) -> FGPropertyNode:
-        """A property of JSBSim's, to be read or set many times."""
+        """A property of JSBSim for repeated reading or setting."""
         node = self.fdm.get_property_manager().get_node(name)
         if node is None:
             raise InputError(f"JSBSim's F-16 has no property {name}: is another version of JSBSim installed?")
         return node
 
     def blow(self, down: float, east: float = 0.0) -> None:
-        """The air around it moves so fast from now on [ft/s]; it flies north."""
+        """Set the velocity of the air from now on [ft/s]; the aircraft flies north."""
         self.fdm["atmosphere/gust-down-fps"] = down
         self.fdm["atmosphere/gust-east-fps"] = east
 
     def shift_ballast(self, aft: float, right: float = 0.0) -> None:
-        """Move ``f16.BALLAST_LB`` so far from where it is [in]."""
+        """Move ``f16.BALLAST_LB`` by this distance [in]."""
         for axis, way in (("X", aft), ("Y", right)):
             place = f"inertia/pointmass-location-{axis}-inches[{f16.BALLAST}]"
             self.fdm[place] = self.fdm[place] + way
 
     def load(self, pounds: float) -> None:
-        """So much more where the ballast is [lb]."""
+        """Add this weight at the ballast's position [lb]."""
         place = f"inertia/pointmass-weight-lbs[{f16.BALLAST}]"
         self.fdm[place] = self.fdm[place] + pounds
 
     def scale(self, coefficient: str, factor: float) -> None:
-        """One of ``f16.SCALED`` is so many times what the file says."""
+        """Multiply one of ``f16.SCALED`` by this factor."""
         self.fdm[f"scale/{coefficient}"] = factor
 
     @property
@@ -177,7 +178,7 @@ class Airframe:
         return float(self.fdm["accelerations/Nz"])
 
     def angles(self, states: Iterable[str]) -> Array:
-        """Some of the motion, angles and rates alone [deg, deg/s]."""
+        """The selected angles and rates of the motion [deg, deg/s]."""
         return DEGREES * np.array([self.fdm[PROPERTIES[name]] for name in states])
 
     @property
@@ -187,12 +188,12 @@ class Airframe:
 
     @property
     def heading(self) -> float:
-        """[deg] from where it flew at first, to the right; from -180 to 180."""
+        """Heading relative to the initial one [deg], positive to the right; from -180 to 180."""
         return float(np.remainder(DEGREES * self.fdm["attitude/psi-rad"] + 180, 360) - 180)
 
     @property
     def ground_velocity(self) -> tuple[float, float]:
-        """North, which is where it flew at first, and east [ft/s]."""
+        """North, the initial direction of flight, and east [ft/s]."""
         return float(self.fdm["velocities/v-north-fps"]), float(self.fdm["velocities/v-east-fps"])
 
     @property

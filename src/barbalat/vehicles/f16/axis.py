@@ -1,7 +1,7 @@
-"""Following a rate's command: the problem that a trimmed aircraft poses about one of its axes, as the schemes read it.
+"""Following a rate command: the problem of a trimmed aircraft about one of its axes, as the schemes read it.
 
-x are deviations from trim [deg, deg/s], u the surface's deviation from its trim [deg], r the commanded rate [deg/s]. All is
-computed from the linearised flight model; the model to follow is the loop of linear-quadratic feedback.
+x are deviations from trim [deg, deg/s], u the surface's deviation from its trim [deg], r the commanded rate [deg/s]. Everything
+is computed from the linearised flight model; the reference model is the loop with linear-quadratic feedback.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ class Followed:
     states      of ``Motion``, measured and fed back
     rate        the one of them that follows the command
     surface     of ``Surfaces``
-    attitude    of ``Motion``, what the rate turns
+    attitude    of ``Motion``, the angle that the rate changes
     commanded   [deg/s]
-    pulse       [s], for so long it is commanded, either way
+    pulse       [s], the duration of the command in each direction
     crossover   [rad/s] of the linear-quadratic loop
-    met         [deg, deg/s], how large the regressors 1 and x are in such flights: an adaptive gain is scaled by them
-    off         by how much a trim of the surface [deg] and the gains of x may be off, as the schemes know it
-    equipment   what it has between controller and aircraft
+    met         [deg, deg/s], typical magnitudes of the regressors 1 and x in such flights, by which adaptive gains are scaled
+    off         the uncertainty of the surface's trim [deg] and of the gains of x, as known to the schemes
+    equipment   the hardware between controller and aircraft
     """
 
     name: str
@@ -68,7 +68,7 @@ class Followed:
 
     @property
     def places(self) -> tuple[int, ...]:
-        """Places of the states in a ``Motion``."""
+        """Indices of the states in a ``Motion``."""
         return tuple(Motion._fields.index(name) for name in self.states)
 
 
@@ -84,7 +84,7 @@ PITCH = Followed(
     # the pitch rate reaches 63 % of its command in 0.3 s, and the equipment's lag of 0.09 s takes 15 deg of the phase there
     crossover=3.0,
     met=(1.0, 3.0, 3.0),
-    # half an elevator asks for 0.6 deg and some tenths, a centre of gravity by 5 % of the chord aft for 1.3 deg and 0.35
+    # half an elevator needs 0.6 deg and some tenths, a centre of gravity 5 % of the chord further aft needs 1.3 deg and 0.35
     off=(10.0, 0.5, 0.5),
     equipment=Equipment(),
 )
@@ -99,7 +99,7 @@ ROLL = Followed(
     pulse=1.5,
     crossover=3.0,  # as in pitch; the bare roll mode is at 2.4 rad/s
     met=(1.0, 1.0, 20.0, 2.0),
-    # half the ailerons ask for twice the gains, some hundredths of p's and tenths of beta's; 2000 lb off the middle for 3 deg
+    # half the ailerons need twice the gains, some hundredths of p's and tenths of beta's; 2000 lb off the middle need 3 deg
     off=(10.0, 2.0, 0.2, 0.5),
     equipment=Equipment(rate_limit=80.0, limit=21.5),  # of the ailerons: Stevens and Lewis, as above
 )
@@ -116,7 +116,7 @@ class Axis:
 
     @property
     def equipment(self) -> Equipment:
-        """What lies between controller and aircraft."""
+        """The hardware between controller and aircraft."""
         return self.followed.equipment
 
     @cached_property
@@ -132,7 +132,7 @@ class Axis:
 
     @property
     def rate(self) -> int:
-        """The followed rate's place in x."""
+        """The followed rate's index in x."""
         return self.followed.states.index(self.followed.rate)
 
     @property
@@ -159,19 +159,19 @@ class Axis:
 
     @property
     def k_0(self) -> float:
-        """With which the model's rate settles at its command."""
+        """The gain with which the model's rate settles at its command."""
         _, b = self.model
         return float(-1 / np.linalg.solve(self.A_m, b)[self.rate])
 
     @property
     def travel(self) -> tuple[float, float]:
-        """What the surface has left on either side of its trim [deg]."""
+        """The remaining deflection on either side of the trim [deg]."""
         limit, trimmed = self.equipment.limit, self.surface_trim
         return -limit - trimmed, limit - trimmed
 
     @property
     def like(self) -> str:
-        """The flight on whose linear model the schemes' numbers were found: its own."""
+        """The condition on whose linear model the schemes' numbers were found: its own."""
         return self.followed.name
 
     @property
@@ -191,28 +191,28 @@ class Axis:
 
     @property
     def met(self) -> Array:
-        """(1 + n,), how large 1 and x are in such flights."""
+        """(1 + n,), typical magnitudes of 1 and x in such flights."""
         return np.array(self.followed.met)
 
     @property
     def known_gain(self) -> Array:
-        """(n,) of the linear-quadratic feedback, which every scheme begins with."""
+        """(n,) of the linear-quadratic feedback, with which every scheme starts."""
         return self.gain
 
     @property
     def theta_hat0(self) -> Array:
-        """(1 + n,), at which adaptive schemes begin."""
+        """(1 + n,), the initial estimates of adaptive schemes."""
         return self.nominal
 
     @property
     def linear_problem(self) -> Problem:
-        """phi(x) = x: what linear controllers read."""
+        """phi(x) = x, for linear controllers."""
         _, b = self.model
         return self._problem(Plant(A_m=self.A_m, b=b, theta=self.gain, input=self._input))
 
     @property
     def adaptive_problem(self) -> Problem:
-        """phi(x) = (1, x): the trim may be off too. The gains of x are known up to ``Followed.off``."""
+        """phi(x) = (1, x): the trim may also be wrong. The gains of x are known up to ``Followed.off``."""
         _, b = self.model
         nominal, off = self.nominal, np.array(self.followed.off)
         plant = Plant(A_m=self.A_m, b=b, theta=nominal, input=self._input, regressor=Polynomial(degree=1, constant=True))

@@ -1,4 +1,4 @@
-"""What lies between a controller and the aircraft: converter, transport delay, actuator; and the sensors on the way back."""
+"""The hardware between a controller and the aircraft: converter, transport delay, actuator, and the sensors."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Equipment:
 
     @property
     def lag(self) -> float:
-        """The delay that all of it comes to at frequencies below 1/actuator_lag [s]."""
+        """The total equivalent delay at frequencies below 1/actuator_lag [s]."""
         return self.actuator_lag + self.sensor_lag + self.transport_delay
 
 
@@ -48,15 +48,15 @@ class Actuator:
         return round(delay / self.step)
 
     def delay_more(self, seconds: float) -> None:
-        """From now on commands arrive so much later; until the first of them does, the newest that arrived stays."""
+        """From now on commands arrive later by this delay; until the first of them arrives, the last one is held."""
         self._waiting.extendleft([self._waiting[0] if self._waiting else self.deflection] * self._steps(seconds))
 
     def run_away(self, seconds: float) -> None:
-        """For so long it goes to its negative end as fast as it can (an elevator: nose up), whatever arrives."""
+        """For this long it moves to its negative end as fast as it can (an elevator: nose up), whatever the command."""
         self._runaway = self._steps(seconds)
 
     def advance(self, command: float) -> float:
-        """One step on; the deflection at its end [deg]."""
+        """Advance by one step; returns the deflection at its end [deg]."""
         limit = self.equipment.limit
         self._waiting.append(min(max(command, -limit), limit))
         arrived = self._waiting.popleft()

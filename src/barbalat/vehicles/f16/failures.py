@@ -1,4 +1,4 @@
-"""What fails in flight, at once and for good."""
+"""Failures in flight, sudden and permanent."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ FAILS_AT = 10.0
 class Failure:
     """From ``FAILS_AT`` on.
 
-    effectiveness  of the surface: the deflection that the aerodynamic tables see is so many times the surface's, trim included
-    ballast_aft    [in], how far aft ``f16.BALLAST_LB`` move
-    ballast_right  [in], how far to the right
-    delay          [s], added to the commands' way to the actuator
-    runs_away      [s], for so long the surface moves to its negative end as fast as it can; then it follows again
+    effectiveness  of the surface: the aerodynamic tables read this multiple of its deflection, trim included
+    ballast_aft    [in], the distance by which ``f16.BALLAST_LB`` move aft
+    ballast_right  [in], the distance by which they move to the right
+    delay          [s], added between the commands and the actuator
+    runs_away      [s], the time for which the surface moves to its negative end as fast as it can, before it follows again
     gusts          [ft/s], the standard deviation: vertical ones where a pitch rate is followed, lateral ones for a roll rate
     """
 

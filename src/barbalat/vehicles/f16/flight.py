@@ -1,4 +1,4 @@
-"""One flight as it was flown: what is recorded of it at each sample, and its figures."""
+"""One flight: its record at each sample, and its figures."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TIMING = Timing(duration=30.0, fails_at=FAILS_AT)
 
 
 def columns_of(followed: Followed) -> dict[str, str]:
-    """What is recorded at each sample, in this order, with its unit."""
+    """The recorded quantities at each sample, in this order, with units."""
     rate, surface = followed.rate, followed.surface
     rates, angles = (f"{rate}_c", f"{rate}_m", rate), ("alpha", "beta")
     surfaces, attitude = (f"{surface}_command", surface), ("pitch", "bank")
@@ -33,7 +33,8 @@ T, COMMANDED, MODEL, RATE, ALPHA, BETA, N_Z, COMMAND, SURFACE, PITCH, BANK, ALTI
 
 
 def figures_of(followed: Followed) -> dict[str, str]:
-    """A flight's figures with units; e is the followed rate less the model's, travel how far the surface moves in a second."""
+    """A flight's figures with units; e is the followed rate minus the model's, travel the distance that the surface moves in a
+    second."""
     surface = followed.surface
     return {
         "rms_e": "deg/s",
@@ -64,12 +65,12 @@ class AxisFlight(Flight):
 
     @property
     def error(self) -> Array:
-        """The followed rate less the model's, at the samples [deg/s]."""
+        """The followed rate minus the model's, at the samples [deg/s]."""
         return np.asarray(self.record[:, RATE] - self.record[:, MODEL])
 
     @property
     def followed_by_judge(self) -> Judged:
-        """The rate, and the surface that makes it."""
+        """The rate, and the surface that controls it."""
         followed, record, limit = self.followed, self.record, self.followed.equipment.limit
         rate, model, command, surface, asked = (record[:, [place]] for place in (RATE, MODEL, COMMAND, SURFACE, COMMANDED))
         return Judged(
@@ -87,7 +88,7 @@ class AxisFlight(Flight):
 
     @property
     def path(self) -> Array:
-        """North, west, altitude [ft]. Who pitches stays in one plane, but for what the earth's rotation turns him aside."""
+        """North, west, altitude [ft]. In pitch the aircraft stays in one plane, except for the effect of the earth's rotation."""
         aside = -self.column("east") if self.followed.attitude == "phi" else np.zeros(len(self.record))
         return np.column_stack([self.column("north"), aside, self.column("altitude")])
 

@@ -1,4 +1,4 @@
-"""How a controller flies: on the moving aircraft, sample by sample, with a failure on the way."""
+"""The flight of a controller on the moving aircraft, sample by sample, with a failure during the flight."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SUBSTEPS = range(round(SAMPLE_TIME / STEP))
 def fly_once(
     axis: Axis, controller: Step, failure: Failure, dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
 ) -> AxisFlight:
-    """From trim, or from what a dispersion makes of it."""
+    """A flight from trim, or from the start that a dispersion gives."""
     aircraft = _Aircraft.at_start(axis, dispersion)
     controller.reset()
     samples, failing = round(timing.duration / SAMPLE_TIME), round(timing.fails_at / SAMPLE_TIME)
@@ -64,13 +64,13 @@ def fly_once(
 
 @dataclass(kw_only=True)
 class _Aircraft:
-    """What flies of one axis: the airframe and what lies between it and the controller.
+    """The flying part of one axis: the airframe and the hardware between it and the controller.
 
-    effectiveness  of the axis's surface, what a dispersion and a failure leave of it
+    effectiveness  of the axis's surface, after a dispersion and a failure
     surface        its deflection as the airframe's tables read it [rad]
-    states         what sensors see, as deviations from trim
+    states         the sensors' inputs, as deviations from trim
     hold           keeps the pitch axis where it is trimmed while another one is flown; None if pitch itself is
-    place, ground  how far north and east it is of where it was at first, and how fast it goes there [ft, ft/s]
+    place, ground  its distance north and east of the start, and its velocity in these directions [ft, ft/s]
     """
 
     axis: Axis
@@ -86,7 +86,7 @@ class _Aircraft:
 
     @classmethod
     def at_start(cls, axis: Axis, dispersion: Dispersion) -> _Aircraft:
-        """In trim, but for what a dispersion changes."""
+        """In trim, except for the changes of a dispersion."""
         trim, equipment, off = axis.trim, axis.equipment, np.deg2rad(dispersion.attitude)
         airframe = Airframe(trim.condition)
         airframe.load(dispersion.load)
@@ -114,7 +114,7 @@ class _Aircraft:
         )
 
     def fail(self, failure: Failure) -> None:
-        """From now on; its gusts are in the air already."""
+        """Apply the failure from now on; its gusts are already in the air."""
         self.effectiveness *= failure.effectiveness
         self.airframe.shift_ballast(failure.ballast_aft, failure.ballast_right)
         self.actuator.delay_more(failure.delay)
@@ -130,7 +130,7 @@ class _Aircraft:
         )  # fmt: skip
 
     def advance(self, command: float) -> None:
-        """Fly on for a sample under the surface's command."""
+        """Fly for one sample under the surface's command."""
         for _ in SUBSTEPS:
             self.surface.set_double_value(self.effectiveness * self.actuator.advance(command) / DEGREES)
             if self.hold is not None:
@@ -144,8 +144,8 @@ class _Aircraft:
 
 @dataclass(frozen=True, kw_only=True)
 class _PitchHold:
-    """The linear-quadratic feedback of the pitch axis, at once and without lag: the airframe may be unstable there by itself,
-    and what is compared is how somebody flies another axis."""
+    """The linear-quadratic feedback of the pitch axis, without lag: the airframe may be unstable in pitch by itself, and the
+    comparison is about another axis."""
 
     elevator: FGPropertyNode
     states: Callable[[], list[float]]
@@ -171,7 +171,7 @@ class _PitchHold:
 
 
 def _air(axis: Axis, failure: Failure, dispersion: Dispersion, samples: int, failing: int) -> list[tuple[float, float]]:
-    """Down and east at each sample: a dispersion's gusts all the way, those that a failure brings from then on."""
+    """Down and east at each sample: a dispersion's gusts during the whole flight, a failure's from its time on."""
     seeds = SEED + 2 * dispersion.number, SEED + 2 * dispersion.number + 1
     failed, drawn = (
         gusts_met(deviation, axis.trim.speed, SAMPLE_TIME, samples, seed)
@@ -188,7 +188,7 @@ MOST_BANK, MOST_BETA = 90.0, 30.0
 
 
 def _lost(row: Array) -> str:
-    """Where the aircraft leaves what its tables cover, what its structure bears, or the attitude that it was to keep."""
+    """Whether the aircraft leaves the range of its tables, the limits of its structure, or the required attitude."""
     if not np.isfinite(row[COMMAND]):
         return NO_NUMBER
     if not np.isfinite(row).all():
@@ -206,7 +206,7 @@ def _lost(row: Array) -> str:
 
 
 def _model(axis: Axis, commands: Array) -> Array:
-    """The followed rate of the model to follow, at the samples."""
+    """The rate of the reference model at the samples."""
     _, b = axis.model
     held = HeldSystem.of(axis.A_m, b * axis.k_0, SAMPLE_TIME)
     x, found = np.zeros(len(b)), []
@@ -236,7 +236,7 @@ def _of_one(speed: float, T: float, samples: int, seed: int) -> Array:
     tau = TURBULENCE_LENGTH / speed
     A = np.array([[0.0, 1.0], [-1 / tau**2, -2 / tau]])
     C = np.sqrt(tau) * np.array([1 / tau**2, np.sqrt(3) / tau])
-    # Van Loan (1978): exp([[-A, b b'], [0, A']] T) has the covariance of what the noise adds in a sample
+    # Van Loan (1978): exp([[-A, b b'], [0, A']] T) gives the covariance that the noise adds in a sample
     whole = np.zeros((4, 4))
     whole[:2, :2], whole[2:, 2:], whole[1, 3] = -A, A.T, 1.0
     found = HeldSystem.of(whole, np.zeros(4), T).Phi

@@ -1,10 +1,12 @@
-"""JSBSim's F-16 with surfaces that this program moves: its file as it is installed, changed in memory, never kept.
+"""JSBSim's F-16 with surfaces that this program moves: the installed file, changed in memory and never saved.
 
 What is changed: the aerodynamic tables read the deflections from properties of ours (``surfaces/...``), so that the actuator, its
-limits and what fails of a surface are ours, and no part of the file's own control system acts on them; ``BALLAST_LB`` of the
+limits and the failures of a surface are modelled here, and no part of the file's own control system acts on them; ``BALLAST_LB``
+of the
 empty weight become a mass of their own at the same place, which a shift of the centre of gravity moves; and the coefficients of
-``SCALED`` are multiplied by properties of ours (``scale/...``), which are one unless another aircraft is drawn. Nothing else
-is: not the tables, not the engine. The leading-edge flaps keep the file's schedule, which jumps at 5 deg of angle of attack.
+``SCALED`` are multiplied by properties of ours (``scale/...``), which are one unless another aircraft is drawn. Nothing else is
+changed, neither the tables nor the engine. The leading-edge flaps keep the file's schedule, which jumps at 5 deg of angle of
+attack.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ LIMIT_LOADS = (-4.0, 9.0)
 
 
 def load(step: float) -> FGFDMExec:
-    """The aircraft, wheels up, fuel frozen, with a solver's step [s]; InputError where JSBSim is missing or has another F-16."""
+    """The aircraft, wheels up, fuel frozen, with a solver's step [s]; InputError if JSBSim is missing or has another F-16."""
     require_extra("jsbsim", "flight", "a flight model")
     import jsbsim
 
@@ -88,7 +90,7 @@ def _hand_over_surfaces(aircraft: ET.Element) -> None:
             )
         for part in read:
             part.text = f"surfaces/{surface}-rad"
-        declared = ET.Element("property")  # a property that nobody declares ends the process
+        declared = ET.Element("property")  # an undeclared property ends the process
         declared.text = f"surfaces/{surface}-rad"
         control.insert(0, declared)
 

@@ -64,7 +64,7 @@ class Trim:
 
 
 def trimmed(condition: FlightCondition) -> Trim:
-    """InputError where the condition has no level flight within the surfaces', the engine's and the tables' ranges."""
+    """InputError if level flight at the condition is impossible within the ranges of the surfaces, the engine and the tables."""
     from scipy.optimize import root
 
     airframe = Airframe(condition)

@@ -48,10 +48,10 @@ class Axis:
 
     A, b         of x = (e, e') for u
     frequency    [rad/s], natural, of the feedback
-    lag          [s] between u and what it does, at low frequencies
+    lag          [s] between u and its effect, at low frequencies
     limit        of u, on both sides, and of the feedback
-    size         of the errors that are met
-    like         the axis whose linear model this one has, on which settings are found: "roll", "yaw" or "forward"
+    size         typical size of the errors
+    like         the axis with the same linear model, on which settings are found: "roll", "yaw" or "forward"
     """
 
     name: str
@@ -79,27 +79,27 @@ class Axis:
 
     @property
     def range(self) -> Array:
-        """(3,), how large theta of phi(x) = (1, x) may be, as the schemes know it: all of the limit, half of each gain."""
+        """(3,), the known bounds of theta for phi(x) = (1, x): the whole limit, and half of each gain."""
         return np.array([self.limit, *(0.5 * self.gain)])
 
     @property
     def time_unit(self) -> float:
-        """Bandwidths are so many over the lag [s]."""
+        """Bandwidths are multiples of the lag's inverse [s]."""
         return self.lag
 
     @property
     def frequency_unit(self) -> float:
-        """Adaptation frequencies are so many times the feedback's natural one [rad/s]."""
+        """Adaptation frequencies are multiples of the feedback's natural frequency [rad/s]."""
         return self.frequency
 
     @property
     def met(self) -> Array:
-        """(3,), how large 1 and x are in flight."""
+        """(3,), typical magnitudes of 1 and x in flight."""
         return np.array([1.0, self.size, self.size * self.frequency])
 
     @property
     def known_gain(self) -> None:
-        """A_m has the geometric controller's feedback already."""
+        """A_m already contains the geometric controller's feedback."""
 
     @property
     def theta_hat0(self) -> None:
@@ -141,7 +141,7 @@ class Axis:
 
 @dataclass(frozen=True, kw_only=True)
 class Electronics:
-    """Between the vehicle and its controllers.
+    """The hardware between the vehicle and its controllers.
 
     delay           [s] from a sample to the motors' command
     rate_lag        [s] of the rate sensors, first order
@@ -158,7 +158,7 @@ class Electronics:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Axes:
-    """All six, designed one inside the other: what position's loop takes for its lag is the attitude's loop."""
+    """All six, designed as cascades: the position loop's lag is that of the attitude loop."""
 
     hover: Hover
     electronics: Electronics = field(default_factory=Electronics)
@@ -203,5 +203,5 @@ class Axes:
         return np.asarray(self.hover.A[np.ix_(rows, rows)])
 
     def _moment(self, column: int) -> float:
-        """The acceleration that takes a rotor from hover to nothing [rad/s^2]."""
+        """The acceleration that reduces a rotor's thrust from hover to zero [rad/s^2]."""
         return float(self.hover.thrusts.min() / np.abs(self.hover.mixer[:, column]).max())

@@ -1,4 +1,4 @@
-"""A quadrotor of one kilogram, in numbers, and as the text of MuJoCo's own format."""
+"""A quadrotor of one kilogram, as numbers and in MuJoCo's file format."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ class Quadrotor:
 
     mass       [kg]
     inertia    [kg m^2] about the forward, left and upward axes
-    reach      [m], how far a rotor is forward or back, and left or right, of the centre
-    thrust     [N], the most that a rotor gives; the least is zero
+    reach      [m], a rotor's distance from the centre, both forward or back and left or right
+    thrust     [N], the largest of a rotor; the smallest is zero
     torque     [m], its drag torque over its thrust
     motor_lag  [s] of thrust behind its command, first order. Identified ones are between 0.02 and 0.07 s
-    centre     [m], how far forward and left of the rotors' middle the centre of gravity is
+    centre     [m], the centre of gravity's distance forward and left of the rotors' middle
     """
 
     mass: float = 1.0
@@ -65,11 +65,11 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, kw_only=True)
 class SlungMass:
-    """A mass on a cable that stays taut: a rod without mass on a ball joint.
+    """A mass on a taut cable, modelled as a massless rod on a ball joint.
 
     mass    [kg]
     cable   [m]
-    beside  [m], how far forward and left of the centre it is hooked on, on each axis
+    beside  [m], the hook's distance from the centre, forward and left alike
     """
 
     mass: float = 0.25
@@ -78,9 +78,9 @@ class SlungMass:
 
 
 def mjcf(vehicle: Quadrotor, *, slung: SlungMass | None = None, step: float = STEP, integrator: str = INTEGRATOR) -> str:
-    """The model as MuJoCo reads it; forward, left, up are its axes, and no part of it is anybody else's.
+    """The model in MuJoCo's format, written entirely here; its axes are forward, left, up.
 
-    Numbers that are none stay so: MuJoCo would put the vehicle back on the ground, as if nothing had been.
+    NaNs are kept: MuJoCo would otherwise reset the vehicle to the ground.
     """
     places = [(vehicle.reach * forward, vehicle.reach * left) for forward, left in PLACES]
     sites = "".join(f'<site name="rotor-{i}" pos="{x!r} {y!r} 0"/>' for i, (x, y) in enumerate(places))
@@ -112,7 +112,7 @@ SWING_DAMPING = 1e-3
 
 
 def _hung(slung: SlungMass) -> str:
-    """The mass is a ball of 4 cm: its own inertia is a hundredth of what its cable makes of it."""
+    """The mass is a ball of 4 cm, whose own inertia is a hundredth of that due to the cable."""
     ball = 0.4 * slung.mass * 0.04**2
     return (
         f'<body name="slung" pos="{slung.beside!r} {slung.beside!r} 0"><joint name="hook" type="ball" damping="{SWING_DAMPING}"/>'

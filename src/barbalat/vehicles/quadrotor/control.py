@@ -1,4 +1,4 @@
-"""The whole controller of a flight: position's loop around the attitude's, geometry around what a scheme adds to each axis."""
+"""The whole controller of a flight: the position loop around the attitude loop, and geometry around each axis's scheme."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)
 
 
 class Memory(NamedTuple):
-    """What a whole controller keeps between two samples; nothing in it is changed in place."""
+    """The state of a whole controller between two samples; it is never changed in place."""
 
     states: tuple[Array, ...]
     wanted: Array
@@ -41,8 +41,8 @@ class Memory(NamedTuple):
 class Control:
     """From measurements to thrusts. Not for several threads.
 
-    What position's control asks for moves with the noise of its measurements. The attitude's axes follow a model of it: a body
-    that obeys the geometric controller at once. So their errors are what the vehicle adds, and its command is known to them.
+    The position controller's demand moves with its measurement noise. The attitude's axes follow a model of it: a body
+    that obeys the geometric controller at once. Their errors are therefore due to the vehicle alone, and they know its command.
     """
 
     def __init__(self, axes: Axes, aboard: Aboard) -> None:
@@ -53,7 +53,7 @@ class Control:
         self.reset(np.eye(3), np.zeros(3))
 
     def reset(self, attitude: Array, rates: Array) -> None:
-        """Put the laws before their first sample and the model where the vehicle is, as control is handed to it."""
+        """Reset the laws and put the model at the vehicle's state, when control is handed over."""
         for _, step in (*self._attitude, *self._position):
             step.reset()
         self._wanted, self._commanded = wanted_thrust(np.zeros(3)), np.eye(3)
@@ -61,7 +61,7 @@ class Control:
 
     @property
     def resumable(self) -> bool:
-        """Whether it can be put where another flight was; an exported step keeps its state to itself."""
+        """Whether its state can be set to that of another flight; an exported step's state is inaccessible."""
         return len(self._states) == len(self._attitude) + len(self._position)
 
     @property
@@ -71,7 +71,7 @@ class Control:
 
     @property
     def memory(self) -> Memory:
-        """All that the next sample follows from beside what is measured, of one that is resumable."""
+        """Everything except the measurement that determines the next sample, for a resumable controller."""
         return Memory(tuple(state.copy() for state in self._states), self._wanted, self._commanded, self._model)
 
     @memory.setter
@@ -93,7 +93,7 @@ class Control:
         return allocated(self._mixer, self._hover, self.vehicle.thrust, float(self._wanted @ (R @ UP)), turning)
 
     def agreement(self) -> Agreement | None:
-        """How the exported C of all six axes agrees since this was last asked for: the samples of one flight."""
+        """The agreement of the exported C of all six axes since the last call: the samples of one flight."""
         told = [(axis.name, step.agreement()) for axis, step in (*self._attitude, *self._position)]
         named = [
             replace(one, difference=f"{name}: {one.difference}") if one.difference else one
@@ -103,7 +103,7 @@ class Control:
         return Agreement.together(named, flights=1) if named else None
 
     def _follow(self, command: AttitudeCommand) -> None:
-        """The model one sample on, under an acceleration that is held."""
+        """The model one sample later, under a held acceleration."""
         R, Omega, acceleration = self._model
         R, Omega = (
             turned(R, ATTITUDE_SAMPLE * (Omega + 0.5 * ATTITUDE_SAMPLE * acceleration)),
@@ -115,7 +115,7 @@ class Control:
 
 
 def _asked(loops: list[tuple[Axis, Step]], errors: Array) -> Array:
-    """Feedback and what the scheme adds, each within its limit, (3,)."""
+    """Feedback plus the scheme's control, each within its limit, (3,)."""
     return np.array(
         [axis.feedback(x) + axis.limited(float(step(x, 0.0)[0])) for (axis, step), x in zip(loops, errors, strict=True)]
     )

@@ -17,16 +17,17 @@ from barbalat.vehicles.quadrotor.simulator import ROTORS, Simulator
 class Dispersion:
     """How a vehicle, its start and its air differ from the nominal ones, from the first instant on.
 
-    mass, roll_inertia, pitch_inertia  factors; the inertia about the axis up goes with the other two, as a flat body's does
-    centre_forward, centre_left        [m], where the centre of gravity is
+    mass, roll_inertia, pitch_inertia  factors; the inertia about the vertical axis follows from the other two, as for a flat body
+    centre_forward, centre_left        [m], the position of the centre of gravity
     reach, drag_torque, motor_lag      factors of the vehicle's
     thrust, rotor_1, ..., rotor_4      factors: of all rotors, and of each of them
     noise                              a factor of all sensors' noise
     rate_lag                           [s] of the rate sensors, first order
-    delay                              [s], added to the commands' way to the motors, to a sample of the attitude's controllers
-    wind, wind_from                    [m/s], the mean of one that blows all the time, with gusts; [deg] from ahead, to the left
-    start_forward, start_left          [m], where it stands at the start
-    heading                            [deg], by which it is turned there
+    delay                              [s], added between the commands and the motors, in whole samples of the attitude
+    controllers
+    wind, wind_from                    [m/s], the mean of a constant wind with gusts; [deg] from ahead, to the left
+    start_forward, start_left          [m], its position at the start
+    heading                            [deg], its heading there
     number                             of the draw; noise and gusts are drawn by it
     """
 
@@ -82,7 +83,7 @@ class Dispersion:
         return found
 
     def electronics(self, nominal: Electronics) -> Electronics:
-        """Sensors and delay as they are drawn, around the nominal ones."""
+        """Sensors and delay as drawn, around the nominal ones."""
         return replace(
             nominal,
             delay=nominal.delay + self.delay,
@@ -97,12 +98,12 @@ class Dispersion:
 NOMINAL = Dispersion()
 DRAWN = {
     "mass": Uniform(0.9, 1.15),  # another battery, a camera
-    "roll_inertia": Uniform(0.8, 1.2),  # as they come out of a swing test or a drawing
+    "roll_inertia": Uniform(0.8, 1.2),  # as identified by a swing test or from a drawing
     "pitch_inertia": Uniform(0.8, 1.2),
-    "centre_forward": Uniform(-0.005, 0.005),  # a battery of a third of the mass that is strapped on by 1.5 cm elsewhere
+    "centre_forward": Uniform(-0.005, 0.005),  # a battery of a third of the mass, mounted 1.5 cm off its place
     "centre_left": Uniform(-0.005, 0.005),
     "reach": Uniform(0.98, 1.02),  # arms that fold
-    "drag_torque": Uniform(0.7, 1.3),  # of all of a propeller the number that is known worst
+    "drag_torque": Uniform(0.7, 1.3),  # of all of a propeller the least known number
     "motor_lag": Uniform(0.7, 1.5),  # 25 to 52 ms, of identified ones between 20 and 70
     "thrust": Uniform(0.85, 1.05),  # a battery from full to almost empty, air from sea level to 1000 m
     "rotor_1": Uniform(0.95, 1.05),  # propellers of one make, chipped or not

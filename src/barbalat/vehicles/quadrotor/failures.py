@@ -1,4 +1,4 @@
-"""What fails of a quadrotor, at once and for good."""
+"""Failures of a quadrotor, sudden and permanent."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from barbalat.vehicles.quadrotor.trajectory import TAKES_OFF
 
 @dataclass(frozen=True, kw_only=True)
 class Failure:
-    """From the instant on at which a flight's ``Timing`` has what fails; what is stale is so from the start.
+    """A failure acts from the instant in a flight's ``Timing``; ``stale`` applies from the start.
 
-    slung          what is hooked on
-    effectiveness  of the front left rotor: it gives so many times its thrust, and its torque
-    wind           [m/s], the mean of one from the left
-    motor_lag      [s], in the place of the vehicle's own
-    delay          [s], added to the commands' way to the motors
-    stale          whether the laws, which also run on the sloping ground, are not reset as control is handed to them
+    slung          the attached mass
+    effectiveness  of the front left rotor: a factor of its thrust and of its torque
+    wind           [m/s], the mean of a wind from the left
+    motor_lag      [s], in place of the vehicle's own
+    delay          [s], added between the commands and the motors
+    stale          whether the laws, which also run on the sloping ground, are not reset when control is handed to them
     """
 
     name: str

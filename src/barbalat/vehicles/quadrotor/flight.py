@@ -1,4 +1,4 @@
-"""One flight of a quadrotor as it was flown: what is recorded of it, and its figures."""
+"""One flight of a quadrotor: its record, and its figures."""
 
 from __future__ import annotations
 
@@ -58,12 +58,12 @@ class QuadrotorFlight(Flight):
 
     @property
     def error(self) -> Array:
-        """Distance from where it should be, at the samples [m]."""
+        """Distance from the commanded position, at the samples [m]."""
         return np.asarray(np.linalg.norm(self.path - self.target, axis=1))
 
     @property
     def followed_by_judge(self) -> Followed:
-        """The place, and the thrusts of the rotors of the vehicle that the controllers are designed for."""
+        """The position, and the rotor thrusts of the vehicle for which the controllers are designed."""
         thrusts = self.record[:, 13 : 13 + ROTORS]
         most = Quadrotor().thrust
         near = ARRIVED * most  # a motor's lag approaches the ends of its range
@@ -94,7 +94,7 @@ class QuadrotorFlight(Flight):
 
     @property
     def target(self) -> Array:
-        """Where it should have been [m]."""
+        """The commanded position [m]."""
         return self.record[:, 1:4]
 
     @property

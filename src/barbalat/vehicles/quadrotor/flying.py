@@ -1,4 +1,4 @@
-"""How a scheme flies: on the moving vehicle, sample by sample, with a failure on the way."""
+"""The flight of a scheme on the moving vehicle, sample by sample, with a failure during the flight."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LARGEST_DISTANCE, LARGEST_TILT, LEAST_HEIGHT = 3.0, 85.0, STANDING + 0.02
 def fly_all(
     axes: Axes, control: Control, failures: Sequence[Failure], dispersion: Dispersion = NOMINAL, timing: Timing = TIMING
 ) -> list[QuadrotorFlight]:
-    """Through each of them; what is the same in all flights, up to the failure, is flown once."""
+    """Flights through each failure; the common part before the failure is flown once."""
 
     def at_failure(*, stale: bool = False) -> _Vehicle:
         found = _Vehicle(axes, control, dispersion, timing, stale=stale)
@@ -51,7 +51,7 @@ def fly_all(
 class _Vehicle:
     """One on its way.
 
-    stale   whether the laws are not reset as control is handed to them
+    stale   whether the laws are not reset when control is handed to them
     k       the next sample
     record  rows of ``flight.COLUMNS``
     lost    why, empty as long as it is not
@@ -76,7 +76,7 @@ class _Vehicle:
         return self.control.memory if self.control.resumable else None
 
     def copied(self) -> _Vehicle:
-        """Another one in the same state, with the same controller, which goes its own way."""
+        """An independent copy in the same state, with the same controller."""
         found = copy.copy(self)
         found.simulator, found.sensing = self.simulator.copied(), copy.copy(self.sensing)
         found.waiting, found.record = self.waiting.copy(), self.record.copy()
@@ -93,7 +93,7 @@ class _Vehicle:
         self.air = self.air.failing(failure, self.dispersion, self.samples)
 
     def advance_to(self, seconds: float) -> None:
-        """Up to this instant, or to where it is lost."""
+        """Fly up to this instant, or until it is lost."""
         if self.memory is not None:
             self.control.memory = self.memory
         while self.k < round(seconds / ATTITUDE_SAMPLE) and not self.lost:
@@ -142,7 +142,7 @@ class _Vehicle:
 
 
 def _lost(row: list[float], motion: Motion) -> str:
-    """Where the vehicle strays, tips over, or comes down."""
+    """Whether the vehicle strays, tips over, or comes down."""
     if not np.isfinite(row).all():
         return "the simulation's numbers are no longer finite"
     if np.linalg.norm(np.subtract(row[4:7], row[1:4])) > LARGEST_DISTANCE:
@@ -174,7 +174,7 @@ class Air:
 
     @classmethod
     def drawn(cls, dispersion: Dispersion, samples: int) -> Air:
-        """What blows all the time."""
+        """The constant wind."""
         away = np.deg2rad(dispersion.wind_from)
         towards = -np.array([np.cos(away), np.sin(away), 0.0])
         speed = _speed(dispersion.wind, samples, SEED + 2 * dispersion.number + 1)
@@ -205,7 +205,7 @@ SEED = 2010
 
 
 class Sensing:
-    """From motions to measurements, sample by sample; a copy goes its own way."""
+    """From motions to measurements, sample by sample; copies are independent."""
 
     def __init__(self, electronics: Electronics, samples: int, number: int) -> None:
         from scipy.spatial.transform import Rotation

@@ -1,4 +1,4 @@
-"""The geometric controller of Lee, Leok and McClamroch: what of it is geometry. Its gains, and what is adapted, are the schemes'.
+"""The geometric part of the controller of Lee, Leok and McClamroch. The schemes have the gains and the adaptation.
 
 Source: T. Lee, M. Leok, N. H. McClamroch, Geometric tracking control of a quadrotor UAV on SE(3), CDC 2010. Here the axis up and
 the thrust have the same sense, and forces and moments are accelerations: divided by mass and inertia.
@@ -41,7 +41,7 @@ def attitude_errors(attitude: Array, rates: Array, command: AttitudeCommand) -> 
 
 
 def carried(attitude: Array, rates: Array, command: AttitudeCommand) -> Array:
-    """(3,) [rad/s^2], of (16): with it, e_Omega' is what is asked for beside it, as the command moves and turns."""
+    """(3,) [rad/s^2], from (16): with this term, e_Omega' equals the remaining demand while the command moves and turns."""
     turn = attitude.T @ command.attitude  # R'R_d
     return turn @ command.accelerations - cross(rates, turn @ command.rates)
 
@@ -64,7 +64,7 @@ def commanded_attitude(wanted: Array) -> Array:
 
 
 def wanted_thrust(acceleration: Array) -> Array:
-    """(3,) [m/s^2] that gives this acceleration where gravity pulls."""
+    """The thrust (3,) [m/s^2] that gives this acceleration under gravity."""
     wanted = acceleration + GRAVITY * UP
     wanted[2] = max(wanted[2], LEAST_THRUST)
     return wanted
@@ -73,7 +73,7 @@ def wanted_thrust(acceleration: Array) -> Array:
 def allocated(mixer: Array, hover: Array, most: float, up: float, turning: Array) -> Array:
     """Thrusts (4,) [N] for a thrust along the axis up and three angular accelerations [m/s^2, rad/s^2].
 
-    The moments come first: where a rotor ends, the thrust gives way, so that they stay what was asked for.
+    Moments have priority: if a rotor reaches its limit, the thrust is reduced so that the moments are as demanded.
     """
     thrusts = hover + mixer[:, 0] * (up - GRAVITY) + mixer[:, 1:] @ turning
     low, high = float(thrusts.min()), float(thrusts.max())

@@ -47,7 +47,7 @@ class Hover:
 
 
 def hovering(vehicle: Quadrotor) -> Hover:
-    """InputError where the rotors can't hold it."""
+    """InputError if the rotors can't hold it."""
     simulator = Simulator(vehicle)
 
     def accelerations(change: Array, thrusts: Array) -> Array:
@@ -56,7 +56,7 @@ def hovering(vehicle: Quadrotor) -> Hover:
         return simulator.accelerations
 
     thrusts = np.zeros(ROTORS)
-    for _ in range(2):  # the accelerations are linear in the thrusts: one step lands, the other shows that it did
+    for _ in range(2):  # the accelerations are linear in the thrusts: one step converges, and the other confirms it
         B = _differences(partial(_of_thrusts, accelerations, thrusts), ROTORS)
         thrusts = thrusts - np.linalg.pinv(B) @ accelerations(np.zeros(12), thrusts)
     left = float(np.abs(accelerations(np.zeros(12), thrusts)).max())
@@ -65,7 +65,7 @@ def hovering(vehicle: Quadrotor) -> Hover:
             f"the quadrotor can't hover: it would take thrusts of {thrusts} N, and {left:.2g} m/s^2 or rad/s^2 are left"
         )
     A, whole_B = np.zeros((12, 12)), np.zeros((12, ROTORS))
-    A[:6, 6:] = np.eye(6)  # near no rotation the rotation vector's rate is the body's
+    A[:6, 6:] = np.eye(6)  # near zero rotation the rotation vector's rate is the body rate
     A[6:] = _differences(lambda change: accelerations(change, thrusts), 12)
     whole_B[6:] = B
     return Hover(vehicle=vehicle, thrusts=thrusts, A=A, B=whole_B)

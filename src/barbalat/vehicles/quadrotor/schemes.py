@@ -1,6 +1,6 @@
 """What the project's schemes add to a geometric controller, axis by axis, with numbers that one rule found for each.
 
-The numbers are in units of the axis, so that one range is that of all axes.
+The numbers are in units of the axis, so that one range suits all axes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def _integral(axis: Axis, numbers: Numbers) -> OnLoop:
 
 
 def _hinf(axis: Axis, numbers: Numbers) -> OnLoop:
-    """On the integral's output, as the F-16's is on its PI's, and protected against windup alike."""
+    """Acts on the integral's output, as on the F-16 on its PI's output, with the same protection against windup."""
     linear = hinf_feedback(
         axis.linear_problem.known,
         unmodelled_delay=axis.lag / (2 * numbers["bandwidth"]),

@@ -1,4 +1,4 @@
-"""The quadrotor in MuJoCo: put into a state, moved by steps, asked for its accelerations."""
+"""The quadrotor in MuJoCo: its state can be set, its motion stepped, and its accelerations read."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ BODY_COORDINATES = 7
 
 
 def _unheard(_: str) -> None:
-    """MuJoCo's warnings are of numbers that are none, which a flight looks for itself; it would leave them in a file here."""
+    """MuJoCo's warnings concern NaNs, for which a flight checks itself; MuJoCo would write them to a file here."""
 
 
 class Motion(NamedTuple):
-    """A rigid body's, all but its rates in axes that rest and point forward, left, up at the start."""
+    """The motion of a rigid body; all but its rates in fixed axes that point forward, left, up at the start."""
 
     position: Array  # (3,) [m]
     attitude: Array  # (3, 3), its columns the body's axes
@@ -47,7 +47,7 @@ class Simulator:
         self.body = self.model.body("vehicle").id
 
     def put(self, motion: Motion, thrusts: Array) -> None:
-        """Into a state, with rotors that have settled at their thrusts (4,) [N]."""
+        """Set the state, with rotors settled at their thrusts (4,) [N]."""
         data, quaternion = self.data, np.empty(4)
         self.mujoco.mju_mat2Quat(quaternion, motion.attitude.reshape(-1))
         data.qpos[:3], data.qpos[3:BODY_COORDINATES] = motion.position, quaternion
@@ -56,7 +56,7 @@ class Simulator:
         self.mujoco.mj_forward(self.model, data)
 
     def stand(self, forward: float, left: float, heading: float) -> None:
-        """At rest elsewhere on the ground, which rises to the left, turned about its normal [m, m, deg]."""
+        """Place it at rest elsewhere on the ground, which rises to the left, turned about the ground's normal [m, m, deg]."""
         data, slope, turn = self.data, np.deg2rad(SLOPE), np.deg2rad(heading) / 2
         data.qpos[:3] += forward, left, left * np.tan(slope)
         upright = data.qpos[3:BODY_COORDINATES].copy()
@@ -64,18 +64,18 @@ class Simulator:
         self.mujoco.mj_forward(self.model, data)
 
     def copied(self) -> Simulator:
-        """Another one in the same state, which goes its own way."""
+        """An independent copy in the same state."""
         found = copy.copy(self)
         found.model, found.data = copy.copy(self.model), copy.copy(self.data)
         return found
 
     def advance(self, commands: Array, steps: int = 1) -> None:
-        """So many steps on with these thrusts commanded, (4,) [N]; what a rotor can't give is cut off."""
+        """Advance by this number of steps with these commanded thrusts, (4,) [N]; a rotor's thrust is limited to its range."""
         self.data.ctrl[:] = commands
         self.mujoco.mj_step(self.model, self.data, steps)
 
     def hook_on(self, slung: SlungMass) -> None:
-        """From now on a mass hangs on it, plumb, and at its own velocity."""
+        """From now on a mass hangs vertically below it, with the vehicle's velocity."""
         before, effectiveness, lags = self.data, self.model.actuator_gainprm.copy(), self.model.actuator_dynprm.copy()
         wind = self.model.opt.wind.copy()
         self._load(slung)
@@ -88,13 +88,15 @@ class Simulator:
         self.data.time = before.time
         self.mujoco.mju_negQuat(
             self.data.qpos[BODY_COORDINATES:], before.qpos[3:BODY_COORDINATES]
-        )  # the cable hangs down, however the vehicle leans
+        )  # the cable hangs vertically at any attitude of the vehicle
         self.mujoco.mju_rotVecQuat(turning := np.empty(3), before.qvel[3:6], before.qpos[3:BODY_COORDINATES])
-        self.mujoco.mju_rotVecQuat(self.data.qvel[6:9], -turning, before.qpos[3:BODY_COORDINATES])  # and does not turn with it
+        self.mujoco.mju_rotVecQuat(
+            self.data.qvel[6:9], -turning, before.qpos[3:BODY_COORDINATES]
+        )  # and it does not turn with the vehicle
         self.mujoco.mj_forward(self.model, self.data)
 
     def weaken(self, rotor: int, effectiveness: float) -> None:
-        """A rotor gives only so much of its thrust, and of its torque."""
+        """Scale a rotor's thrust and torque."""
         self.model.actuator_gainprm[rotor, 0] = effectiveness
 
     def slow_down(self, motor_lag: float) -> None:
@@ -114,12 +116,12 @@ class Simulator:
 
     @property
     def thrusts(self) -> Array:
-        """What the rotors give, (4,) [N]."""
+        """The rotors' thrusts, (4,) [N]."""
         return np.asarray(self.data.actuator_force.copy())
 
     @property
     def accelerations(self) -> Array:
-        """(6,): of the velocity [m/s^2] and of the body's rates [rad/s^2], for the state as it is."""
+        """(6,): of the velocity [m/s^2] and of the body's rates [rad/s^2], for the present state."""
         self.mujoco.mj_forward(self.model, self.data)
         return np.asarray(self.data.qacc[:6].copy())
 

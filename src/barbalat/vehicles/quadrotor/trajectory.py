@@ -1,4 +1,4 @@
-"""Where it is to fly: up from the ground, then a figure of eight; position to acceleration by differentiating the formulas."""
+"""The commanded path: up from the ground, then a figure of eight; velocity and acceleration by differentiating the formulas."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ HALF_LENGTH, HALF_WIDTH, RISE = 2.0, 1.0, 0.3
 
 
 class Path(NamedTuple):
-    """At the samples: (K, 3) each; and the commanded attitude's rates and their rates, which the path asks for by itself."""
+    """At the samples, (K, 3) each; also the commanded attitude's rates and their derivatives, which follow from the path."""
 
     position: Array  # [m]
     velocity: Array  # [m/s]
@@ -58,19 +58,19 @@ def _position(t: Any, ca: Any) -> Any:
 
 
 def _smooth(s: Any, ca: Any) -> Any:
-    """From 0 to 1 as s does, without a jump of its first three derivatives."""
+    """Goes from 0 to 1 with s, without a jump of its first three derivatives."""
     s = ca.fmin(ca.fmax(s, 0), 1)
     return s**4 * (35 - 84 * s + 70 * s**2 - 20 * s**3)
 
 
 def _run_up(t: Any, ca: Any) -> Any:
-    """The integral of ``_smooth(t / SPEED_UP_SECONDS)``: a clock that comes up to speed."""
+    """The integral of ``_smooth(t / SPEED_UP_SECONDS)``: a clock that gradually reaches its full speed."""
     s = ca.fmin(ca.fmax(t / SPEED_UP_SECONDS, 0), 1)
     return SPEED_UP_SECONDS * s**5 * (7 - 14 * s + 10 * s**2 - 2.5 * s**3) + ca.fmax(t - SPEED_UP_SECONDS, 0)
 
 
 def _turning(acceleration: Array, T: float) -> Array:
-    """Body rates (K - 1, 3) of the attitude that thrusts along the path, from sample to sample."""
+    """Body rates (K - 1, 3), from sample to sample, of the attitude whose thrust follows the path."""
     from scipy.spatial.transform import Rotation
 
     wanted = acceleration + np.array([0, 0, GRAVITY])

@@ -81,7 +81,7 @@ class FigureOfEight(Vehicle[Axes, Control, QuadrotorFlight]):
             )
 
     def nominal(self, condition: object = None, equipment: object = None) -> Axes:
-        """The vehicle that the controllers are designed for."""
+        """The vehicle for which the controllers are designed."""
         require_extra("mujoco", "flight", "the quadrotor")
         return Axes(hover=isolated(STARTING_SECONDS, hovering, Quadrotor()))
 
