@@ -21,8 +21,8 @@ WAITED_SECONDS = 3.0
 def contents(path: Path, what: str, each: Estimate) -> bytes:
     """All bytes of a file, or of a pipe up to what the budget allows.
 
-    The function waits for a pipe, as every program does that reads one: its writer may be about to start. A user who waits is
-    told so, see ``Budget.told``.
+    The function waits for a pipe, as every program does that reads one: its writer may be about to start. The user is informed of
+    the wait, see ``Budget.told``.
 
     what  how messages name the file, such as "the case file"
     each  the cost of each byte, for reading and processing it

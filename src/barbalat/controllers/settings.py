@@ -30,7 +30,7 @@ class Scheme(Settings, Controller):
 
 @runtime_checkable
 class PatentNamed(Protocol):
-    """A scheme for whose law somebody claims a patent; users who export it are told so."""
+    """A scheme whose law is claimed by a patent; users who export it are informed."""
 
     @property
     def patent(self) -> str:

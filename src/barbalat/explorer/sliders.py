@@ -124,7 +124,7 @@ class Sliders:
         return self._apart(kept)
 
     def _apart(self, kept: Sequence[Slider]) -> list[Slider]:
-        """The sliders that act in combination as they act alone, each with those that it must not be combined with."""
+        """The sliders whose effects can be combined, each with those with which it must not be combined."""
         apart = np.array([[one is not other and one.excludes(other) for other in kept] for one in kept], dtype=bool)
         tried: list[list[Place]] = []
         search = Together(

@@ -241,7 +241,7 @@ def _resting(printed: Printed, when: str) -> list[str]:
 
 
 def _fresh(printed: Printed) -> list[str]:
-    """Enabled after it was disabled, whatever happened before: as after a fresh start, if that state is a copy of x."""
+    """Enabled after it was disabled, with any history: as after a fresh start, if that state is a copy of x."""
     contents = printed.contents
     _, of_x = contents.at_start
     if not np.isin(of_x, (0.0, 1.0)).all() or (of_x.sum(axis=1) > 1).any():

@@ -154,7 +154,7 @@ def _given(printed: Printed) -> list[str]:
 
 
 def _start(printed: Printed) -> str:
-    """Everything as at t = 0 with the measured state in the place of the case's; what was learnt only if it is not kept."""
+    """Everything as at t = 0 with the measured state instead of the case's; learnt values are reset only if they are not kept."""
     contents, y = printed.contents, printed.measured
     kept: list[str] = []
     others: list[str] = []

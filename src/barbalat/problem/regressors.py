@@ -125,7 +125,7 @@ class Terms(Settings):
                 "plant.regressor.terms", f"must be a list of formulas such as 'abs(x1)*x2', got {validate.show(self.terms)}"
             )
         validate.freeze(self, terms=tuple(self.terms))
-        self._formulas()  # refuses what is no formula
+        self._formulas()  # refuses anything that is not a formula
 
     def _formulas(self) -> list[Formula]:
         return [formula("plant.regressor.terms", term, STATES) for term in self.terms]

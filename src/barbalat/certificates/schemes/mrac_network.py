@@ -106,7 +106,7 @@ class NetworkLaw:
 
     @property
     def whatever_acts(self) -> WeightBounds | None:
-        """The bounds of the weights from the e-modification, whatever else acts on the loop."""
+        """The bounds of the weights from the e-modification, which hold under any disturbance of the loop."""
         if self.nu is None:
             return None
         far = math.sqrt(self.rows) / self.nu  # U decreases if omega^2 > far |W_hat|

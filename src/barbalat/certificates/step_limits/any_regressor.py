@@ -150,7 +150,7 @@ def _largest_square_at_model(problem: Problem, simulation: Simulation) -> float:
     phi, matched = known.matched.regressor(x), known.matched.phi(x).T @ problem.plant.theta
     parts = ca.Function("parts", [state_column], [column(phi), column(np.reshape(matched, -1))])
     phi_m, matched_m = (np.array(part) for part in parts(x_m.T))
-    with np.errstate(over="ignore", invalid="ignore"):  # a value that is no number has no limit
+    with np.errstate(over="ignore", invalid="ignore"):  # NaN has no limit
         squares = np.sum(phi_m**2, axis=0)
     if known.gains is not None:
         commands = np.stack([signal_values(signal, t) for signal in problem.commands])

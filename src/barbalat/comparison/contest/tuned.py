@@ -56,17 +56,17 @@ class Probed:
 class Qualified:
     """An entrant with its tuning under the rule.
 
-    tuning       numbers of the knobs; of the nearest one where none meets the rule
+    tuning       numbers of the knobs; those of the nearest tuning if none meets the rule
     meets        whether the tuning keeps both margins
-    error        RMS |e| on the worst of the tuning's plants; infinite where it diverged
+    error        RMS |e| on the worst of the tuning's plants; infinite if it diverged
     margins      by each criterion, on the worst of these plants
     own          what its designers look at, by keys of its certificate, as far as the certificate claims it
-    settled      how much of the error the second half of the trials has taken away, from 0 to 1; None if the first half
+    settled      the share of the error that the second half of the trials has removed, from 0 to 1; None if the first half
                  found nothing that meets the rule
     at_edge      knobs that lie at an end of their range, beyond which something else lies
     sample_time  with which it runs [s]; None for a continuous one
     start        (p,) of its estimates of theta; None if it has none, or none that are known to be theta's
-    step         what a finer step says of the tuning; None if it does not meet the rule at the case's step either
+    step         the result of a finer step for the tuning; None if it does not meet the rule at the case's step either
     refused      the same of better tunings, which meet the rule at the case's step alone
     verdict      the judge's on the tuning's run, on the case's own plant
     """

@@ -112,10 +112,10 @@ class Validation:
     """One entrant on all draws.
 
     error     (M,) RMS |e| relative to the RMS of |x_m|; infinite for a run that failed
-    diverged  (M,) truth values; lost: the judge calls the run lost or, where the rule ends margins at the onset, a limit cycle,
-              or it follows its model in no component
-    delay, gain_up, gain_down  (M,) whether it does not bear what the rule asks, on these plants and commands
-    effort    (M,) largest |u|, NaN where it diverged
+    diverged  (M,) truth values; lost: the judge calls the run lost or, if the rule ends margins at the onset, a limit cycle, or
+    it follows its model in no component
+    delay, gain_up, gain_down  (M,) whether it does not tolerate what the rule requires, on these plants and commands
+    effort    (M,) largest |u|, NaN if it diverged
     """
 
     error: Array
@@ -164,8 +164,8 @@ class Validation:
 class Remeasured:
     """Some validation runs of one entrant, repeated with a step that is FINER_BY times smaller.
 
-    verdicts  runs of which another thing is said: lost, or not bearing what the rule asks
-    errors    runs whose error is another one
+    verdicts  runs with another verdict: lost, or not tolerating what the rule requires
+    errors    runs with a different error
     """
 
     runs: int

@@ -89,7 +89,7 @@ def tune(
 
 @dataclass(frozen=True, eq=False)
 class Tuner:
-    """A case, with its text where it is a file, and what it is tuned for."""
+    """A case, with its text if it comes from a file, and the aim of its tuning."""
 
     text: CaseText | None
     case: Case
@@ -211,7 +211,7 @@ def _spaces(tuner: Tuner, space: Space | None, controller: str | None) -> tuple[
 
 
 def _own_spaces(tuner: Tuner, chosen: Sequence[int]) -> tuple[dict[int, Space], list[str]]:
-    """The knobs of each controller that has some, and who is left out; InputError where none of them has any."""
+    """The knobs of each controller that has some, and the controllers left out; InputError if none of them has any."""
     found, left_out = dict[int, Space](), list[str]()
     for which in chosen:
         try:

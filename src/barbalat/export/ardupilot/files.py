@@ -74,7 +74,7 @@ def files(asked: Request) -> dict[str, str]:
 
 
 def parameters(printed: Printed) -> list[str]:
-    """ArduPilot's names of the case's numbers, of the last key and its indices; InputError where they are too many."""
+    """ArduPilot's names of the case's numbers, from the last key and its indices; InputError if there are too many."""
     found = printed.contents.parameters
     if len(found) + OWN > MOST_PARAMETERS:
         most = MOST_PARAMETERS - OWN
@@ -86,12 +86,12 @@ def parameters(printed: Printed) -> list[str]:
         last = max(i for i, key in enumerate(one.path.keys) if isinstance(key, str))
         index = "_".join(str(int(key) + 1) for key in one.path.keys[last + 1 :])
         key = re.sub(r"[^A-Z0-9]+", "_", str(one.path.keys[last]).upper())
-        names.append(f"{key[: LONGEST_NAME - len(index) - 2]}{index}")  # and room for what tells two apart
+        names.append(f"{key[: LONGEST_NAME - len(index) - 2]}{index}")  # with room for the part that distinguishes two
     return distinct(["AXIS", "ANGLE", "FADE", "SCALE", *names])[OWN:]
 
 
 def _settable(printed: Printed, names: list[str]) -> dict[str, str]:
-    """What stands in the files' places that are the parameters'; empty texts without any."""
+    """The parts of the files for the parameters; empty texts without any."""
     if not names:
         return dict.fromkeys(("infos", "members", "built", "apply", "applied", "told", "rows"), "")
     given = {"name": printed.name, "macro": printed.macro, "count": len(names)}
@@ -108,7 +108,7 @@ def _settable(printed: Printed, names: list[str]) -> dict[str, str]:
 
 
 def kind_of(name: str) -> str:
-    """What the class is called behind AC_CustomControl_."""
+    """The name of the class after AC_CustomControl_."""
     return "".join(part.capitalize() for part in name.split("_"))
 
 
@@ -120,7 +120,7 @@ def _info(i: int, name: str, one: Parameter, printed: Printed) -> str:
 
 
 def _lines(printed: Printed) -> list[str]:
-    """C++ that logs the inside, in as many lines as it needs."""
+    """C++ that logs the internal signals, in as many lines as needed."""
     members, calls = [one.name for one in logged(printed)], list[str]()
     while members and len(calls) < len(LINES):
         count = 1

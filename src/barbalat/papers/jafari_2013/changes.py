@@ -1,4 +1,4 @@
-"""What was changed in a row after it had been measured: its literal readings, its weaker ones, its quotation, its settings."""
+"""Changes of a row after its measurement: its literal readings, its weaker ones, its quotation, its settings."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from barbalat.papers.finding import Sentence, Source
 from barbalat.papers.jafari_2013.changes import CHANGED
 
 MENDED = "(14) with its sign corrected"
-"""What every row that runs the robust MRAC runs: the sign of W_c0 that the swapping lemma gives, see erratum-14."""
+"""Every row with the robust MRAC uses the sign of W_c0 from the swapping lemma, see erratum-14."""
 OURS = Source("barbalat", "this project", "ours")
 CAO_HOVAKIMYAN_2006 = Source("cao_hovakimyan_2006", "Cao, Hovakimyan (arXiv:math/0608320)", "L1's authors")
 

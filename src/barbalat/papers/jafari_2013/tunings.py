@@ -31,7 +31,7 @@ class Side:
         return [i for i in objectives if self.reached[:, i].min() < other.reached[:, i].min()]
 
     def first(self, count: int) -> Side:
-        """Its first tunings alone: of Sobol's sequence half of the points are even too."""
+        """Only its first tunings: half of the points of a Sobol sequence are evenly distributed too."""
         return Side(self.name, self.tunings[:count], self.reached[:count])
 
 

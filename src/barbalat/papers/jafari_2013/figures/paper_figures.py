@@ -137,7 +137,7 @@ def _added(runs: Runs) -> PaperFigure:
 
 
 def as_described(runs: Runs) -> Claim:
-    """Figures 2-5 as a row of the ledger; the checks are shown beside each figure, those that other rows decide too."""
+    """Figures 2-5 as a row of the ledger; all checks are shown beside each figure, including those that other rows decide."""
     shown = [figure for figure in paper_figures(runs) if figure.key != ADDED_FIGURE]
     checks = [check for figure in shown for check in figure.checks]
     own = [check for check in checks if not check.row]

@@ -24,7 +24,7 @@ from barbalat.validate import Array
 BUDGET, MORE = 8, 64
 """Number of tunings of each side in the plain command and in ``--full``: powers of two, with which Sobol's sequence is balanced."""
 GAINS = (1e-4, 100.0)
-"""Of both sides: from where little is adapted up to the largest decade that the step resolves at r = 50."""
+"""For both sides: from gains with little adaptation up to the largest decade that the step resolves at r = 50."""
 MRAC_KNOBS = {"Gamma": GAINS}
 L1_KNOBS = {"kappa": (2e-3, 0.5), "Gamma": GAINS}
 RESOLUTION = 0.05
@@ -54,7 +54,8 @@ class Fronts:
 
 
 def _over_the_best(side: Side, other: Side, which: int) -> Array:
-    """(K,) delays over the longest of the other side's at no larger error; infinite where it has none, 0 where nothing is tolerated."""
+    """(K,) delays divided by the longest of the other side's at no larger error; infinite if it has none, 0 if nothing is
+    tolerated."""
     error, delay, theirs = side.reached[:, 0], -side.reached[:, which], -other.reached[:, which]
     best = np.array([theirs[other.reached[:, 0] <= e].max(initial=0.0) if np.isfinite(e) else np.inf for e in error])
     return np.asarray(np.divide(delay, best, out=np.where(delay > 0, np.inf, 0.0), where=best > 0))

@@ -37,7 +37,7 @@ SIMULATION = Simulation(t_end=40.0, dt=2e-4)
 SMALL_COMMAND = "r = sin 0.5t"
 COMMANDS: dict[str, Signal] = {SMALL_COMMAND: Sine(1.0, 0.5), "r = 50 sin 0.5t": Sine(50.0, 0.5), "r = 50": Constant(50.0)}
 SIDES_SIMULATION = Simulation(t_end=40.0, dt=4e-4)
-"""Of the many tunings at equal error: h omega_a is 0.5 at the largest gain and r = 50."""
+"""The step for the many tunings at equal error: h omega_a is 0.5 at the largest gain and r = 50."""
 EQUAL_GAINS = (0.01, 1.0, 100.0)
 OWN_GAINS = (10.0, 100.0)
 """Gains that a user would choose at this step: a moderate one for MRAC, and for L1-AC the largest power of ten that the step

@@ -121,7 +121,7 @@ OWN_MEASURES = ("delay margin", "small-gain margin 1/||T||_inf")
 
 
 def l1_margins() -> Claim:
-    """On Section V's plant, what L1's authors say of the phase and delay margins on another class of plants."""
+    """The statements of L1's authors on phase and delay margins for another class of plants, tested on Section V's plant."""
     sentence = SENTENCES["l1-margins"]
     phase, delay = (_over_gains(name, section_v.KAPPA) for name in ("phase margin", "delay margin"))
     plain = _over_gains("delay margin", None)

@@ -94,7 +94,7 @@ def losses(controller: Controller, draws: int) -> tuple[Losses, Losses]:
 
 
 def _errors(controller: Controller, faults: Sequence[Dropout | None]) -> tuple[Array, Array]:
-    """(runs, n) max |e| of the run, and of its tail; runs with other losses have other signals, and are no ensemble."""
+    """(runs, n) max |e| of the run, and of its tail; runs with other losses have other signals and do not form an ensemble."""
     given = section_v.problem()
     problems = [given if fault is None else replace(given, faults=(fault,)) for fault in faults]
     runs = [figures([(problem, controller)], T_END, SAMPLE_TIME) for problem in problems]

@@ -160,11 +160,12 @@ def small_tau() -> list[Claim]:
 
 SMALL_TAUS = f"Section V, robust MRAC, {MENDED}, RK4, h = 1e-4 s, 10 s, 41 values of tau from 1e-5 to 1e-4 s, and 0.5 s"
 UNCHANGED_SHARE = 1e-3
-"""Of an error or the control, by which a tenth of the step may change it where the step causes no problem."""
+"""The largest share by which a tenth of the step may change an error or the control if the step causes no problem."""
 
 
 def _no_problems(taus: Array, diverged: Array, observed: float) -> Claim:
-    """The conclusion's sentence, at Section V's settings; what very small tau do, by the runs of the row before, stands beside it."""
+    """The conclusion's sentence, at Section V's settings; the effect of very small tau, from the previous row's runs, is shown
+    beside it."""
     sentence, above = SENTENCES["no-numerical-problems"], ~diverged[taus > observed]
     member = (section_v.problem(), section_v.robust_mrac("r"))
     coarse, fine = (figures([member], section_v.T_END, h) for h in (section_v.COARSE_STEP, section_v.FINE_STEP))

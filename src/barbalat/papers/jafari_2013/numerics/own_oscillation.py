@@ -72,7 +72,7 @@ def own_oscillation() -> Claim:
 
 
 OWN_SHARE = 0.1
-"""An oscillation of which the equations have less than this share is the solver's."""
+"""An oscillation is attributed to the solver if the equations have less than this share of it."""
 NUMERICAL_FROM = 2.0
 """[s]: RK4 has left the solution at the paper's step, and the estimates reach both bounds."""
 

@@ -186,7 +186,7 @@ NO_SINGULARITY = (
 
 
 def _giving_up(tried: StiffRuns) -> Reading:
-    """What a code says that meets a singularity, or takes something for one: its step falls below what doubles can add to t."""
+    """The message of a code at a real or supposed singularity: its step falls below the resolution of t in double precision."""
     codes = [*tried.tight, *tried.loose]
     gave_up = [f"{row.name}, {row.setting}, at {row.boxed.reached:.4g} s" for row in codes if row.boxed.lost]
     return Reading(
@@ -230,24 +230,24 @@ LONG_AUTOMATIC_END = 10.0
 TOLERANCE = 1e-7
 """Relative, of the codes with automatic steps; to 3 s at 1e-6 they damp the ringing by a quarter and more (docs/laboratory/claims.md)."""
 LOOSE_TOLERANCES = (1e-3, 1e-6)
-"""The first is what MATLAB's ode15s has unless told otherwise: what the paper's authors would have got without a word."""
+"""The first is the default of MATLAB's ode15s, which the paper's authors would have used without setting a tolerance."""
 LOOSE_END, RADAU_END = 4.0, 1.5
 """[s]: of the plain command at the loose tolerance; ``--full`` goes to ``LONG_AUTOMATIC_END`` with all four codes, in a minute and more."""
 RADAU_BUDGET: dict[SciPyMethod, int] = {"Radau": 1_000_000}
-"""Ten times what it needs to ``RADAU_END``. SciPy's BDF and Radau are Python, 20 to 40 us for each evaluation."""
+"""Ten times the steps that it needs to ``RADAU_END``. SciPy's BDF and Radau are Python, 20 to 40 us for each evaluation."""
 LONG_BUDGETS: dict[SciPyMethod, int] = {"LSODA": 3_000_000, "BDF": 3_000_000, "Radau": 3_000_000}
-"""What they need to ``AUTOMATIC_END`` at ``LOOSE_TOLERANCES``."""
+"""The steps that they need to ``AUTOMATIC_END`` at ``LOOSE_TOLERANCES``."""
 FULL_BUDGETS: dict[SciPyMethod, int] = {"LSODA": 30_000_000, "BDF": 30_000_000, "Radau": 30_000_000}
 """Evaluations to ``LONG_AUTOMATIC_END`` at the loose tolerance: more than any code needs to reach the end or to give up."""
 CONVERGED_STEPS = (1e-6, 5e-7)
-"""Steps [s] at which h |lambda| is 0.07 and less: two that agree show what the equations do."""
+"""Steps [s] at which h |lambda| is at most 0.07: two that agree show the behaviour of the equations."""
 PAPER_SETTING = StiffSetting(1e4, T_END, CONVERGED_STEPS[0])
 FIGURE_5 = StiffSetting(1e6, AUTOMATIC_END, 2e-7)
 """The converged step is 1e-7 s within 0.2 % of the ringing."""
 GAINS = (StiffSetting(3e3, 6.0, 1e-6), PAPER_SETTING, StiffSetting(1e5, 2.0, 2.5e-7), FIGURE_5)
 """At each of them RK4 fails at the paper's step of 1e-4 s; the plain command has time for so much of each."""
 FURTHER_GAINS = (StiffSetting(3e3, T_END, 1e-6), StiffSetting(1e5, T_END, 2.5e-7), StiffSetting(1e6, 10.0, 1e-7))
-"""Of ``reproduce --full``; the last is as long as its converged step allows within a quarter of a minute."""
+"""The runs of ``reproduce --full``; the last is as long as its converged step allows within a quarter of a minute."""
 FULL_COMMAND = (
     f"Gamma = {', '.join(f'{each.gamma:g}' for each in FURTHER_GAINS)} at h = 1e-4 and 1e-5 s over {FURTHER_GAINS[0].t_end:g} s ({FURTHER_GAINS[-1].t_end:g} s at "
     f"the largest); SciPy's LSODA, BDF and Radau beside CVODES, to {AUTOMATIC_END:g} s at tolerances of {LOOSE_TOLERANCES[0]:g} and "
@@ -257,7 +257,7 @@ FULL_COMMAND = (
 
 @dataclass(frozen=True)
 class StiffRuns:
-    """All that was run, by what it is for.
+    """All runs, by their purpose.
 
     explicit  RK4 at Figure 3's gain, at the steps of Figures 3 and 4
     fixed     for each of ``GAINS`` the implicit steps, in one order
@@ -270,7 +270,7 @@ class StiffRuns:
 
     @staticmethod
     def now(*, full: bool = False) -> StiffRuns:
-        """What the plain command has time for; in full all codes to the end at the loose tolerance."""
+        """The runs of the plain command; the full one runs all codes to the end at the loose tolerance."""
         loosely = [(RADAU_BUDGET, RADAU_END), ({}, LOOSE_END)] if not full else [(FULL_BUDGETS, LONG_AUTOMATIC_END)]
         tightly = ((TOLERANCE, AUTOMATIC_END), (LOOSE_TOLERANCES[1], LONG_AUTOMATIC_END))
         return StiffRuns(

@@ -30,7 +30,8 @@ from barbalat.solvers.simulation import Simulation
 AGREEMENT_FACTOR = 1.25
 """Factor between the ringing of a run and the converged one."""
 RINGING_START, RINGING_END = 0.5, 6.4
-"""[s]: the equations ring from the start on, until an estimate meets its bound at 6.5 s; later with projection they drift alone."""
+"""[s]: the equations ring from the start on, until an estimate meets its bound at 6.5 s; later, with projection, they only
+drift."""
 CASES = ("L1, no projection", "L1")
 
 
@@ -134,18 +135,18 @@ def _parts(steps: int) -> int:
 
 def ratios(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> tuple[float, float]:
     """Its ringing over the converged one's in each second of the span: the least and the largest ratio of any estimate."""
-    seconds = np.append(np.arange(span[0], span[1] - 0.5, 1.0), span[1])  # the last takes what is left
+    seconds = np.append(np.arange(span[0], span[1] - 0.5, 1.0), span[1])  # the last one takes the rest
     found = [path.ringing(*ends) / right.ringing(*ends) for ends in pairwise(seconds)]
     return float(np.nanmin(found)), float(np.nanmax(found))
 
 
 def arrived(path: SolverPath, span: tuple[float, float]) -> bool:
-    """Whether it got to the span's end."""
+    """Whether it reached the end of the span."""
     return not path.lost and path.reached >= span[1] * (1 - 1e-9)
 
 
 def agrees(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> bool:
-    """Whether it got there and rings as the converged solution does in every second."""
+    """Whether it reached the end and rings like the converged solution in every second."""
     if not arrived(path, span):
         return False
     least, largest = ratios(path, right, span)
@@ -153,12 +154,12 @@ def agrees(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> bo
 
 
 def rings_too_much(path: SolverPath, right: SolverPath, span: tuple[float, float]) -> bool:
-    """Whether it got there and rings more than the converged solution does in some second."""
+    """Whether it reached the end and rings more than the converged solution in some second."""
     return arrived(path, span) and ratios(path, right, span)[1] >= AGREEMENT_FACTOR
 
 
 def cell(row: StiffRow, which: int, right: tuple[SolverPath, SolverPath]) -> str:
-    """The ratios and what they mean, or why there are none."""
+    """The ratios and their meaning, or the reason for their absence."""
     path = (row.free, row.boxed)[which]
     if path.lost:
         return f"lost at {path.reached:.2g} s"

@@ -19,7 +19,7 @@ M, LIPSCHITZ = 1.0, 0.5
 BANDWIDTHS = np.geomspace(1.0, 1e4, 9)
 """[rad/s]."""
 GRID = np.linspace(-5.0, 5.0, 5)
-"""Of either theta_i: corners, edges and inside of Section V's known set."""
+"""Values of each theta_i: corners, edges and interior of Section V's known set."""
 
 
 def first_order(w: float) -> TransferFunction:
@@ -33,7 +33,8 @@ def two_slopes(w: float) -> TransferFunction:
 
 
 def with_lead(w: float) -> TransferFunction:
-    """C/(1 - C) = m w^2 (3 s + w)/(s (s + 3 w)): beside 1/s^2, what every plant of the set is at high frequency, a lead of 53 degrees at crossover, w."""
+    """C/(1 - C) = m w^2 (3 s + w)/(s (s + 3 w)): with 1/s^2, the high-frequency limit of every plant of the set, a lead of 53
+    degrees at the crossover w."""
     num = M * np.array([3 * w**2, w**3])
     return TransferFunction(num, np.polyadd([1.0, 3 * w, 0.0], num))
 

@@ -176,7 +176,7 @@ def followed(tried: Sequence[tuple[str, Signal]], t_end: float) -> tuple[Command
 
 
 def claim(*, full: bool = False) -> Claim:
-    """The error at the end for every command, and that it is smaller than it was."""
+    """The final error for every command, and whether it has decreased."""
     t_end = LONGER_T_END if full else T_END
     tried = commands(MORE_DRAWS if full else DRAWS, t_end)
     robust, standard = followed(tried, t_end)

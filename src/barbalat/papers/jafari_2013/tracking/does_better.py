@@ -135,7 +135,7 @@ def claims(*, full: bool = False) -> list[Claim]:
 OWN_STEP = 2e-5
 """[s]: of L1-AC of Section V, at which h omega_a is at most 1.4; Figure 4's step, half of it, gives the same five digits."""
 BETTER_FACTOR = 1.1
-"""By which an objective must be better: the search knows a delay to nine per cent."""
+"""The factor by which an objective must be better: the search determines a delay to nine per cent."""
 
 
 def factors(side: Side, other: Array) -> Array:
@@ -211,7 +211,7 @@ def _told_of(reached: Array) -> str:
 
 
 def no_advantage(l1: Side, robust: Side) -> Claim:
-    """Whatever the filter brings, alone or together, some tuning of the robust MRAC brings too: by the same tunings."""
+    """Whether some tuning of the robust MRAC has every advantage of the filter, singly or combined, from the same tunings."""
     sentence, count = SENTENCES["no-advantage"], len(l1.tunings)
     half = count // 2
     left, undisturbed = l1.unbeaten(robust, EVERY), l1.unbeaten(robust, UNDISTURBED)

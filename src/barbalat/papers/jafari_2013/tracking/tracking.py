@@ -182,11 +182,12 @@ def part_iii() -> Claim:
 
 
 V_TOLERANCE = 1e-6
-"""Of V(0): by no more may V rise from one recorded instant to the next, which is what the step leaves."""
+"""The share of V(0) by which V may rise between recorded instants because of the step."""
 UNSTABLE_KAPPA, UNSTABLE_GAIN = 1.0, 0.1
 """[s]: twenty times what Theorem 1's condition admits, where the limit of fast adaptation is unstable; the gain, small since |x| grows."""
 FILTERS = {section_v.KAPPA: (1e4, 1e-6), UNSTABLE_KAPPA: (UNSTABLE_GAIN, 2e-5)}
-"""By kappa: Section V's gain and a step that resolves it, h omega_a below 0.1; and one beyond the condition, below 2.3, where RK4 is stable."""
+"""By kappa: Section V's gain with a step that resolves it, h omega_a below 0.1, and beyond the condition a step below 2.3, where
+RK4 is stable."""
 V_T_END = 20.0
 
 
@@ -223,7 +224,7 @@ def same_lyapunov() -> Claim:
 
 
 def _along(gamma: float, kappa: float, h: float) -> tuple[float, float, float]:
-    """Of L1-AC's run: the largest rise of V over V(0), the largest |x_i| and |e_i|."""
+    """L1-AC's run: the largest rise of V relative to V(0), the largest |x_i| and |e_i|."""
     given, simulation = section_v.problem(), Simulation(t_end=V_T_END, dt=h, record_points=10_000)
     (run,) = simulate(given, [section_v.l1("L1", gamma, kappa)], simulation).values()
     x_tilde = run.x - np.array([run.loop.unpack(flat).controller.x_hat for flat in run.states])
@@ -266,7 +267,8 @@ SAME_SHARE = 0.01
 
 
 def is_mrac() -> Claim:
-    """A filter before the standard MRAC as it stands, whose law is driven by e, over gains and filters; and C = 1 in the predictor's form."""
+    """A filter after the unchanged standard MRAC, whose law is driven by e, over gains and filters; and C = 1 in the predictor's
+    form."""
     given, gamma, sentence = section_v.problem(), section_v.MODERATE_GAIN, SENTENCES["filtered-mrac"]
     one, other = (figures([(given, law)], 60.0, 1e-4) for law in (L1Adaptive(gamma=gamma, filter=None), Mrac(gamma=gamma)))
     difference = float(np.abs(one.max_abs_e / other.max_abs_e - 1).max())
