@@ -32,7 +32,7 @@ RULES: dict[str, Rule] = {}
 
 
 class Refused(Exception):
-    """A line does not hold, or the file is no proof."""
+    """A line does not hold, or the file is not a proof."""
 
 
 def require(holds: Any, why: str) -> None:
@@ -63,7 +63,7 @@ def matrix(value: Any, rows: int | None = None, columns: int | None = None) -> f
     """An exact matrix from its rows."""
     require(isinstance(value, list) and len(value) > 0, "a matrix is a list of rows")
     found = [vector(row, columns) for row in value]
-    require(len({len(row) for row in found}) == 1 and rows in (None, len(found)), "the matrix has another shape")
+    require(len({len(row) for row in found}) == 1 and rows in (None, len(found)), "the matrix has the wrong shape")
     return fmpq_mat(found)
 
 
@@ -291,7 +291,7 @@ class Case:
         If it may be ``disturbed``, disturbances are checked elsewhere.
         """
         self.require_no("quantization", "saturation", "rate_limit", "actuator", "multiplicative")
-        require(len(self.facts["inputs"]) == self.m, "each input has its path")
+        require(len(self.facts["inputs"]) == self.m, "there must be a path for each input")
         known = self.interval is None and not any_gain
         require(not known or all(one == 1 for one in self.gain), "the plant must be (1), but its input has a gain other than 1")
         require(all(one > 0 for one in self.gain), "the input's gain must be positive")
@@ -585,7 +585,7 @@ def system(c: Controller, name: str, line: dict[str, Any]) -> tuple[fmpq_mat, fm
         return whole, blocks([[b * (1 - D[0, 0])], [B]]), blocks([[identity(n), zeros(n, k)]]), nothing
     if name == "1-L":
         return A_m, -matrix(c.fact("L"), n, n), identity(n), identity(n)
-    require(name in ("T", "W_b S"), f"no system {name} is known")
+    require(name in ("T", "W_b S"), f"there is no rule for the norm of a system {name}")
     return disturbed(c)
 
 
@@ -594,7 +594,7 @@ def around_y(c: Controller, name: str) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat, fm
     if name == "H(1-C)":
         return state_space(c.fact("H(1-C)"))
     A, B, C, D = (matrix(c.fact("loop")[key]) for key in "ABCD")
-    require(B.ncols() == 3 and name in ("loop", "y/(d+f)"), "no such system is known")
+    require(B.ncols() == 3 and name in ("loop", "y/(d+f)"), "there is no rule for the norm of this system")
     if name == "loop":
         return A, B, C, D
     return A, column([B[i, 1] for i in range(A.nrows())]), fmpq_mat(C.tolist()[:1]), fmpq_mat([[D[0, 1]]])
@@ -1090,12 +1090,15 @@ def generator(signal: dict[str, Any], t_end: fmpq, count: int) -> tuple[fmpq_mat
         starts, levels = starts + jumps, [constant + (-1) ** (int(half) + k) * amplitudes[0] for k in range(count)]
     elif kind == "levels":
         times, values = vector(signal["times"]), vector(signal["values"])
-        require(len(values) == len(times) + 1 and all(a < b for a, b in pairwise(times)), "the levels need their instants")
+        require(
+            len(values) == len(times) + 1 and all(a < b for a, b in pairwise(times)),
+            "levels must be one more than their instants, which must increase",
+        )
         past = sum(time <= 0 for time in times)
         until = past + sum(0 < time < t_end for time in times)
         starts, levels = starts + [arb(time) for time in times[past:until]], values[past : until + 1]
     else:
-        require(kind == "constant", "the response to this command is not followed")
+        require(kind == "constant", "the response to a command of this kind can't be checked")
     ends = [*starts[1:], arb(t_end)]
     return zeros(1, 1), [fmpq(1)], [(b - a, [arb(one)]) for a, b, one in zip(starts, ends, levels, strict=True)]
 
@@ -1405,7 +1408,7 @@ def of_sampled_loop(c: Controller) -> arb:
         found = 2 * r * whole
         if between is not None:
             slope, jump = number(between["slope"]), number(between["jump"])
-            apart = None if between["apart"] is None else number(between["apart"])  # of a single jump nothing
+            apart = None if between["apart"] is None else number(between["apart"])  # None for a single jump
             said = "" if jump == 0 else f", jumps between samples of at most {text(jump)}"
             said += f", {text(apart)} s apart" if jump != 0 and apart is not None else ", one in all" if jump != 0 else ""
             c.case.assumed[
@@ -1441,7 +1444,7 @@ def accepted_lines(name: str, controller: Controller, lines: list[dict[str, Any]
 
 def check(document: dict[str, Any]) -> tuple[list[str], list[str]]:
     """The accepted claims for each controller, as sentences, and the assumptions; Refused names the first line that fails."""
-    require(document.get("format") == FORMAT, f"the file is no {FORMAT}")
+    require(document.get("format") == FORMAT, f"the file is not a {FORMAT}")
     said, assumed = [], dict[str, None]()
     with ctx.workprec(256):
         for name, facts in document["controllers"].items():

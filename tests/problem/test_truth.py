@@ -171,7 +171,7 @@ def test_a_gain_of_a_plant_with_a_regressor_departs_too():
         (found,) = departures(replace(unknown, truth=truth))
         assert found.within and replace(unknown, truth=truth).true_parameters[-1] == 2.0
     (found,) = departures(replace(problem, truth=Truth(b=[0.1, 1.0])))
-    assert "b has an unmatched rest" in found.sentence
+    assert "b has an unmatched remainder" in found.sentence
 
 
 def test_certificates_come_from_the_plant_and_the_declared_sets_alone():

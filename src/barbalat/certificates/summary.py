@@ -163,6 +163,6 @@ def _assumed(column: Column, certificate: Certificate) -> Line:
     if broken:
         return Line("assumed", f"fails here: {broken}", "does not apply")
     if not claimed:
-        return Line("assumed", "nothing: nothing is guaranteed", "")
-    kept = "one thing" if len(claimed) == 1 else f"{len(claimed)} things"
-    return Line("assumed", f"{kept}, checked on this case: none fails", "guaranteed")
+        return Line("assumed", "nothing, since nothing is guaranteed", "")
+    kept = "one assumption, which holds" if len(claimed) == 1 else f"{len(claimed)} assumptions, all of which hold"
+    return Line("assumed", f"{kept} on this case", "guaranteed")

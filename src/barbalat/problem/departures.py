@@ -128,7 +128,7 @@ def _of_the_rests(problem: Problem, simulated: TruePlant, theta: Array) -> Itera
         largest = max(1.0, *(float(np.abs(one).max()) for one in beside))
         if np.abs(rest).max() > SAME_TO * largest:
             yield Departure(
-                f"{name} has an unmatched rest of norm {np.linalg.norm(rest, 2):.3g}, which no theta and gain can produce"
+                f"{name} has an unmatched remainder of norm {np.linalg.norm(rest, 2):.3g}, which no theta and gain can produce"
             )
 
 

@@ -42,7 +42,7 @@ def handed_in(problem: TrackingProblem, controller: Controller) -> Handed | None
         return None
     found = _shown(problem, controller)
     if not isinstance(problem, Problem):
-        return Handed(found, (Assumption(EXACT_LINES, "nothing is known of its V on this problem"),))
+        return Handed(found, (Assumption(EXACT_LINES, "nothing is known about its V on this problem"),))
     broken = found.why if isinstance(found, NotApplicable) else ""
     rests_on = (*nominal(problem), Assumption(EXACT_LINES, broken, theorems.UNKNOWN_LAW))
     known_set = problem.known.estimate_set
@@ -56,10 +56,10 @@ def handed_in(problem: TrackingProblem, controller: Controller) -> Handed | None
 def _shown(problem: TrackingProblem, controller: Controller) -> Shown | NotApplicable:
     """Any failure to read foreign code is a finding, with its reason."""
     if not isinstance(problem, Problem):
-        return NotApplicable("a V of a law's own is checked for state feedback alone")
+        return NotApplicable("a law's own V is checked for state feedback only")
     known = problem.known
     if known.matched.gain_unknown or known.theta_0 is not None or known.enters is not None:
-        return NotApplicable("a V of a law's own is checked for a known input gain, without a baseline")
+        return NotApplicable("a law's own V is checked only for a known input gain and without a baseline")
     try:
         return shown(read(problem, controller), problem.uncertainty)
     except (Refused, NotRational) as refused:

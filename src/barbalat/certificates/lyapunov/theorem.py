@@ -145,7 +145,7 @@ def _variables(reading: Reading, one: Rational) -> set[int]:
 def _one(ring: Ring, value: Any, name: str) -> Rational:
     found = ring.exact(value)
     if not isinstance(found, Rational):
-        raise Refused(f"{name} must be a number, and is an array")
+        raise Refused(f"{name} must be a number, but is an array")
     return found
 
 
@@ -395,7 +395,7 @@ def _counterexample(cells: _Cells, rest: Rational) -> str:
     if rest.used & reading.ring.functions.keys():
         return "not shown"
     used, worst = sorted(rest.used), None
-    values = [fmpq(0)] * len(reading.ring.variables)  # of most variables nothing depends
+    values = [fmpq(0)] * len(reading.ring.variables)  # for variables on which nothing depends
     for _ in range(TRIALS):
         drawn = random.normal(size=len(reading.ring.variables)) * 10.0 ** random.uniform(-1, 2, len(reading.ring.variables))
         if cells.extent is not None:

@@ -174,7 +174,7 @@ class Remeasured:
 
     def sentence(self, name: str, dt: float) -> str:
         """The finding as a sentence."""
-        again = f"{name}: of {counted(self.runs, 'held-out run')} repeated at h = {dt:g} s"
+        again = f"{name}: of {counted(self.runs, 'validation run')} repeated at h = {dt:g} s"
         if not (self.verdicts or self.errors):
             return f"{again} none changes its verdict or its error"
         return (
