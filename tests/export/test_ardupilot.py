@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from barbalat import InputError
 from barbalat.exports import export_controller
-from barbalat.plants import Shell
+from barbalat.plants import Labels, Shell
 from export.examples import SIMULATION
 from export.targets import ISO, needs_gxx
 from export.test_bit_identical import EXAMPLES
@@ -90,6 +91,21 @@ def test_the_backend_against_the_published_interfaces(beginning, places, tmp_pat
     inner = (tmp_path / "AC_CustomControl_Pitch.cpp").read_text().count('Write("BBI')
     assert inner
     compile_and_run(MAIN.replace("INNER", str(inner)) % places, tmp_path)
+
+
+@needs_gxx
+def test_what_is_measured_has_the_units_of_the_cases_labels(tmp_path) -> None:
+    problem, controller = EXAMPLES[next(name for name in EXAMPLES if name.startswith("Mrac-state-euler"))]
+    labelled = replace(problem, labels=Labels(names=("pitch", "pitch rate"), units=("deg", "deg/s")))
+    export_controller(labelled, controller, SIMULATION, out=tmp_path, target="ardupilot", name="pitch")
+    inner = (tmp_path / "AC_CustomControl_Pitch.cpp").read_text().count('Write("BBI')
+    text = MAIN.replace("INNER", str(inner)) % (", 0.02f * 57.2957795f", "x, ", "x")
+    text = text.replace("{0.25f - wrap_PI(0.25f - 0.2f)", "{(0.25f - wrap_PI(0.25f - 0.2f)) * 57.2957795f")
+    compile_and_run(text.replace("in.r[0] = 0.25f;", "in.r[0] = 0.25f * 57.2957795f;"), tmp_path)
+    assert "in the case's units (deg and deg/s)" in (tmp_path / "ARDUPILOT.md").read_text()
+    heights = replace(problem, labels=Labels(names=("altitude", "climb"), units=("m", "m/s")))
+    with pytest.raises(InputError, match=r"hands over rad or deg and then rad/s or deg/s: got labels.units = \['m', 'm/s'\]"):
+        export_controller(heights, controller, SIMULATION, out=tmp_path / "no", target="ardupilot", name="pitch")
 
 
 SET = (

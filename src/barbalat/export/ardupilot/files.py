@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 
+from barbalat import validate
 from barbalat.export.c99.files import sources
 from barbalat.export.layout import distinct, prefix_of
 from barbalat.export.log import logged
@@ -12,6 +14,7 @@ from barbalat.export.target import Request
 from barbalat.export.texts import Printed, filled, indented
 from barbalat.validate import InputError
 
+DEGREES = math.degrees(1.0)
 MOST_MEASURED = 2
 """The measurements that a controller of one axis may have: an angle and its rate."""
 TIMED = (
@@ -61,6 +64,7 @@ def files(asked: Request) -> dict[str, str]:
         if timed
         else "The time between two updates is not measured: nothing depends on it unless the case's `[shell]` sets `jitter`.",
         "both": int(measured == MOST_MEASURED),
+        **_units(printed),
         "sample_time": f"{printed.contents.sample_time!r}",
         "rate": f"{1 / printed.contents.sample_time:.6g}",
         "lines": indented(_lines(printed), 8),
@@ -135,6 +139,26 @@ def _lines(printed: Printed) -> list[str]:
 
 def _long(names: list[str]) -> int:
     return len(",".join(["TimeUS", *names]))
+
+
+ANGLES, RATES = {"": 1.0, "rad": 1.0, "deg": DEGREES}, {"": 1.0, "rad/s": 1.0, "deg/s": DEGREES}
+"""Units of a case's labels, and their number in ArduPilot's rad and rad/s; a case without labels is in these."""
+
+
+def _units(printed: Printed) -> dict[str, str]:
+    """The factors of what is measured, from ArduPilot's units to the case's, and a phrase; InputError for another unit."""
+    labels, measured = printed.contents.problem.measured_labels, printed.contents.sizes[0]
+    units = ("",) * measured if labels is None or not labels.units else labels.units
+    admitted = (ANGLES, RATES) if measured == MOST_MEASURED else (ANGLES | RATES,)
+    for unit, known in zip(units, admitted, strict=True):
+        if unit not in known:
+            raise InputError(
+                f"the target ardupilot hands over {' and then '.join(' or '.join(filter(None, one)) for one in admitted)}: "
+                f"got labels.units = {validate.show(list(units))}"
+            )
+    factors = [f"{known[unit]:.9g}f" if known[unit] != 1.0 else "1.0f" for unit, known in zip(units, admitted, strict=True)]
+    said = f" ({' and '.join(dict.fromkeys(units))})" if any(units) else " (rad and rad/s)"
+    return {"first_unit": factors[0], "last_unit": factors[-1], "units_said": said}
 
 
 def _require_axis(printed: Printed) -> None:

@@ -63,6 +63,7 @@ ${apply}float *AC_CustomControl_${kind}::_axis_of(Vector3f &rpy) const
     return _axis.get() <= 0 ? &rpy.x : _axis.get() == 1 ? &rpy.y : &rpy.z;
 }
 
+// Angle and rate in the case's units${units_said}.
 void AC_CustomControl_${kind}::_measure(float *measured, float *r) const
 {
     Quaternion body, target = _att_control->get_attitude_target_quat();
@@ -75,16 +76,16 @@ void AC_CustomControl_${kind}::_measure(float *measured, float *r) const
     const float command = *_axis_of(wanted);
     const bool both = ${both} != 0;
     if (both || _angle.get() != 0) {
-        measured[0] = command - wrap_PI(command - *_axis_of(angle)); // no jump when yaw passes south
-        measured[${macro}_MEASURED - 1] = both ? *_axis_of(rate) : measured[0];
-        r[0] = command;
+        measured[0] = (command - wrap_PI(command - *_axis_of(angle))) * ${first_unit}; // no jump when yaw passes south
+        measured[${macro}_MEASURED - 1] = both ? *_axis_of(rate) * ${last_unit} : measured[0];
+        r[0] = command * ${first_unit};
     } else {
-        measured[0] = *_axis_of(rate);
-        r[0] = *_axis_of(wanted_rate);
+        measured[0] = *_axis_of(rate) * ${first_unit};
+        r[0] = *_axis_of(wanted_rate) * ${first_unit};
     }
 }
 
-// The main controller's output remains on the ground, on the other axes, and if the state is lost.
+// The main controller's output remains on the ground, on the other axes, and if the state or the result is refused.
 Vector3f AC_CustomControl_${kind}::update(void)
 {
     Vector3f out{_motors->get_roll(), _motors->get_pitch(), _motors->get_yaw()};
@@ -118,7 +119,7 @@ ${timer}    for (int i = 0; i < ${macro}_MEASURED; ++i) {
         ${name}_log inside;
         ${name}_read_log(&_controller, &inside);
 ${lines}    }
-    if ((status & ${macro}_STATE_REFUSED) != 0u) {
+    if ((status & (${macro}_STATE_REFUSED | ${macro}_RESULT_REFUSED)) != 0u) {
         reset();
         return out;
     }
