@@ -926,8 +926,7 @@ def _error_bound_worst(c: Controller, value: Any, line: dict[str, Any]) -> None:
     """
     of_command = line["key"] == "error_bound_command"
     if c.scheme in ("l1", "linear", "adrc"):
-        require(of_command, "there is no rule for this scheme")
-        at_least(value, along_the_command(c, line), "the bound of |e|")
+        at_least(value, along_the_command(c, line) if of_command else for_all_commands(c, line), "the bound of |e|")
         return
     theta, least = c.require_theta_known(), 1 / widest(c.P) if of_command else c.earlier("lambda_min")
     if c.scheme != "mrac-direct":
@@ -1025,7 +1024,7 @@ def _network(c: Controller, value: Any, line: dict[str, Any]) -> None:
             at_least(value, (arb(gamma_v) * level.max(arb(0))).sqrt(), "the bound of the inner weights")
 
 
-# --- A loop over cells of the known set, along its command: docs/proofs.md, "Along the command" ---------------------------------
+# --- A loop over cells of the known set: docs/proofs.md, "Along the command" and "For all commands" ----------------------------
 
 
 def over_cells(box: Box, tree: dict[str, Any], bound: Callable[[Box, dict[str, Any]], arb]) -> arb:
@@ -1103,34 +1102,80 @@ def generator(signal: dict[str, Any], t_end: fmpq, count: int) -> tuple[fmpq_mat
     return zeros(1, 1), [fmpq(1)], [(b - a, [arb(one)]) for a, b, one in zip(starts, ends, levels, strict=True)]
 
 
+class LinearPart:
+    """e = G[(theta - origin)'x - passes r] + w, |w| <= added, with G = (A, B, the first n states)."""
+
+    def __init__(self, c: Controller, line: dict[str, Any]) -> None:
+        self.case, self.line, self.added, self.passes = c.case, line, arb(0), fmpq(0)
+        self.origin = [fmpq(0)] * c.case.n
+        if c.scheme == "l1":
+            c.require_theorem_1()
+            require_projected(c)
+            self.A, self.B, _, _ = system(c, "W_b(1-C)", line)
+            self.passes = c.case.k_0[0, 0]
+            self.added = c.norm("C").norm[1] * (arb(widest(c.P)) * worst_V(c, line)).sqrt()
+        else:
+            require_fixed_loop(c)
+            self.A, self.B, _, _ = disturbed(c)
+            self.origin = vector(c.fact("theta_0"), c.case.n)
+        theta = c.require_theta_known()
+        if not (isinstance(theta, Box) and len(c.case.facts["reference"]) == 1 == c.case.k_0.ncols()):
+            raise Refused("a box and one command are needed")
+        self.theta = theta
+
+    def largest(self, bound: Callable[[list[fmpq], list[fmpq], dict[str, Any]], arb]) -> arb:
+        """The largest bound(c - origin, rho, leaf) of the cells."""
+
+        def of_cell(cell: Box, leaf: dict[str, Any]) -> arb:
+            ends = list(zip(cell.lower, cell.upper, self.origin, strict=True))
+            return bound([(a + b) / 2 - one for a, b, one in ends], [(b - a) / 2 for a, b, _ in ends], leaf)
+
+        return over_cells(self.theta, self.line["witness"]["cells"], of_cell)
+
+    def varied(self, off: list[fmpq]) -> tuple[fmpq_mat, fmpq_mat, fmpq_mat]:
+        return varied(self.A, self.B, self.case, off, self.passes)
+
+
+def size_1(values: list[fmpq]) -> arb:
+    return arb(sum((abs(one) for one in values), fmpq(0)))
+
+
 def along_the_command(c: Controller, line: dict[str, Any]) -> arb:
     """|e_i| up to t_end for the case's command and every theta of the known set."""
-    case, added, origin, passes = c.case, arb(0), [fmpq(0)] * c.case.n, fmpq(0)
-    if c.scheme == "l1":
-        c.require_theorem_1()
-        require_projected(c)
-        A, B, _, _ = system(c, "W_b(1-C)", line)
-        passes = case.k_0[0, 0]
-        added = c.norm("C").norm[1] * (arb(widest(c.P)) * worst_V(c, line)).sqrt()
-    else:
-        require_fixed_loop(c)
-        A, B, _, _ = disturbed(c)
-        origin = vector(c.fact("theta_0"), case.n)
-    theta, (N, _), t_end = c.require_theta_known(), gain_and_size(c), number(line["witness"]["t_end"])
-    if not (isinstance(theta, Box) and len(case.facts["reference"]) == 1 == case.k_0.ncols()):
-        raise Refused("a box and one command are needed")
+    part, (N, _), t_end = LinearPart(c, line), gain_and_size(c), number(line["witness"]["t_end"])
 
-    def of_cell(cell: Box, leaf: dict[str, Any]) -> arb:
-        off = [(a + b) / 2 - one for a, b, one in zip(cell.lower, cell.upper, origin, strict=True)]
-        rho = [(b - a) / 2 for a, b in zip(cell.lower, cell.upper, strict=True)]
-        away, wide = (arb(sum((abs(one) for one in each), fmpq(0))) for each in (off, rho))
-        left = 1 - N * (away + wide)
+    def bound(off: list[fmpq], rho: list[fmpq], leaf: dict[str, Any]) -> arb:
+        left = 1 - N * (size_1(off) + size_1(rho))
         require(bool(left > 0), "the small gain over a cell must be below 1")
-        first, spread = followed(varied(A, B, case, off, passes), case, rho, t_end, leaf)
-        return first + (N * wide * spread + added) / left
+        first, spread = followed(part.varied(off), c.case, rho, t_end, leaf)
+        return first + (N * size_1(rho) * spread + part.added) / left
 
-    case.assumed[f"error_bound_command is a bound up to t = {text(t_end)} s"] = None
-    return over_cells(theta, line["witness"]["cells"], of_cell)
+    c.case.assumed[f"error_bound_command is a bound up to t = {text(t_end)} s"] = None
+    return part.largest(bound)
+
+
+def for_all_commands(c: Controller, line: dict[str, Any]) -> arb:
+    """|e_i| for every command of the case's size and every theta of the known set, by norms of each cell's loop."""
+    part, [r], n, x0 = LinearPart(c, line), c.case.command_bounds(), c.case.n, c.case.x0.entries()
+
+    def bound(off: list[fmpq], rho: list[fmpq], leaf: dict[str, Any]) -> arb:
+        M, of_r, outputs = part.varied(off)
+        nothing, m = zeros(outputs.nrows(), 1), part.A.nrows()
+        sizes = [row[0] * r for row in Norms(M, of_r, outputs, nothing, leaf["forced"]).upper]
+        if any(one != 0 for one in x0):
+            start = column([*x0, *([fmpq(0)] * (M.nrows() - n))])
+            free = Norms(M, start, outputs * M, nothing, leaf["free"]).upper
+            sizes = [a + row[0] / 2 for a, row in zip(sizes, free, strict=True)]
+        seen = fmpq_mat([[fmpq(int(i == j)) for j in range(m)] for i in range(n)])
+        looped = part.A + part.B * fmpq_mat([off]) * seen
+        N = Norms(looped, part.B, seen, zeros(n, 1), leaf["loop"]).norm[1]
+        q = N * size_1(rho)
+        require(bool(q < 1), "the small gain over a cell must be below 1")
+        varies = [sum((arb(one) * sizes[(j + 1) * n + i] for j, one in enumerate(rho)), arb(0)) for i in range(n)]
+        first = largest_of([sizes[i] + varies[i] for i in range(n)])
+        return first + (q * largest_of(varies) + (1 + N * size_1(off)) * part.added) / (1 - q)
+
+    return part.largest(bound)
 
 
 def followed(
@@ -1179,6 +1224,7 @@ def followed(
 
 # --- A loop that is linear from sample to sample: docs/proofs.md, "A sampled linear loop" ---------------------------------------
 
+SAMPLES_BETWEEN_ROUNDINGS = 8
 PARTS = 16
 """Parts of a sample, between whose ends the motion is a straight line except for its curvature."""
 
@@ -1314,10 +1360,12 @@ class SampledLoop:
         """|row M^k s|, k < samples, joined column by column; and the remainder of each column, including the errors, in |.|_P."""
         found = [[arb(0)] * s.ncols() for _ in range(rows.nrows())]
         error = [arb(0)] * s.ncols()
-        for _ in range(samples):
-            exact = s.mid()
-            error = [(old + one).upper() for old, one in zip(error, sizes_of(s - exact, form), strict=True)]
-            seen, s = (rows * exact).tolist(), self.M * exact
+        for k in range(samples):
+            if k % SAMPLES_BETWEEN_ROUNDINGS == 0:
+                exact = s.mid()
+                error = [(old + one).upper() for old, one in zip(error, sizes_of(s - exact, form), strict=True)]
+                s = exact
+            seen, s = (rows * s).tolist(), self.M * s
             found = [[joined(a, abs(b)) for a, b in zip(old, new, strict=True)] for old, new in zip(found, seen, strict=True)]
         return found, [old + one for old, one in zip(error, sizes_of(s, form), strict=True)]
 

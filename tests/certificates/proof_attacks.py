@@ -92,6 +92,12 @@ def _broken_cells(tree: Document) -> Iterator[tuple[str, Document]]:
         yield "one half for the whole", tree["low"]
         yield from ((what, tree | {"low": low}) for what, low in _broken_cells(tree["low"]))
         return
+    if "forced" in tree:
+        yield "no norm of the cell's loop", {key: part for key, part in tree.items() if key != "loop"}
+        yield "the witness of another norm", tree | {"forced": tree["loop"]}
+        yield "no steps", tree | {"forced": tree["forced"] | {"steps": [[]]}}
+        yield "no rate", tree | {"loop": tree["loop"] | {"rate": "0p0"}}
+        return
     steps = tree["steps"]
     yield "a step backwards", tree | {"steps": [[*steps[0], -0.25], *steps[1:]]}
     yield "steps beyond the end", tree | {"steps": [*steps[:-1], [*steps[-1], 1e6]]}

@@ -8,13 +8,14 @@ the case's numbers, from which the checker derives everything else: docs/proofs.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from barbalat.certificates.bounds import known_command
+from barbalat.certificates.bounds import any_command, known_command
 from barbalat.certificates.bounds.laws import least_gain
 from barbalat.certificates.bounds.model import model_bounds, state_bounds
 from barbalat.certificates.certificate import Certificate
@@ -72,13 +73,14 @@ BY_SCHEME: dict[str, dict[str, tuple[str, ...]]] = {
         "condition": ("theta_max", "L1 norm of W_b(1-C)"),
         "error_bound": ("lyapunov", "lambda_min", "theta_max", "bounds", "L1 norm of W_b(1-C)"),
         "error_bound_command": ("lyapunov", "theta_max", "L1 norm of C", "L1 norm of W_b(1-C)"),
+        "error_bound_worst": ("lyapunov", "L1 norm of C"),
     },
     "sampled": dict.fromkeys(("error_bound_held", "state_bound", "control_bound"), ("sampled response",))
     | {"sampled response": (), "error_bound": ("sampled response", "L1 norm of W_r", "L1 norm of sW_r")},
     "linear": dict.fromkeys(("norms", "condition", "error_bound_command"), ("L1 norm of W_b S",))
-    | {"error_bound": ("bounds", "L1 norm of W_b S")},
+    | {"error_bound": ("bounds", "L1 norm of W_b S"), "error_bound_worst": ()},
     "adrc": dict.fromkeys(("norms", "condition", "error_bound_command"), ("L1 norm of T",))
-    | {"error_bound": ("bounds", "L1 norm of T")},
+    | {"error_bound": ("bounds", "L1 norm of T"), "error_bound_worst": ()},
 }
 NO_RULE = "no rule speaks of it"
 BESIDE_A_BASELINE = "barbalat-check has no rule yet for a plant with a baseline"
@@ -164,7 +166,10 @@ class _Lines:
             except InputError as error:
                 return str(error)
         if key in ("error_bound_worst", "error_bound_command"):
-            line["witness"] = self._over_the_set(key)
+            try:
+                line["witness"] = self._over_the_set(key)
+            except InputError as error:
+                return str(error)
         self.found[key] = line
         return ""
 
@@ -175,9 +180,16 @@ class _Lines:
             found["least_gain"] = least_gain(np.array(gamma))
         if isinstance(file, FollowedFile) and self.facts["scheme"] != "mrac":
             loop = file.known_loop(self.problem, self.controller)
-            assert key == known_command.KEY and loop is not None and self.problem.uncertainty is not None
-            _, whole = known_command.command_bound(self.problem, loop, self.problem.uncertainty, self.t_end)
-            found |= {"t_end": self.t_end, "cells": known_command.witness(whole)}
+            assert loop is not None and self.problem.uncertainty is not None
+            if key == known_command.KEY:
+                _, along = known_command.command_bound(self.problem, loop, self.problem.uncertainty, self.t_end)
+                found |= {"t_end": self.t_end, "cells": along.tree(known_command.witness)}
+            else:
+                _, whole = any_command.worst_bound(self.problem, loop)
+                name = {"l1": "W_b(1-C)", "linear": "W_b S", "adrc": "T"}[self.facts["scheme"]]
+                with ctx.workprec(EXACT_BITS):
+                    A, B, _, _ = _system(name, self.problem, self.facts, None)
+                found["cells"] = whole.tree(partial(any_command.witness, self.problem, replace(loop, A=A, B=B.entries())))
         return found
 
     def _add_norms_of_output(self) -> str:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,15 +45,15 @@ MOST_STATES = 40
 
 @dataclass(frozen=True, eq=False)
 class KnownLoop:
-    """G = (A, B, C = the first n states), from v = (theta - origin)'x - k r to e without adaptation.
+    """G = (A, B, C = the first n states), from v = (theta - origin)'x - k r to e without adaptation; of a proof in exact balls.
 
     passes  k, the factor with which the command passes G in addition to the plant
     norm    N, at least ||G||_1
     added   sup |w|, due to adaptation, if theta is the origin: for other theta it is divided by 1 - N |theta - origin|_1
     """
 
-    A: Array
-    B: Array
+    A: Array | arb_mat
+    B: Array | list[arb]
     origin: Array
     passes: float
     norm: float
@@ -62,15 +62,13 @@ class KnownLoop:
 
 @dataclass(frozen=True, eq=False)
 class Cell:
-    """low <= theta <= high with its bound, and the contribution of the cell's size."""
+    """low <= theta <= high with its bound, the contribution of each of its sides, and its halves."""
 
     low: Array
     high: Array
     bound: float
-    rest: float
     along: Array  # sup |rho_i s_i|, (n,)
-    followed: Followed
-    halves: list[Cell] = field(default_factory=list)
+    halves: list[Cell] = field(default_factory=list, kw_only=True)
 
     @property
     def side(self) -> int:
@@ -81,8 +79,23 @@ class Cell:
     def center(self) -> Array:
         return np.asarray(self.low + (self.high - self.low) / 2)
 
+    def tree(self, leaf: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        """The cuts of the cell, and what is said of each cell without halves."""
+        if not self.halves:
+            return leaf(self)
+        low, high = (half.tree(leaf) for half in self.halves)
+        return {"side": self.side, "at": float(self.center[self.side]), "low": low, "high": high}
 
-def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end: float) -> tuple[float, Cell]:
+
+@dataclass(frozen=True, eq=False)
+class FollowedCell(Cell):
+    """A cell along the command, with the contribution of its size."""
+
+    rest: float
+    followed: Followed
+
+
+def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end: float) -> tuple[float, FollowedCell]:
     """The bound over the known set, and that set with its cells; InputError, with the reason, if there is none."""
     if not isinstance(known_set, ParameterBox):
         raise InputError("the known set is a ball, and the command is followed over cells of a box")
@@ -92,7 +105,7 @@ def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end:
     [command] = problem.commands
     signal, order = generator(command, t_end), itertools.count()
 
-    def entered(low: Array, high: Array) -> tuple[float, int, Cell]:
+    def entered(low: Array, high: Array) -> tuple[float, int, FollowedCell]:
         cell = _cell(problem, loop, signal, low, high)
         return -cell.bound, next(order), cell
 
@@ -101,9 +114,8 @@ def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end:
     most = min(MOST_CELLS, MOST_WORK // (states**2 * len(whole.followed.bounds)))
     while len(cells) < most and cells[0][2].rest > NEGLIGIBLE_REST * cells[0][2].bound:
         _, _, widest = heapq.heappop(cells)
-        middle = np.where(np.arange(len(widest.low)) == widest.side, widest.center, np.nan)
-        for low, high in ((widest.low, middle), (middle, widest.high)):
-            half = entered(np.where(np.isnan(low), widest.low, low), np.where(np.isnan(high), widest.high, high))
+        for low, high in with_halves(widest.low, widest.high, widest.side):
+            half = entered(low, high)
             widest.halves.append(half[2])
             heapq.heappush(cells, half)
     if not math.isfinite(cells[0][2].bound):
@@ -111,20 +123,24 @@ def command_bound(problem: Problem, loop: KnownLoop, known_set: KnownSet, t_end:
     return cells[0][2].bound, whole
 
 
-def witness(cell: Cell) -> dict[str, Any]:
-    """The halves of a cell, or of one without halves the numbers with which its response is followed."""
-    if cell.halves:
-        low, high = map(witness, cell.halves)
-        return {"side": cell.side, "at": float(cell.center[cell.side]), "low": low, "high": high}
+def witness(cell: FollowedCell) -> dict[str, Any]:
+    """The numbers with which the response of a cell is followed."""
     found = cell.followed
     return {"bits": 2 * found.bits, "weights": found.weights, "steps": found.steps}
 
 
+def with_halves(low: Array, high: Array, side: int) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """The ends of both halves of a cell."""
+    middle_low, middle_high = low.copy(), high.copy()
+    middle_low[side] = middle_high[side] = low[side] + (high[side] - low[side]) / 2
+    return (low, middle_high), (middle_low, high)
+
+
 def _states(problem: Problem, loop: KnownLoop) -> int:
-    return problem.known.n + (1 + problem.known.n) * len(loop.A)
+    return problem.known.n + (1 + problem.known.n) * len(loop.B)
 
 
-def _cell(problem: Problem, loop: KnownLoop, signal: Generator, low: Array, high: Array) -> Cell:
+def _cell(problem: Problem, loop: KnownLoop, signal: Generator, low: Array, high: Array) -> FollowedCell:
     center = low + (high - low) / 2
     rho = np.nextafter(np.maximum(high - center, center - low), np.inf)
     response = followed(motion(problem, loop, signal, center))
@@ -137,20 +153,20 @@ def _cell(problem: Problem, loop: KnownLoop, signal: Generator, low: Array, high
     wide = float(rho.sum()) * OUTWARD_FACTOR
     left = 1 - loop.norm * (away + wide) * OUTWARD_FACTOR**2
     if not left > 0:
-        return Cell(low, high, math.inf, math.inf, varied.max(axis=(0, 2, 3)), response)
+        return FollowedCell(low, high, math.inf, varied.max(axis=(0, 2, 3)), math.inf, response)
     rest = loop.norm * wide / left * of_size * OUTWARD_FACTOR**2  # q/(1 - q) = N |rho|/(1 - N |c| - N |rho|)
     bound = (first + rest + loop.added / left) * OUTWARD_FACTOR**2
-    return Cell(low, high, bound, rest, varied.max(axis=(0, 2, 3)), response)
+    return FollowedCell(low, high, bound, varied.max(axis=(0, 2, 3)), rest, response)
 
 
 def motion(problem: Problem, loop: KnownLoop, signal: Generator, center: Array) -> Motion:
     """(w, x_m, e_c, s_1 ... s_n) with w of the command's generator; outputs are e_c and the s_i."""
-    n, k, m = problem.known.n, len(signal.S), len(loop.A)
+    n, k, m = problem.known.n, len(signal.S), len(loop.B)
     A_m, b_r, _ = problem.model.matrices
     with ctx.workprec(MOST_BITS):
         A = _Blocks(k + n + (n + 1) * m)
         off = [arb(one) - arb(origin) for one, origin in zip(center.tolist(), loop.origin.tolist(), strict=True)]
-        B = [arb(float(one)) for one in loop.B]
+        B = [arb(one) for one in loop.B]
         command = [arb(float(one)) for one in signal.c]
         A.add(0, 0, signal.S)
         A.add(k, k, A_m)
@@ -179,8 +195,8 @@ class _Blocks:
     def __init__(self, size: int) -> None:
         self.rows = [[arb(0)] * size for _ in range(size)]
 
-    def add(self, row: int, column: int, block: Array) -> None:
-        for i, line in enumerate(np.asarray(block, dtype=float).tolist()):
+    def add(self, row: int, column: int, block: Array | arb_mat) -> None:
+        for i, line in enumerate(block.tolist()):
             for j, one in enumerate(line):
                 self.rows[row + i][column + j] += arb(one)
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from barbalat.certificates import theorems
 from barbalat.certificates.assumptions import FREQUENCIES_TRIED, constant_in_the_end, nominal, theta_in_the_set
-from barbalat.certificates.bounds import known_command, theorem_1
+from barbalat.certificates.bounds import any_command, known_command, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import advice, estimate, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -110,6 +110,8 @@ def _add_bound(draft: Draft, problem: Problem, loop: FixedLoop, d: float, t_end:
     draft.guarantee("condition", found, NUMBERS_ALONE)
     if condition.holds:
         draft.guarantee("error_bound", error_bound, *loop.rests_on(problem))
+        if is_needed(any_command.KEY):
+            any_command.add(draft, problem, loop.known_loop(), loop.rests_on(problem))
         if is_needed(known_command.KEY):
             known_command.add(draft, problem, loop.known_loop(), t_end, loop.rests_on(problem))
     else:

@@ -16,7 +16,7 @@ from barbalat.certificates.assumptions import (
     constant_in_the_end,
     theta_in_the_set,
 )
-from barbalat.certificates.bounds import disturbed, known_command, laws, theorem_1
+from barbalat.certificates.bounds import any_command, disturbed, known_command, laws, theorem_1
 from barbalat.certificates.bounds.model import ModelBounds, model_bounds
 from barbalat.certificates.cells import denied, estimate, limits_text, margins_cell, nothing, statement
 from barbalat.certificates.certificate import Certificate, Draft
@@ -88,8 +88,8 @@ def certificate(problem: Problem, controller: L1Adaptive, simulation: Simulation
         _without_projection(draft, problem, controller)
     else:
         reach = _add_bound_10(draft, problem, controller, C, model)
-        if reach is not None and is_needed(known_command.KEY):
-            _add_command_bound(draft, problem, controller, simulation.t_end)
+        if reach is not None and (is_needed(known_command.KEY) or is_needed(any_command.KEY)):
+            _add_bounds_over_cells(draft, problem, controller, simulation.t_end)
     if reach is None:  # no bound of x: assume what the model requires, and say so
         reach, assumed = StateReach(model.x_m_euclidean, draft["nu_0"]), (FROZEN_LAW, REACH_ASSUMED)
     limits = frozen_laws.of_lyapunov_law(
@@ -192,11 +192,13 @@ def _add_bound_10(draft: Draft, problem: Problem, controller: L1Adaptive, C: Sta
     return StateReach(model.x_m_euclidean + root_n * offset, root_n * level.nu / remaining)
 
 
-def _add_command_bound(draft: Draft, problem: Problem, controller: L1Adaptive, t_end: float) -> None:
-    """Add the bound for the case's command."""
+def _add_bounds_over_cells(draft: Draft, problem: Problem, controller: L1Adaptive, t_end: float) -> None:
+    """Add the bounds for every theta of the known set, for all commands and for the case's."""
     loop = known_loop(problem, controller)
     rests_on = (*of_the_case(problem, controller.bind(problem.known).estimate_set), FILTER_AT_REST, theta_in_the_set(problem))
-    known_command.add(draft, problem, loop, t_end, rests_on)
+    any_command.add(draft, problem, loop, rests_on)
+    if is_needed(known_command.KEY):
+        known_command.add(draft, problem, loop, t_end, rests_on)
 
 
 def known_loop(problem: Problem, controller: L1Adaptive) -> known_command.KnownLoop:

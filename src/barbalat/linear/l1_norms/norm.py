@@ -273,6 +273,23 @@ def l1_norm(
 
 
 @lru_cache(maxsize=4096)
+def _rows(matrices: tuple[tuple[tuple[int, ...], bytes], ...], width: float, work_limit: int) -> tuple[float, ...]:
+    system = System(*(np.frombuffer(data).reshape(shape) for shape, data in matrices))
+    require_hurwitz(system.A)
+    search = _NormSearch(system, width, work_limit)
+    search.run()
+    return search.rows
+
+
+def row_norms(
+    A: Array, B: Array, C: Array, D: Array, *, relative_width: float = 1e-9, work_limit: int = 20_000
+) -> tuple[float, ...]:
+    """An upper bound of each output's norm, from one integration; the width is relative to the largest. Errors as ``l1_norm``."""
+    system = _checked(A, B, C, D)
+    return _rows(tuple((matrix.shape, matrix.tobytes()) for matrix in system.matrices), relative_width, work_limit)
+
+
+@lru_cache(maxsize=4096)
 def enclosed(matrices: tuple[tuple[tuple[int, ...], bytes], ...], width: float, work_limit: int) -> Enclosure:
     """The norm of a system by the shapes and bytes of A, B, C and D.
 
@@ -326,6 +343,7 @@ class _NormSearch:
     work_limit: int
     counters: Counters = field(default_factory=Counters)
     best: Enclosure | None = None
+    rows: tuple[float, ...] = ()
 
     def run(self) -> Enclosure:
         """Return the first enclosure narrow enough, or the intersection of all when the work limit is hit."""
@@ -355,7 +373,7 @@ class _NormSearch:
         scale = norm_lower_bound(model)
         if not scale > 0:
             if _identically_zero(self.system):
-                self.best = _static(self.system.D, self.width)
+                self.best, self.rows = _static(self.system.D, self.width), (0.0,) * len(self.system.D)
                 return bits
             return 2 * bits
         budget = scale * self.width * tightening
@@ -364,6 +382,7 @@ class _NormSearch:
             return needed
         lowers, uppers = integrate(model, budget, self.counters, self.work_limit)
         found = _enclosure(lowers, uppers, self.counters, bits, self.width)
+        self.rows = tuple(float_above(value) for value in uppers)
         self.best = found if self.best is None else _intersection(self.best, found, self.width)
         return bits
 

@@ -37,7 +37,7 @@ def dyadic(value: arb) -> str:
     return f"{int(mantissa)}p{int(exponent)}"
 
 
-def witness(A: arb_mat, B: arb_mat, C: arb_mat, size: float) -> dict[str, Any] | None:
+def witness(A: arb_mat, B: arb_mat, C: arb_mat, size: float, *, closeness: float = CLOSENESS) -> dict[str, Any] | None:
     """A witness for c_i e^(At) b_j of all outputs and inputs, where ``size`` is approximately the norm; None if none is found.
 
     A (n, n), B (n, m), C (p, n): balls, practically exact at 1024 bits.
@@ -52,7 +52,7 @@ def witness(A: arb_mat, B: arb_mat, C: arb_mat, size: float) -> dict[str, Any] |
         with ctx.workprec(bits):
             form = _quadratic_form(A, C, spectrum, decay)
             if form is not None:
-                march = _March(A, C, *form, size=arb(size))
+                march = _March(A, C, *form, size=arb(size), closeness=closeness)
                 steps = [march.steps(column_of(B, j)) for j in range(B.ncols())]
                 if all(one is not None for one in steps):
                     P, rate = form
@@ -104,6 +104,7 @@ class _March:
     P: arb_mat
     rate: arb
     size: arb
+    closeness: float = CLOSENESS
     decay: float = field(init=False)
     transitions: dict[str, arb_mat] = field(default_factory=dict)
 
@@ -112,8 +113,8 @@ class _March:
 
     def steps(self, start: arb_mat) -> list[str] | None:
         """Durations until the rest is negligible."""
-        x, found, tail = start.mid(), list[str](), (2 * self.rate).sqrt() * self.size * CLOSENESS / 4
-        per_second = float(self.size) * CLOSENESS * self.decay / 400
+        x, found, tail = start.mid(), list[str](), (2 * self.rate).sqrt() * self.size * self.closeness / 4
+        per_second = float(self.size) * self.closeness * self.decay / 400
         while not self._norm(x) <= tail:
             if len(found) >= MOST_STEPS:
                 return None
@@ -153,7 +154,7 @@ class _March:
             return None
         step = arb(2) ** math.floor(math.log2(longest))
         outputs = [[(self.C * term)[i, 0] for term in terms[:-1]] for i in range(self.C.nrows())]
-        tolerance = self.size * CLOSENESS / 1000
+        tolerance = self.size * self.closeness / 1000
         shortest = step * SHORTEST_PIECE
         for coefficients in outputs:
             step = _to_the_first_sign_change(coefficients, step, tolerance, shortest)

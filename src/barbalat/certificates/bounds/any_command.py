@@ -1,0 +1,145 @@
+"""A bound of e for every command of the case's size and every theta in the known set, over cells of that set.
+
+The loop and its parts e_c and s_i are those of ``known_command``; here they are bounded by L1 norms from r, and the contribution
+of x(0) by half the variation of their free response. With H = (I - G (c - origin)')^-1 G of a cell, q = ||H||_1 |rho|_1 < 1 and S
+the bound of sum_i rho_i |s_i|,
+
+    |e| <= |e_c| + S + q S/(1 - q) + (1 + ||H||_1 |c - origin|_1) |w|/(1 - q).
+
+The derivation is in docs/theorem-1.md, "All commands".
+"""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from flint import arb, arb_mat, ctx
+
+from barbalat.certificates.bounds.known_command import Cell, KnownLoop, motion, with_halves
+from barbalat.certificates.certificate import Draft
+from barbalat.certificates.entry import Assumption
+from barbalat.certificates.requested_keys import is_needed
+from barbalat.linear.enclosure import OUTWARD_FACTOR
+from barbalat.linear.followed import MOST_BITS, Generator
+from barbalat.linear.l1_norms.norm import row_norms
+from barbalat.linear.l1_norms.witness import as_floats
+from barbalat.linear.l1_norms.witness import witness as norm_witness
+from barbalat.problem.known_set import ParameterBox
+from barbalat.problem.state_feedback import Problem
+from barbalat.validate import Array, InputError
+
+KEY = "error_bound_worst"
+MOST_CELLS = 24
+"""Two seconds for a loop of eleven states."""
+CLOSE = 1.1
+"""A bound this close to a norm that is attained at some theta is not refined."""
+MOST_STATES = 30
+"""Largest number of states of the loop with its variations."""
+CLOSENESS = 2.0**-36
+"""Of the enclosures that witnesses prove, relative to the norms: far within ROUNDED."""
+ROUNDED = 1 + 1e-9
+"""The loop's matrices contain sums and products of a few float64 numbers; their rounding changes the norms by far less."""
+
+
+@dataclass(frozen=True, eq=False)
+class NormedCell(Cell):
+    """A cell with the largest |e_i| that its centre attains."""
+
+    attained: float
+
+
+def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
+    """The bound over the known set, and that set with its cells; InputError, with the reason, if there is none."""
+    known_set, order = problem.uncertainty, itertools.count()
+    if not isinstance(known_set, ParameterBox):
+        raise InputError("the known set is a ball, and the loop is bounded over cells of a box")
+    states = problem.known.n + (1 + problem.known.n) * len(loop.B)
+    if states > MOST_STATES:
+        raise InputError(f"the loop has {states} states with its variations, and the limit is {MOST_STATES}")
+    [command] = problem.commands
+    size = float(command.bound)  # type: ignore[attr-defined]
+
+    def entered(low: Array, high: Array) -> tuple[float, int, NormedCell]:
+        cell = _cell(problem, loop, size, low, high)
+        return -cell.bound, next(order), cell
+
+    cells = [entered(known_set.lower, known_set.upper)]
+    whole = cells[0][2]
+    attained = whole.attained
+    while len(cells) < MOST_CELLS and cells[0][2].bound > CLOSE * attained:
+        _, _, widest = heapq.heappop(cells)
+        for low, high in with_halves(widest.low, widest.high, widest.side):
+            half = entered(low, high)
+            widest.halves.append(half[2])
+            attained = max(attained, half[2].attained)
+            heapq.heappush(cells, half)
+    if not math.isfinite(cells[0][2].bound):
+        raise InputError("the small gain over a cell of the known set is not below 1")
+    return cells[0][2].bound, whole
+
+
+def systems(problem: Problem, loop: KnownLoop, center: Array) -> dict[str, tuple[arb_mat, arb_mat, arb_mat]]:
+    """(A, B, C) from r to e_c and the s_i, of the derivative of their free response if x(0) is not zero, and of H."""
+    n, m = problem.known.n, len(loop.B)
+    whole = motion(problem, loop, Generator(np.zeros((1, 1)), np.ones(1), []), center)  # its first state is r
+    rows, C = whole.A.tolist()[1:], arb_mat([row[1:] for row in whole.C.tolist()])
+    A, of_r = arb_mat([row[1:] for row in rows]), arb_mat([row[:1] for row in rows])
+    looped = arb_mat([row[n : n + m] for row in A.tolist()[n : n + m]])
+    found = {"forced": (A, of_r, C), "loop": (looped, arb_mat([[arb(one)] for one in loop.B]), arb_mat(np.eye(n, m).tolist()))}
+    if problem.known.x0.any():
+        with ctx.workprec(MOST_BITS):
+            found["free"] = A, arb_mat([[one] for one in whole.start]), C * A
+    return found
+
+
+def witness(problem: Problem, loop: KnownLoop, cell: NormedCell) -> dict[str, Any]:
+    """The witnesses of a cell's norms; InputError if one is not found."""
+    found = dict[str, Any]()
+    for name, (A, B, C) in systems(problem, loop, cell.center).items():
+        size = max(_norms(A, B, C))
+        found[name] = norm_witness(A, B, C, size, closeness=CLOSENESS)
+        if found[name] is None:
+            raise InputError("no witness was found for the norm of a cell")
+    return found
+
+
+def _norms(A: arb_mat, B: arb_mat, C: arb_mat) -> tuple[float, ...]:
+    return row_norms(as_floats(A), as_floats(B), as_floats(C), np.zeros((C.nrows(), 1)))
+
+
+def _cell(problem: Problem, loop: KnownLoop, size: float, low: Array, high: Array) -> NormedCell:
+    center, n = low + (high - low) / 2, problem.known.n
+    rho = np.nextafter(np.maximum(high - center, center - low), np.inf)
+    try:
+        norms = {name: np.array(_norms(*parts)) * ROUNDED for name, parts in systems(problem, loop, center).items()}
+    except ValueError:  # not certainly Hurwitz
+        return NormedCell(low, high, math.inf, rho, 0.0)
+    forced, N = norms["forced"] * size, float(norms["loop"].max())
+    free = norms["free"] / 2 if "free" in norms else np.zeros(len(forced))
+    sizes = ((forced + free) * OUTWARD_FACTOR).reshape(n + 1, n)  # of e_c, s_1 ... s_n
+    varied = rho[:, None] * sizes[1:]
+    spread, away = float(varied.sum(axis=0).max()), float(np.abs(center - loop.origin).sum())
+    q = N * float(rho.sum()) * OUTWARD_FACTOR**2
+    if not q < 1:
+        return NormedCell(low, high, math.inf, varied.max(axis=1), 0.0)
+    rest = (q * spread + (1 + N * away) * loop.added) / (1 - q) * OUTWARD_FACTOR**3
+    bound = (float((sizes[0] + varied.sum(axis=0)).max()) + rest) * OUTWARD_FACTOR**2
+    return NormedCell(low, high, bound, varied.max(axis=1), float(forced[:n].max()) / ROUNDED**2)
+
+
+def add(draft: Draft, problem: Problem, loop: KnownLoop, rests_on: tuple[Assumption, ...]) -> None:
+    """Add the bound of a loop for all commands, or the reason why there is none."""
+    if problem.uncertainty is None or not is_needed(KEY):
+        return
+    with draft.part(KEY):
+        try:
+            found, _ = worst_bound(problem, loop)
+        except InputError as error:
+            draft.missing(KEY, str(error))
+            return
+        draft.guarantee(KEY, found, *rests_on)
