@@ -49,8 +49,8 @@ def bound_of(problem: Problem, controller: Controller):
 @pytest.mark.short(kept=lambda n: n == 2)
 def test_no_command_exceeds_it(n, sample):
     """Random plants, with x(0) away from zero for half of them, adaptive and linear schemes, theta at vertices and inside."""
-    rng, simulation, attacked = np.random.default_rng(80 + n), Simulation(t_end=12.0, dt=1e-3), 0
-    for _ in range(sample(2, 10)):
+    rng, simulation, attacked = np.random.default_rng(80 + n), Simulation(t_end=8.0, dt=1e-3), 0
+    for _ in range(sample(1, 6)):
         group, C = None, None
         while C is None:
             group = random_problems.system(rng, n, random_problems.COMMANDS[0])
@@ -64,7 +64,7 @@ def test_no_command_exceeds_it(n, sample):
             box, attacked = problem.uncertainty, attacked + 1
             for theta in (*box.extreme_points(rng, 2), *box.drawn(rng, 1)):
                 assert worst_of(problem, controller, theta, simulation) <= entry.value, controller.name
-    assert attacked >= 2
+    assert attacked
 
 
 @pytest.mark.parametrize("scheme", ["L1", "ADRC"])
@@ -89,6 +89,7 @@ def test_the_checker_accepts_it_and_nothing_false(scheme):
     assert len(tried) >= 10 and not accepted
 
 
+@pytest.mark.full
 def test_section_v_is_tight():
     """Within 15 % of a run; the small gain over the whole set gives 521 and 307."""
     given = section_v.problem()
