@@ -34,8 +34,10 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
 KEY = "error_bound_worst"
-MOST_CELLS = 24
-"""Two seconds for a loop of eleven states."""
+MOST_CELLS, MOST_WORK = 24, 1_500_000
+"""Largest number of cells, and of cells times segments times the square of the loop's states: three seconds on one core."""
+MOST_SEGMENTS = 2000
+"""Of one norm: beyond it the rest is bounded by its decay."""
 CLOSE = 1.1
 """A bound this close to a norm that is attained at some theta is not refined."""
 MOST_STATES = 30
@@ -51,6 +53,7 @@ class NormedCell(Cell):
     """A cell with the largest |e_i| that its centre attains."""
 
     attained: float
+    segments: int
 
 
 def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
@@ -71,7 +74,8 @@ def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
     cells = [entered(known_set.lower, known_set.upper)]
     whole = cells[0][2]
     attained = whole.attained
-    while len(cells) < MOST_CELLS and cells[0][2].bound > CLOSE * attained:
+    most = min(MOST_CELLS, MOST_WORK // (states**2 * whole.segments))
+    while len(cells) < most and cells[0][2].bound > CLOSE * attained:
         _, _, widest = heapq.heappop(cells)
         for low, high in with_halves(widest.low, widest.high, widest.side):
             half = entered(low, high)
@@ -101,24 +105,26 @@ def witness(problem: Problem, loop: KnownLoop, cell: NormedCell) -> dict[str, An
     """The witnesses of a cell's norms; InputError if one is not found."""
     found = dict[str, Any]()
     for name, (A, B, C) in systems(problem, loop, cell.center).items():
-        size = max(_norms(A, B, C))
+        size = max(_norms(A, B, C)[0])
         found[name] = norm_witness(A, B, C, size, closeness=CLOSENESS)
         if found[name] is None:
             raise InputError("no witness was found for the norm of a cell")
     return found
 
 
-def _norms(A: arb_mat, B: arb_mat, C: arb_mat) -> tuple[float, ...]:
-    return row_norms(as_floats(A), as_floats(B), as_floats(C), np.zeros((C.nrows(), 1)))
+def _norms(A: arb_mat, B: arb_mat, C: arb_mat) -> tuple[tuple[float, ...], int]:
+    return row_norms(as_floats(A), as_floats(B), as_floats(C), np.zeros((C.nrows(), 1)), work_limit=MOST_SEGMENTS)
 
 
 def _cell(problem: Problem, loop: KnownLoop, size: float, low: Array, high: Array) -> NormedCell:
     center, n = low + (high - low) / 2, problem.known.n
     rho = np.nextafter(np.maximum(high - center, center - low), np.inf)
     try:
-        norms = {name: np.array(_norms(*parts)) * ROUNDED for name, parts in systems(problem, loop, center).items()}
+        found = {name: _norms(*parts) for name, parts in systems(problem, loop, center).items()}
     except ValueError:  # not certainly Hurwitz
-        return NormedCell(low, high, math.inf, rho, 0.0)
+        return NormedCell(low, high, math.inf, rho, 0.0, 1)
+    norms = {name: np.array(upper) * ROUNDED for name, (upper, _) in found.items()}
+    segments = 1 + sum(count for _, count in found.values())
     forced, N = norms["forced"] * size, float(norms["loop"].max())
     free = norms["free"] / 2 if "free" in norms else np.zeros(len(forced))
     sizes = ((forced + free) * OUTWARD_FACTOR).reshape(n + 1, n)  # of e_c, s_1 ... s_n
@@ -126,10 +132,10 @@ def _cell(problem: Problem, loop: KnownLoop, size: float, low: Array, high: Arra
     spread, away = float(varied.sum(axis=0).max()), float(np.abs(center - loop.origin).sum())
     q = N * float(rho.sum()) * OUTWARD_FACTOR**2
     if not q < 1:
-        return NormedCell(low, high, math.inf, varied.max(axis=1), 0.0)
+        return NormedCell(low, high, math.inf, varied.max(axis=1), 0.0, segments)
     rest = (q * spread + (1 + N * away) * loop.added) / (1 - q) * OUTWARD_FACTOR**3
     bound = (float((sizes[0] + varied.sum(axis=0)).max()) + rest) * OUTWARD_FACTOR**2
-    return NormedCell(low, high, bound, varied.max(axis=1), float(forced[:n].max()) / ROUNDED**2)
+    return NormedCell(low, high, bound, varied.max(axis=1), float(forced[:n].max()) / ROUNDED**2, segments)
 
 
 def add(draft: Draft, problem: Problem, loop: KnownLoop, rests_on: tuple[Assumption, ...]) -> None:

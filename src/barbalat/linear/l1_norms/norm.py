@@ -273,18 +273,21 @@ def l1_norm(
 
 
 @lru_cache(maxsize=4096)
-def _rows(matrices: tuple[tuple[tuple[int, ...], bytes], ...], width: float, work_limit: int) -> tuple[float, ...]:
+def _rows(matrices: tuple[tuple[tuple[int, ...], bytes], ...], width: float, work_limit: int) -> tuple[tuple[float, ...], int]:
     system = System(*(np.frombuffer(data).reshape(shape) for shape, data in matrices))
     require_hurwitz(system.A)
     search = _NormSearch(system, width, work_limit)
     search.run()
-    return search.rows
+    return search.rows, search.counters.segments
 
 
 def row_norms(
     A: Array, B: Array, C: Array, D: Array, *, relative_width: float = 1e-9, work_limit: int = 20_000
-) -> tuple[float, ...]:
-    """An upper bound of each output's norm, from one integration; the width is relative to the largest. Errors as ``l1_norm``."""
+) -> tuple[tuple[float, ...], int]:
+    """An upper bound of each output's norm, from one integration, and its segments; the width is relative to the largest.
+
+    Errors as ``l1_norm``.
+    """
     system = _checked(A, B, C, D)
     return _rows(tuple((matrix.shape, matrix.tobytes()) for matrix in system.matrices), relative_width, work_limit)
 
