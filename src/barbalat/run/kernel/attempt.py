@@ -118,18 +118,19 @@ class HeldPast:
     """The content of a delay after a sampled controller: one value per sample for each input, the newest first.
 
     delay    [s]
-    samples  whole samples of the controller in the delay; the remainder is ``rest`` [s]
+    fewest, most  samples in the delay: fewest and most that can have gone in and not come out
     history  (m,) output of the delay before the run's own control arrives
     """
 
     delay: float
-    samples: int
-    rest: float
+    fewest: int
+    most: int
     history: np.ndarray
 
     @classmethod
-    def of(cls, delay: float, sample_time: float, history: np.ndarray) -> HeldPast:
-        """InputError for a delay of more samples than are stored."""
+    def of(cls, delay: float, sample_time: float, history: np.ndarray, *, jitters: bool = False) -> HeldPast:
+        """InputError for a delay of more samples than are stored. If the controller ``jitters``, by at most a quarter of its
+        sample time, up to two more or fewer of them are in the delay."""
         samples = whole_steps(delay, sample_time)
         if samples > MOST_SAMPLES:
             raise InputError.of(
@@ -137,20 +138,24 @@ class HeldPast:
                 f"must be at most {MOST_SAMPLES} samples of {sample_time:g} s with simulation.tolerance, got {delay:g} s: give "
                 "simulation.dt",
             )
-        rest = delay - samples * sample_time
-        return cls(delay, samples, rest if rest > 1e-9 * delay else 0.0, history)
+        if jitters:
+            return cls(delay, max(samples - 1, 0), samples + 2, history)
+        return cls(delay, samples, samples + (delay - samples * sample_time > 1e-9 * delay), history)
 
     @property
     def initial(self) -> np.ndarray:
         """At t = 0, before the first sample."""
-        return np.tile(self.history, self.samples + 1 + (self.rest > 0))
+        return np.tile(self.history, self.most + 1)
 
-    def leaving(self, past: ca.SX, arrived: ca.SX) -> ca.SX:
-        """The output of the delay, (m,); ``arrived``: whether the sample that comes out in this period has come out."""
+    def leaving(self, past: ca.SX, inside: ca.SX) -> ca.SX:
+        """The output of the delay, (m,), if ``inside`` samples have gone in and not come out."""
         import casadi as ca
 
-        m, last = len(self.history), past[-len(self.history) :]
-        return ca.if_else(arrived, past[-2 * m : -m], last) if self.rest else last
+        m = len(self.history)
+        found = past[self.most * m :]
+        for count in reversed(range(self.fewest, self.most)):
+            found = ca.if_else(inside <= count, past[count * m : (count + 1) * m], found)
+        return found
 
 
 @dataclass(frozen=True)
@@ -183,14 +188,14 @@ class Attempts:
 
     @property
     def count(self) -> int:
-        """Entries of a piece's row: its end, whether a controller samples at its beginning, whether the sample of this period
-        has left the delay, the signals' numbers, the noise."""
+        """Entries of a piece's row: its end, whether a controller samples at its beginning, the number of samples in the delay,
+        the signals' numbers, the noise."""
         return FIRST + self.signals.numbers + self.loop.signals.noise
 
     @staticmethod
-    def rows(ends: np.ndarray, sampled: np.ndarray, arrived: np.ndarray, signals: np.ndarray, noise: np.ndarray) -> np.ndarray:
+    def rows(ends: np.ndarray, sampled: np.ndarray, inside: np.ndarray, signals: np.ndarray, noise: np.ndarray) -> np.ndarray:
         """Rows of K pieces, (K, count); the last of them has zero length: there the run ends."""
-        return np.ascontiguousarray(np.column_stack([ends, sampled, arrived, signals, noise]), dtype=float)
+        return np.ascontiguousarray(np.column_stack([ends, sampled, inside, signals, noise]), dtype=float)
 
     def driven_by(self, signals: TimeSignals) -> Attempts:
         """The attempts with other signals; the programs are the same unless formulas, which they contain, differ."""

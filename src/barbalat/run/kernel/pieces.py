@@ -42,43 +42,38 @@ class Pieces:
         sampled_already  whether a sample at the beginning has already been taken
         """
         signals = self.attempts.signals
-        samples = _moved(self._samples(kept), kept)
-        renewed = np.zeros(0) if self.noise is None else _moved(_multiples(self.noise.sample_time, kept), kept)
-        arrivals = self._arrivals(kept)
+        first, last, past = float(kept[0]), float(kept[-1]), self.attempts.past
+        samples = _moved(self._samples(first, last), kept)
+        renewed = np.zeros(0) if self.noise is None else _moved(_multiples(self.noise.sample_time, first, last), kept)
+        arrivals = np.zeros(0) if past is None else past.delay + self._samples(first - past.delay, last - past.delay)
         fixed = np.union1d(kept, samples)
         begins = np.unique(np.concatenate([fixed, _moved(renewed, fixed), _moved(arrivals, fixed)]))
         ends, sampled = np.append(begins[1:], begins[-1]), np.isin(begins, samples)
         if sampled_already:
             sampled[0] = False
         driven = signals.rows(begins, ends) if values is None else signals.held(begins, values)
-        return self.attempts.rows(ends, sampled, self._arrived(begins), driven, self.noise_at(begins))
+        return self.attempts.rows(ends, sampled, self._inside(begins), driven, self.noise_at(begins))
 
-    def _samples(self, kept: Array) -> Array:
-        """The instants from the first to the last of these times at which the controller samples."""
+    def _samples(self, first: float, last: float) -> Array:
+        """The instants from ``first`` to ``last`` [s] at which the controller samples."""
         loop = self.attempts.loop
         if loop.sample_time is None:
             return np.zeros(0)
         if loop.around is None or not loop.around.jitters:
-            return _multiples(loop.sample_time, kept)
+            return _multiples(loop.sample_time, first, last)
         calls = self.attempts.calls(self.until)
-        steady = loop.sample_time * np.arange(len(calls), np.ceil(kept[-1] / loop.sample_time) + 1)
+        steady = loop.sample_time * np.arange(len(calls), np.ceil(last / loop.sample_time) + 1)
         calls, within = np.append(calls, steady), AT_AN_END * loop.sample_time
-        return calls[(calls >= kept[0] - within) & (calls <= kept[-1] + within)]
+        return calls[(calls >= first - within) & (calls <= last + within)]
 
-    def _arrivals(self, kept: Array) -> Array:
-        """The instants from the first to the last of these times at which a sample's control leaves the delay."""
+    def _inside(self, begins: Array) -> Array:
+        """(K,) the samples that are in the delay when each piece begins."""
         loop, past = self.attempts.loop, self.attempts.past
-        if past is None or loop.sample_time is None or not past.rest:
-            return np.zeros(0)
-        return past.rest + _multiples(loop.sample_time, kept - past.rest)
-
-    def _arrived(self, begins: Array) -> Array:
-        """Whether the sample that leaves the delay in the period of each piece has left it when the piece begins."""
-        loop, past = self.attempts.loop, self.attempts.past
-        if past is None or loop.sample_time is None or not past.rest:
+        if past is None or loop.sample_time is None:
             return np.zeros(len(begins))
-        periods, later = (np.floor(t / loop.sample_time + AT_AN_END) for t in (begins, begins - past.rest))
-        return later == periods
+        samples, within = self._samples(0.0, float(begins[-1])), AT_AN_END * loop.sample_time
+        entered, left = (np.searchsorted(samples, t + within, side="right") for t in (begins, begins - past.delay))
+        return entered - left
 
     def noise_at(self, times: Array, before: Array | bool = False) -> Array:
         """(K, channels) the measurement's noise from these times (K,) [s] on, or up to them if ``before`` (K,) is true."""
@@ -96,10 +91,6 @@ def require_known_instants(loop: ClosedLoop, problem: TrackingProblem, simulatio
         require_within("sample_time", loop.sample_time, simulation.t_end)
     if problem.noise is not None:
         require_within("sensor.noise.sample_time", problem.noise.sample_time, simulation.t_end)
-    if loop.around is not None and loop.around.jitters and loop.delayed:
-        raise InputError.of(
-            "simulation.tolerance", "allows jitter of the samples only without a delay at the plant's input: give simulation.dt"
-        )
     if loop.delayed and brings_bends(loop):
         raise InputError.of(
             "simulation.tolerance",
@@ -114,7 +105,8 @@ def past_of(loop: ClosedLoop, problem: TrackingProblem) -> HeldPast | None:
     if not loop.delayed:
         return None
     assert loop.sample_time is not None
-    return HeldPast.of(problem.delay, loop.sample_time, problem.history)
+    jitters = loop.around is not None and loop.around.jitters
+    return HeldPast.of(problem.delay, loop.sample_time, problem.history, jitters=jitters)
 
 
 def require_within(field: str, period: float, t_end: float) -> None:
@@ -123,10 +115,9 @@ def require_within(field: str, period: float, t_end: float) -> None:
         raise InputError.of(field, f"must not exceed simulation.t_end = {t_end:g} s, got {period:g} s")
 
 
-def _multiples(period: float, kept: Array) -> Array:
-    """The multiples of a period [s] from the first to the last of these times."""
-    first, last = np.ceil(kept[0] / period - AT_AN_END), np.floor(kept[-1] / period + AT_AN_END)
-    return period * np.arange(first, last + 1)
+def _multiples(period: float, first: float, last: float) -> Array:
+    """The multiples of a period [s], none of them negative, from ``first`` to ``last`` [s]."""
+    return period * np.arange(max(np.ceil(first / period - AT_AN_END), 0.0), np.floor(last / period + AT_AN_END) + 1)
 
 
 def _moved(times: Array, kept: Array) -> Array:
