@@ -1,7 +1,8 @@
 """``--target ardupilot``: the backend compiled against interfaces written from ArduPilot's published headers, and called.
 
-This is not ArduPilot: no vehicle was linked or flown. The tests show that the class overrides the required methods, engages
-without a bump, leaves the ground and other axes to the main controller, and computes what the C computes.
+This is not ArduPilot, in whose simulator one backend was flown outside the tests (docs/guides/flight.md). The tests show that
+the class overrides the required methods, engages without a bump, leaves the ground and other axes to the main controller, and
+computes what the C computes.
 """
 
 from __future__ import annotations
@@ -69,6 +70,12 @@ struct Open : AC_CustomControl_Pitch {
         CHECK(out.y == expected.u_limited[0] / 2.0f)
     }
     CHECK(AP::logger().lines == 6 * (1 + INNER))
+    backend.set(0, 100, 2.0f);
+    backend.reset();
+    out = backend.update();
+    CHECK(std::fabs(out.x - 0.5f) < 1e-5f && out.y == 0.125f)  /* the axis may be another at the next engagement */
+    made.state = AP_Motors::SpoolState::SHUT_DOWN;
+    CHECK(backend.update().x == 0.5f)  /* landed while engaged */
     return 0;
 }
 """
@@ -88,6 +95,7 @@ def backend(beginning, folder, **given):
 @pytest.mark.short(kept=lambda beginning, places: beginning.startswith("Mrac-"))
 def test_the_backend_against_the_published_interfaces(beginning, places, tmp_path) -> None:
     backend(beginning, tmp_path)
+    assert "`ATC_RAT_PIT_FF`" in (tmp_path / "ARDUPILOT.md").read_text()  # which ArduPilot would add to what is returned
     inner = (tmp_path / "AC_CustomControl_Pitch.cpp").read_text().count('Write("BBI')
     assert inner
     compile_and_run(MAIN.replace("INNER", str(inner)) % places, tmp_path)
