@@ -88,3 +88,34 @@ def test_the_c_is_the_simulation_in_every_bit(tmp_path, kind, scheme, fade) -> N
     write(tmp_path, files(replace(posed, faults=()), controller, RUN))
     told = run_selftest(tmp_path, "gcc", *ISO, *STRICT, "-O2")
     assert told.returncode == 0, told.stdout
+
+
+DELETED = (
+    "        fall_back(&before, c);",
+    "    c->held_baseline[0] = before->held_baseline[0];",
+    "        left = {M}_FADE;",
+    "        c->bump[i] = c->last_u[i] - alone[i];",
+    "    c->matching = 0;",
+    "        c->held_u[i] = alone[i];",
+    "            c->held_u[i] = alone[i] + c->bump[i] * ((double)left / (double)c->fade);",
+    "    c->fade_left = left > 0L ? left - 1L : 0L;",
+    "                c->bump[i] = c->last_u[i];",
+    "            c->fade = {M}_FADE;",
+    "            c->fade_left = {M}_FADE;",
+    "            c->matching = 1;",
+)
+"""Lines of the fallback and of the return, without which the self-test must fail."""
+
+
+@needs_gcc
+def test_the_self_test_finds_each_line_of_the_fallback_that_is_missing(tmp_path) -> None:
+    posed = replace(problem("lqi"), faults=())
+    made = files(posed, SCHEMES["mrac"], RUN)
+    source, survived = made["controller.c"], []
+    at = source.index("static void fall_back(")
+    for line in (f"\n{one}\n".replace("{M}", "MRAC") for one in DELETED):
+        assert line in source[at:]
+        write(tmp_path, made | {"controller.c": source[:at] + source[at:].replace(line, "\n;\n", 1)})
+        if run_selftest(tmp_path, "gcc", *ISO, "-O1", "-w").returncode != 1:
+            survived.append(line)
+    assert survived == []

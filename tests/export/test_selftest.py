@@ -255,9 +255,9 @@ AROUND = {
         "    c->matching = 0;\n    if (c->fade_left > 0L) {\n        --c->fade_left;",
         "    c->matching = 0;\n    if (0) {",
     ),
-    "a lost sample does not count for the bump": (
-        "    }\n    if (c->fade_left > 0L) {\n        --c->fade_left;",
-        "    }\n    if (0) {",
+    "a fade goes on at a lost sample": (
+        "        c->held_u[i] = c->last_u[i];\n    }\n",
+        "        c->held_u[i] = c->last_u[i];\n    }\n    c->fade_left -= c->fade_left > 0L ? 1L : 0L;\n",
     ),
     "a lost sample moves u": ("        c->held_u[i] = c->last_u[i];\n", ""),
     "a lost sample is learnt from": ("    in->freeze = 1;\n", ""),

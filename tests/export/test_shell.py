@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from barbalat import Mrac, ParameterBox, Plant, Problem, ReferenceModel, Sampled
 from barbalat.cases.load import parse_case
 from barbalat.export.c99.files import files
 from barbalat.export.contents import Contents
@@ -15,9 +16,10 @@ from barbalat.export.in_the_loop import simulate_export
 from barbalat.export.source import header, source
 from barbalat.export.texts import Printed
 from barbalat.lowering.c99 import DOUBLE
-from barbalat.plants import Bias, Dropout, Jitter, Labels, Latency, Shell, Spike, Stuck
+from barbalat.plants import Bias, Dropout, Jitter, Labels, Latency, PlantInput, Shell, Spike, Stuck
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.simulate import recorded, simulate
+from barbalat.signals import Sine
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError
 from export.examples import SIMULATION, T
@@ -25,7 +27,7 @@ from export.targets import ISO, STRICT, drive, needs_gcc, run_selftest, same_bit
 from export.test_bit_identical import EXAMPLES
 from export.test_losses import Listed
 
-LOST, COMMAND_LOST, WRONG_TIME, JITTER, MISSED, FALLBACK = 2, 16, 1, 64, 128, 256
+LOST, RESULT_REFUSED, COMMAND_LOST, WRONG_TIME, JITTER, MISSED, FALLBACK = 2, 8, 16, 1, 64, 128, 256
 SHELLS = {
     "none": None,
     "range and rate": Shell(range={"x_1": [-2.0, 2.0]}, rate={"x_1": 10.0, "x_2": 60.0}),
@@ -150,7 +152,7 @@ class Plain:
             left = self.fade + 1 - beyond
             held = self.u * ((left - 1) / left) if self.shell.fallback == "fade" and left > 0 else np.zeros_like(self.u)
         self.u, _ = self.act(self.y, r, True, held)
-        self.r, self.left = r, max(self.left - 1, 0)
+        self.r = r
 
     def good(self, y, r, freeze) -> None:
         own, _ = self.act(y, r, freeze, None)
@@ -199,6 +201,34 @@ def test_an_export_with_a_shell_passes_its_own_test(scheme, shell, tmp_path) -> 
         assert done.returncode == 0, done.stdout
 
 
+@needs_gcc
+@pytest.mark.parametrize("fallback", ["hold", "zero", "fade"])
+def test_results_out_of_range_end_in_the_fallback_and_the_controller_returns(fallback, tmp_path) -> None:
+    """A command that is accepted once and leads the model out of range, and with it every later sample."""
+    problem = Problem(
+        Plant(A_m=[[0, 1], [-2000, -90]], b=[0, 2000], theta=[0.1, -0.01], input=PlantInput(saturation=[-5, 5])),
+        ReferenceModel(k_0=1),
+        Sine(amplitude=0.3, frequency=2),
+        uncertainty=ParameterBox(lower=[-0.2, -0.02], upper=[0.2, 0.02]),
+        shell=Shell(longest_outage=0.05, fallback=fallback, fade=0.1),
+    )
+    printed = Printed(Contents.of(problem, Sampled(Mrac(gamma=1e-3), T), SIMULATION, DOUBLE))
+    write(tmp_path, {"controller.h": header(printed), "controller.c": source(printed)})
+    samples, K, bad = recorded(problem.nominal, printed.contents.controller, SIMULATION, 200), 200, 100
+    r = samples.commands.copy()
+    r[bad] = 2e5
+    found = drive(printed, tmp_path, samples.measured, r)
+    refused = (found.status & RESULT_REFUSED) != 0
+    assert found.status[bad] == 0 and refused[bad + 1 : bad + 7].all()
+    assert (found.status[bad + 1 : bad + 6] == RESULT_REFUSED).all() and found.status[bad + 6] == RESULT_REFUSED | FALLBACK
+    assert (found.status[bad + 7 :] == 0).all()
+    if fallback == "zero":
+        assert found.u[bad + 6] == 0
+    assert abs(found.u[bad + 7] - found.u[bad + 6]) <= 1e-9 * abs(found.u[bad + 6]) + 0.05
+    after = slice(bad + 40, K)  # the whole bump, which is as large as the command was, has faded out
+    assert np.abs(found.u[after] - drive(printed, tmp_path, samples.measured, samples.commands).u[after]).max() < 0.05
+
+
 PLANTED = {
     "no miss is counted": ("            ++c->outage;", "            ;"),
     "an outage never ends": ("c->outage > {M}_LONGEST_OUTAGE; ++i", "c->outage > 2000000000L; ++i"),
@@ -209,13 +239,17 @@ PLANTED = {
     "a fade to another value": ("(double)less", "(double)left"),
     "no upper end": ("in->x[1] <= 0x1.4", "in->x[1] <= 0x1.4p9 && in->x[1] <= 0x1.4p9 || in->x[1] <= 0x1.4"),
     "no lower end": ("in->x[1] >= -0x1.0000000000000p+2", "in->x[1] >= -0x1.0000000000000p+3"),
-    "another band": ("    if (off <= {M}_BAND && -off", "    if (off <= 2 * {M}_BAND && -off"),
+    "another band": ("    if (off <= band && -off", "    if (off <= 2 * band && -off"),
     "missed calls are none": ("        --missed;\n", "        missed = -1L;\n"),
     "a wrong time is taken": ("            measured = -1;\n", ""),
     "a start keeps the outage": ("    c->matching = 1;\n    c->outage = 0L;\n    return", "    c->matching = 1;\n    return"),
     "any number of calls": ("        return -1L;\n", "        return 0L;\n"),
-    "no band of missed calls": ("return (off <= {M}_BAND && -off", "return (off <= 0 && -off"),
+    "no band of missed calls": ("return (off <= band && -off", "return (off <= 0 && -off"),
     "one call too few": ("(double){M}_LONGEST_OUTAGE + 1.5", "(double){M}_LONGEST_OUTAGE + 0.5"),
+    "the edge is outside of the band": ("_BAND + 0x1", "_BAND - 0x1"),
+    "a start anywhere": ("!(x[1] <= 0x1.4", "!(x[1] <= 9 * 0x1.4"),
+    "results out of range are no misses": ("        begin_again(&before, c, in, measured);\n", ""),
+    "no way back from them": ("        begin(c, in->x, 1);\n", ""),
     "one call too many": ("(double){M}_LONGEST_OUTAGE + 1.5", "(double){M}_LONGEST_OUTAGE + 2.5"),
 }
 """What surrounds the arithmetic of an export with every part of a shell but a rate, and what is planted in its place."""
@@ -228,7 +262,7 @@ def test_the_self_test_finds_what_is_planted_in_the_shell(fault, tmp_path) -> No
     problem, controller = surrounded("Mrac-state-midpoint", SHELLS["fade"])
     made = files(problem, controller, SIMULATION)
     macro = re.search(r"#define (\w+)_CONTROLLER_H", made["controller.h"])[1]
-    original, planted = (text.replace("{M}", macro) for text in PLANTED[fault])
+    original, planted = (text.replace("{M}", macro).replace("{n}", macro.lower()) for text in PLANTED[fault])
     assert original in made["controller.c"]
     write(tmp_path, made | {"controller.c": made["controller.c"].replace(original, planted, 1)})
     assert run_selftest(tmp_path, "gcc", *ISO, "-O1", "-w").returncode == 1

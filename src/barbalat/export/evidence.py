@@ -73,10 +73,13 @@ def number_rows(printed: Printed, values: Array) -> str:
 
 
 def digests(printed: Printed) -> str:
-    """The digest of the state after each sample of the simulation, as in the C: its bits in sequence, multiplied by PRIME each
-    time."""
-    contents = printed.contents
-    states = contents.vectors.states[:, contents.layout.rows].astype(contents.real.numbers)
+    """The digest of the state after each sample of the simulation, as in the C."""
+    return digests_of(printed, printed.contents.vectors.states[:, printed.contents.layout.rows])
+
+
+def digests_of(printed: Printed, rows: Array) -> str:
+    """The digest of each row of numbers (K, n), as in the C: its bits in sequence, multiplied by PRIME each time."""
+    states = rows.astype(printed.contents.real.numbers)
     bits = np.ascontiguousarray(states).view(np.uint64 if states.itemsize == 8 else np.uint32)
     found = np.zeros(len(states), dtype=np.uint64)
     for column in bits.T:

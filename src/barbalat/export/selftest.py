@@ -10,14 +10,13 @@ import numpy as np
 from barbalat.export.contents import FEWEST_VECTORS, Contents
 from barbalat.export.evidence import PRIME, chosen_tests, digest_calls, digests, number_rows
 from barbalat.export.log import log_of_u, log_values
+from barbalat.export.outage_selftest import outage_tests, surrounded
 from barbalat.export.settable_selftest import settable_tests
 from barbalat.export.shell import counters, members
 from barbalat.export.shell_selftest import shell_tests
 from barbalat.export.texts import Printed, filled, indented
-from barbalat.loop.around import Around, Taken
-from barbalat.loop.packing import flatten, map_arrays, unflatten
+from barbalat.loop.around import Around
 from barbalat.lowering import c99
-from barbalat.run.kernel.sampled_controller import initial_acting
 from barbalat.validate import Array
 
 MEASUREMENT_LOST, COMMAND_LOST, FROZEN = 1, 2, 4
@@ -70,7 +69,11 @@ def selftest(printed: Printed) -> str:
         frozen_tests=indented(_resting(printed, "frozen, and"), 8),
         limit_tests=indented(_limits(printed)),
         lost=f"{contents.lost:g}",
-        standstill=standstill + shell_tests(printed) + settable_tests(printed, _where_u_is_large(contents), FADE),
+        **_after_a_refusal(printed),
+        standstill=standstill
+        + shell_tests(printed)
+        + outage_tests(printed)
+        + settable_tests(printed, _where_u_is_large(contents), FADE),
         timer_tests=_timer_tests(printed),
         mirror_outage=indented(_mirrored(contents.around), 12),
         refused_tests=indented(_refused_tests(printed)),
@@ -79,9 +82,10 @@ def selftest(printed: Printed) -> str:
         ),
         told="" if longest is None else f" & ~{macro}_FALLBACK",
         shell_test=indented(["test_shell();"] if contents.around is not None else [])
+        + indented(["test_outages();"] if longest is not None else [])
         + indented(["test_parameters();"] if contents.parameters else []),
         stands_still=indented(["test_standstill();"]) if standstill else "",
-        elsewhere=indented([f"c.{name} = 1L;" for name in members(contents.around)])
+        elsewhere=indented(f"c.{name} = 1L;" for name in (*members(contents.around), *counters(contents.around)))
         + indented(f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = 2; }}" for part in layout.parts),
         refused_starts=indented(_refused_starts(printed)),
         start_tests=indented(_started_at(printed)),
@@ -143,27 +147,12 @@ def with_losses(contents: Contents) -> Array:
             freeze = contents.lost if lost else float(bool(loss & FROZEN))
             after = contents.evaluated(state, state[last_y] if lost else y, command, freeze)
             if contents.around is not None:
-                after, kept = _surrounded(contents, contents.around, (state, after, y), kept, lost=lost)
+                after, kept = surrounded(contents, contents.around, (state, after, y), kept, lost=lost)
             elif lost:
                 after[u] = state[u]
             state = after
         states.append(state)
     return np.array(states)
-
-
-def _surrounded(
-    contents: Contents, around: Around, flat: tuple[Array, Array, Array], kept: Any, *, lost: bool
-) -> tuple[Array, Any]:
-    """The shell's transition for a sample, from one flat state to another with a measurement, and the values that it keeps."""
-    numbers, template = contents.real.numbers, initial_acting(contents.loop)
-    before, now = (unflatten(template, state.astype(numbers), 0)[0] for state in flat[:2])
-    before = before._replace(held=before.held._replace(around=map_arrays(lambda part: part.astype(numbers), kept)))
-    zero, one = np.zeros((), numbers), np.ones((), numbers)
-    rest: Any = {"offered": kept.offered, "lost": kept.lost, "late": kept.late, "timer": kept.timer}
-    taken = Taken(y=flat[2].astype(numbers), r=None, freeze=one if lost else zero, begun=one, due=one, wrong_time=zero, **rest)
-    with np.errstate(divide="ignore"):  # for entries that are not selected
-        acted = around.put_out(taken, before, now)
-    return np.asarray(flatten(acted._replace(held=acted.held._replace(around=()))), dtype=float), acted.held.around
 
 
 def _limit_rows(printed: Printed) -> str:
@@ -199,7 +188,8 @@ def _state_is(printed: Printed, state: Array) -> list[str]:
 def _started_at(printed: Printed) -> list[str]:
     """Started at the second vector's measurement with nothing kept, every number has the case's value, up to rounding."""
     contents = printed.contents
-    lines = [f'require(c.{name} == 0L, "not started again: {name}");' for name in members(contents.around)]
+    counted = (*members(contents.around), *counters(contents.around))
+    lines = [f'require(c.{name} == 0L, "not started again: {name}");' for name in counted]
     rest, of_x = contents.at_start
     there = rest + of_x @ contents.vectors.measured[1]
     for part in contents.layout.parts:
@@ -212,18 +202,23 @@ def _started_at(printed: Printed) -> list[str]:
 
 
 def _refused_starts(printed: Printed) -> list[str]:
-    """A start whose last entry is out of range, or not a number: it is reported, and nothing changes."""
+    """A start whose last entry is out of range, or that a range of the shell does not accept: it is reported, nothing changes."""
     contents, (y, _, m, _) = printed.contents, printed.contents.sizes
     beyond = f"2 * {printed.macro}_RANGE"
-    x = printed.measured
-    given, lines = (x, "u") if contents.measures_state else ("u",), []
-    for bad in given:
+    x, around, number = printed.measured, printed.contents.around, printed.contents.real.numbers
+    lines, given = list[str](), [(f"u_start[{m - 1}]", beyond)]
+    if contents.measures_state:
+        given.append((f"start.{x}[{y - 1}]", beyond))
+        ends = [] if around is None else [(i, around.low[i], -np.inf) for i in around.ranged]
+        ends += [] if around is None else [(i, around.high[i], np.inf) for i in around.ranged]
+        for i, end, far in ends:  # nor what the shell does not accept
+            given.append((f"start.{x}[{i}]", c99.constant(float(np.nextafter(number(end), number(far))), contents.real)))
+    for place, value in given:
         start = f"{printed.name}_start(&c, {f'start.{x}, ' if contents.measures_state else ''}u_start, {FADE}L, 0)"
-        place = f"start.{x}[{y - 1}]" if bad == x else f"u_start[{m - 1}]"
         lines += [
             f"{{ {printed.name}_input start = sample(1); {printed.real} u_start[{printed.macro}_INPUTS];",
             "  memcpy(u_start, u_now, sizeof u_start); (void)start;",
-            f"  {place} = {beyond};",
+            f"  {place} = {value};",
             f"  require({start} == {printed.macro}_START_REFUSED && same_state(&c, &before),",
             '      "a start out of range is not refused"); }',
         ]
@@ -294,9 +289,10 @@ static void test_standstill(void)
 {poked}    before = c;
     in.{measured}[0] = 2 * {macro}_RANGE;
     in.r[0] = 2 * {macro}_RANGE;
-    require({name}_step(&c, &in, &out) == ({macro}_MEASUREMENT_LOST | {macro}_COMMAND_LOST | {macro}_RESULT_REFUSED),
+    require({name}_step(&c, &in, &out) == ({macro}_MEASUREMENT_LOST | {macro}_COMMAND_LOST | {refused_status}),
         "a standstill is not reported");
-    require(same_state(&c, &before) && same(out.u, before.last_u, {macro}_INPUTS), "a step out of range is not omitted");
+{refused_misses}    require({begins_again}(same_state(&c, &before) && same(out.u, before.last_u, {macro}_INPUTS)),
+        "a step out of range is not omitted");
 }}
 """
 
@@ -314,8 +310,19 @@ def _standstill(printed: Printed) -> str:
     if not (np.abs(after) > contents.range).any():
         return ""
     lines = [f"for (i = 0; i < {part.size}; ++i) {{ c.{part.name}[i] = {printed.macro}_RANGE; }}" for part in poked]
-    names = {"name": printed.name, "macro": printed.macro, "measured": printed.measured}
+    names = {"name": printed.name, "macro": printed.macro, "measured": printed.measured, **_after_a_refusal(printed)}
     return _STANDSTILL.format(**names, poked=indented(lines))
+
+
+def _after_a_refusal(printed: Printed) -> dict[str, str]:
+    """What the first sample whose result is out of range does: it may be a miss, even one beyond the longest outage."""
+    around, status = printed.contents.around, f"{printed.macro}_RESULT_REFUSED"
+    longest = None if around is None else around.longest
+    return {
+        "refused_status": f"({status} | {printed.macro}_FALLBACK)" if longest == 0 else status,
+        "refused_misses": "" if longest is None else indented(["before.outage = 1L;"]),
+        "begins_again": "c.outage == 1L || " if longest == 0 else "",
+    }
 
 
 def _where_u_is_large(contents: Contents) -> int:

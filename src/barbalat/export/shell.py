@@ -7,7 +7,7 @@ from textwrap import fill
 import numpy as np
 
 from barbalat.export.texts import Printed, comment, indented
-from barbalat.loop.around import MOST_COUNTED, Around
+from barbalat.loop.around import MOST_COUNTED, ROUNDINGS, Around
 from barbalat.lowering import c99
 
 CLOCK_TOLERANCE = 1e-3
@@ -15,6 +15,11 @@ CLOCK_TOLERANCE = 1e-3
 clock that counts microseconds measures 1 ms to within 0.1 %. For the law a sample time with an error of 0.1 % is equivalent
 to such an error in A and b. A wrong rate differs by far more.
 """
+
+
+def roundings(printed: Printed) -> float:
+    """``ROUNDINGS`` in the target's numbers."""
+    return ROUNDINGS * float(np.finfo(printed.contents.real.numbers).eps / np.finfo(float).eps)
 
 
 def shell(printed: Printed) -> dict[str, str]:
@@ -31,6 +36,11 @@ def shell(printed: Printed) -> dict[str, str]:
         "fall_back": _FALL_BACK[around.fallback].format(**_names(printed), **_of_baseline(printed))
         if _falls(around) and around
         else "",
+        "begin_again": _begin_again(printed, timed=timed) if ends else "",
+        "refused": indented([f"begin_again(&before, c, in{', measured' * timed});"] if ends else [], 8),
+        "result_refused": "it counts as a miss, and u and the state keep their values unless the fallback acts"
+        if ends
+        else "u and the whole state keep their values",
         "shell_timer": _TIMER.format(**_names(printed)) if timed else "",
         "late": "".join(late),
         "implausible": " || ".join(_implausible(printed)),
@@ -135,6 +145,7 @@ def _names(printed: Printed) -> dict[str, str]:
         "clock": c99.constant(CLOCK_TOLERANCE * printed.contents.sample_time, printed.contents.real),
         "more": f"1.5{printed.contents.real.suffix}", "half": f"0.5{printed.contents.real.suffix}",
         "started": layout.started.name,
+        "rounding": c99.constant(roundings(printed), printed.contents.real),
     }  # fmt: skip
 
 
@@ -189,14 +200,44 @@ def _of_baseline(printed: Printed) -> dict[str, str]:
     }
 
 
+def in_ranges(printed: Printed, values: str) -> list[str]:
+    """Tests in C for whether the entries of the array ``values`` are in the ranges of their channels."""
+    around, tests = printed.contents.around, list[str]()
+    if around is None:
+        return tests
+    for i in around.ranged:
+        low, high = (printed.number(side[i]) for side in (around.low, around.high))
+        tests += [f"{values}[{i}] >= {low}", f"{values}[{i}] <= {high}"]
+    return tests
+
+
+def _begin_again(printed: Printed, *, timed: bool) -> str:
+    """The function for a sample whose result is out of range, if an outage has a limit."""
+    around, state = printed.contents.around, printed.contents.measures_state
+    limited = []
+    for i, side in printed.limits():
+        u, end = f"c->{printed.contents.layout.u.name}[{i}]", printed.limit(i, side)
+        limited += [
+            f"if ({u} {'<>'[side]} {end}) {{ /* beyond its limits it may be what leads out of range */",
+            f"    {u} = {end};",
+            "}",
+        ]
+    return _BEGIN_AGAIN.format(
+        limited=indented(limited, 8),
+        **_names(printed),
+        how=", int measured" if timed else "",
+        counted=indented(_counted(printed.macro, ends=True, timed=timed)),
+        given=f"in->{printed.measured}, " if state else "",
+        falls_back=indented([f"fall_back({'before, ' * bool(_before(around))}c);" if _falls(around) else "hold(c);"], 8),
+    )
+
+
 def _plausible(printed: Printed) -> str:
     around = printed.contents.around
     if around is None or not _checked(around):
         return ""
-    names, x, tests, slow = printed.contents.problem.handed_names, printed.measured, [], []
-    for i in around.ranged:
-        low, high = (printed.number(side[i]) for side in (around.low, around.high))
-        tests += [f"in->{x}[{i}] >= {low}", f"in->{x}[{i}] <= {high}"]
+    names, x, slow = printed.contents.problem.handed_names, printed.measured, []
+    tests = in_ranges(printed, f"in->{x}")
     last = printed.contents.layout.measured.name
     for i in around.rated:
         most = f"{printed.number(around.rate[i])} * samples"
@@ -242,8 +283,9 @@ def shell_readme(printed: Printed) -> str:
             f"*The longest outage*: after {around.longest:.0f} consecutive misses {acts}, and the status has {macro}_FALLBACK. "
             f"The next good sample begins with the u applied at that time; the difference to the controller's own u fades "
             f"out over {around.fade:.0f} samples. "
-            "A sample that would lead out of range (see below) is not counted: u is held, and the fallback does not "
-            "begin with it."
+            f"A sample that would lead out of range ({macro}_RESULT_REFUSED) is a miss, too. If it is beyond the longest outage, "
+            "the controller also begins again at it, as by a start that keeps the estimates and with u within its limits, so "
+            "that the next good sample can end the outage."
         )
     if around.band is not None:
         told.append(
@@ -323,10 +365,11 @@ _TIMER = """\
 static long missed_calls(const {name}_input *in)
 {{
     const {real} time = in->sample_time;
+    const {real} band = {macro}_BAND + {rounding} * time; /* its edge belongs to it, however the time was rounded */
     {real} off;
     long whole;
     off = time - {macro}_SAMPLE_TIME;
-    if (off <= {macro}_BAND && -off <= {macro}_BAND) {{
+    if (off <= band && -off <= band) {{
         return 0L;
     }}
     if (!(time >= {half} * {macro}_SAMPLE_TIME
@@ -336,7 +379,7 @@ static long missed_calls(const {name}_input *in)
     off = time / {macro}_SAMPLE_TIME + {half};
     whole = (long)off;
     off = time - ({real})whole * {macro}_SAMPLE_TIME;
-    return (off <= {macro}_BAND && -off <= {macro}_BAND) ? whole - 1L : -1L;
+    return (off <= band && -off <= band) ? whole - 1L : -1L;
 }}
 
 """
@@ -372,6 +415,28 @@ if (c->outage > {macro}_LONGEST_OUTAGE) {{
     c->fade_left = {macro}_FADE;
     c->matching = 1;
 }}
+"""
+_BEGIN_AGAIN = """\
+/* After a sample whose result is out of range, which is a miss. Beyond the longest outage the fallback acts, and the controller
+ * begins again at this sample with its estimates kept: the state itself may be what leads out of range. */
+static void begin_again(const {name}_controller *before, {name}_controller *c, const {name}_input *in{how})
+{{
+{counted}    if (c->outage > {macro}_LONGEST_OUTAGE) {{
+        const long outage = c->outage;
+        int i;
+        begin(c, {given}1);
+        advance(c, in);
+{falls_back}{limited}        if (!result_is_usable(c)) {{
+            *c = *before;
+            c->outage = outage;
+            return;
+        }}
+        for (i = 0; i < {macro}_INPUTS; ++i) {{
+            c->last_u[i] = c->{u}[i];
+        }}
+    }}
+}}
+
 """
 _FALLS_BACK = """\
 if (c->outage > {macro}_LONGEST_OUTAGE) {{

@@ -35,19 +35,16 @@ def shell_tests(printed: Printed) -> str:
 def _filled(printed: Printed, lines: list[str]) -> list[str]:
     around = printed.contents.around
     assert around is not None
-    fallen = {"hold": "last[i]", "zero": f"0.0{printed.contents.real.suffix}"}
-    left = f"({printed.real})({printed.macro}_FADE - 1L) / ({printed.real}){printed.macro}_FADE"
-    fallen["baseline"] = f"alone[i] + (last[i] - alone[i]) * {int(around.fade > 0)}"
-    fallen["fade"] = f"last[i] * ({left})" if around.fade else fallen["zero"]
     band = 0.0 if around.band is None else around.band
     off = 0.9 * band if 0.9 * band > 1.05 * CLOCK_TOLERANCE * around.T else band / 2
-    several = (around.longest or 0) >= 2
+    several, number = (around.longest or 0) >= 2, printed.contents.real.numbers
     calls = "{M}_MISSED_CALLS" if several else "({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK)"
     names = {
-        "n": printed.name, "M": printed.macro, "real": printed.real, "x": printed.measured, "fallen": fallen[around.fallback],
-        "alone": _alone(printed),
+        "n": printed.name, "M": printed.macro, "real": printed.real, "x": printed.measured, "fallen": fallen(printed, "last"),
+        "alone": alone_of(printed),
         "jitter": printed.number(around.T + off),
         "jittered": f"{printed.macro}_JITTER" if off > CLOCK_TOLERANCE * around.T else f"{printed.macro}_OK",
+        "edge": printed.number(float(np.nextafter(number(around.T + band), number(1e9)))),
         "half": printed.number(1.5 * around.T), "three": printed.number(3 * around.T + off),
         "beyond": printed.number(around.T + band + min(0.1 * band, (around.T / 2 - band) / 2)),
         "several": int(several), "close": int(around.fade > 0),
@@ -55,7 +52,18 @@ def _filled(printed: Printed, lines: list[str]) -> list[str]:
     return [line.replace("{calls}", calls).format(**names) for line in lines]
 
 
-def _alone(printed: Printed) -> str:
+def fallen(printed: Printed, last: str) -> str:
+    """The first control of the fallback for an input, from the array ``last`` and, for the baseline, ``alone``."""
+    around = printed.contents.around
+    assert around is not None
+    found = {"hold": f"{last}[i]", "zero": f"0.0{printed.contents.real.suffix}"}
+    left = f"({printed.real})({printed.macro}_FADE - 1L) / ({printed.real}){printed.macro}_FADE"
+    found["baseline"] = f"alone[i] + ({last}[i] - alone[i]) * {int(around.fade > 0)}"
+    found["fade"] = f"{last}[i] * ({left})" if around.fade else found["zero"]
+    return found[around.fallback]
+
+
+def alone_of(printed: Printed) -> str:
     """The baseline's own output, if it is the fallback."""
     terms = baseline_terms(printed, "c.")
     return f"const {printed.real} alone[] = {{ {', '.join(terms)} }};" if terms else ""
@@ -148,6 +156,8 @@ _TIMER = [
     "in.sample_time = {M}_SAMPLE_TIME;",
     "(void){n}_step(&other, &in, &expected);",
     'require(same_state(&c, &other), "a time within the band is not treated as nominal");',
+    "in.sample_time = {edge};",
+    'require({n}_step(&c, &in, &out) == {M}_JITTER, "the edge of the band is outside of it");',
     "in.sample_time = {half};",
     'require({n}_step(&c, &in, &out) == ({M}_WRONG_SAMPLE_TIME | {M}_FALLBACK), "the fallback does not act at a wrong time");',
     "{n}_init(&c); (void)replay(&c, 4); in = sample(4); in.sample_time = {beyond};",

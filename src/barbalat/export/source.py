@@ -9,7 +9,7 @@ import numpy as np
 from barbalat.export.contents import Contents
 from barbalat.export.log import log_body, log_header
 from barbalat.export.settable import settable
-from barbalat.export.shell import shell
+from barbalat.export.shell import in_ranges, shell
 from barbalat.export.shell import usable as shell_usable
 from barbalat.export.texts import Printed, comment, filled, indented
 from barbalat.loop.around import LOST
@@ -60,10 +60,13 @@ def source(printed: Printed) -> str:
         ),
         reset=indented(f"{text} = {_initial(printed, row, contents.initial[row])};" for row, text in layout.entries().items()),
         start=_start(printed),
+        begin_argument=f"const {printed.real} *{printed.measured}, " if state else "",
+        begin_given=f"{printed.measured}, " if state else "",
         log=log_body(printed),
         start_refused=" || ".join(
             [
                 *([f"!in_range({printed.measured}, {printed.macro}_MEASURED)"] if state else []),
+                *([f"!({test})" for test in in_ranges(printed, printed.measured)] if state else []),
                 f"!in_range(u_now, {printed.macro}_INPUTS)",
             ]
         ),
@@ -142,11 +145,9 @@ def _given(printed: Printed) -> list[str]:
     lines = ["int i;", f"const int held = {held}; /* otherwise the held control is invalid too */"]
     lines += [f"for (i = 0; i < {printed.macro}_INPUTS; ++i) {{", f"    out->u[i] = held != 0 ? c->last_u[i] : {zero};"]
     lines += ["    out->u_limited[i] = out->u[i];", "}"]
-    if contents.saturation is not None:
-        for i in np.flatnonzero(np.isfinite(contents.saturation).all(axis=0)).tolist():
-            for side, relation in ((0, "<"), (1, ">")):
-                text = printed.limit(i, side)
-                lines += [f"if (out->u[{i}] {relation} {text}) {{", f"    out->u_limited[{i}] = {text};", "}"]
+    for i, side in printed.limits():
+        text = printed.limit(i, side)
+        lines += [f"if (out->u[{i}] {'<>'[side]} {text}) {{", f"    out->u_limited[{i}] = {text};", "}"]
     if contents.sizes[3]:
         name = contents.layout.theta_hat.name
         lines += [f"for (i = 0; i < {printed.macro}_ESTIMATES; ++i) {{", f"    out->theta_hat[i] = c->{name}[i];", "}"]
@@ -166,7 +167,8 @@ def _start(printed: Printed) -> str:
         value = " + ".join(terms if terms and not rest[row] else [_initial(printed, row, rest[row]), *terms])
         (kept if row in contents.learnt else others).append(f"{text} = {value};")
     last = ["if (keep_estimates == 0) {", *(f"    {line}" for line in kept), "}"] if kept else ["(void)keep_estimates;"]
-    return indented([*others, *last])
+    unread = [f"(void){y};"] if contents.measures_state and not any(f"{y}[" in line for line in (*others, *kept)) else []
+    return indented([*unread, *others, *last])
 
 
 def header(printed: Printed) -> str:
@@ -193,6 +195,7 @@ def header(printed: Printed) -> str:
         units=_input_units(printed),
         **_wrong_time(contents),
         **_freezes(contents),
+        start_range=", or outside its plausible range" if state and in_ranges(printed, printed.measured) else "",
         sample_time=printed.number(contents.sample_time),
         range=printed.number(contents.range),
         sizes="".join(f"#define {macro}_{name} {size}\n" for name, size in sizes.items()) + _place_of_baseline(printed),

@@ -9,6 +9,8 @@ from functools import cached_property
 from importlib import resources
 from string import Template
 
+import numpy as np
+
 from barbalat import __version__
 from barbalat.controllers import SCHEMES, Sampled
 from barbalat.controllers.output import OUTPUT_SCHEMES
@@ -67,6 +69,12 @@ class Printed:
         assert self.contents.saturation is not None
         open_one = next((one for one in self.contents.parameters if one.limit == (i, side)), None)
         return self.number(self.contents.saturation[side, i]) if open_one is None else self.parameter(open_one)
+
+    def limits(self) -> list[tuple[int, int]]:
+        """The inputs with limits, and the sides 0 and 1 of each."""
+        found = self.contents.saturation
+        inputs = [] if found is None else np.flatnonzero(np.isfinite(found).all(axis=0)).tolist()
+        return [(i, side) for i in inputs for side in (0, 1)]
 
     @cached_property
     def mark(self) -> str:

@@ -29,6 +29,8 @@ every C compiler."""
 LOST = 2.0
 """The value of the freeze switch at a sample without a measurement, which corrects no observer; the value 1 freezes only what
 is learnt."""
+ROUNDINGS = 4 * float(np.finfo(float).eps)
+"""Relative rounding of a time between two calls: by so much it may be beyond the edge of the band, which belongs to it."""
 MOST_LATE = 1000
 """The largest latency in samples, each of which is stored."""
 
@@ -310,8 +312,8 @@ class Around:
         between = np.where(first > 0, self.T, since if dt is None else since * dt)
         wrong = np.zeros(())
         if self.band is not None:
-            off = between - self.T
-            wrong = np.where(off <= self.band, np.where(-off <= self.band, 0.0, 1.0), 1.0)
+            off, band = between - self.T, self.band + ROUNDINGS * between
+            wrong = np.where(off <= band, np.where(-off <= band, 0.0, 1.0), 1.0)
         if dt is None:
             seconds = (0 * left, next_late, self.T + next_late - was_late, between)
             return due, wrong, np.concatenate([one.reshape(1) for one in seconds])
@@ -369,7 +371,8 @@ class Around:
             to_come = fade + longest + 1.0 - kept.outage[0]
             fallen = np.where(to_come > 0, last * ((to_come - 1.0) / to_come), nothing)
         found = np.where(miss > 0, np.where(acts, fallen, last), faded)
-        still = np.where(left > 0, left - 1.0, left).reshape(1)
+        still = np.where(left > 0, left - 1.0, left)  # a fade waits while the control is held
+        still = np.where(miss > 0, np.where(acts, still, left) if self.baseline is not None else left, still).reshape(1)
         return found.reshape(u.shape), kept._replace(fade_left=still, bump=bump)
 
     def _baseline(self, before: Held, after: Held) -> Value:

@@ -34,11 +34,12 @@ class Shell(Settings):
     jitter   largest deviation of the time between two calls from the sample time, as a fraction of it. Within it a call is
              punctual; after a whole number of sample times each missing call is a miss; after any other time the fallback acts.
              Requires longest_outage. Without jitter a wrong time is only reported in the status
-    longest_outage  how long consecutive misses may last before the fallback acts [s]; no limit by default
+    longest_outage  how long consecutive misses may last before the fallback acts [s]; no limit by default. In the exported C a
+             sample whose result is out of range is a miss as well
     fallback  what acts then: "hold", the last control; "zero"; "fade", from the last control to zero; or "baseline", the case's
               fixed controller alone, with the last good measurement, the present command and its own states held
     fade     duration of that fade, of the transition to the baseline, and of the bumpless return of the control after a fallback
-             [s]; by default the longest outage
+             [s]; by default the longest outage. A fade of the return waits while samples are lost
 
     On a miss the estimates are frozen, the last good measurement and the last control are held, and model, predictor and filters
     continue; an observer predicts the state without the measurement. Raises InputError.

@@ -15,7 +15,7 @@ from barbalat.export.plant import PlantContents
 from barbalat.export.plant_source import PrintedPlant, plant_header, plant_source
 from barbalat.export.selftest import selftest
 from barbalat.export.settable import parameters_readme
-from barbalat.export.shell import shell_readme
+from barbalat.export.shell import in_ranges, shell_readme
 from barbalat.export.source import header, shape, source
 from barbalat.export.target import require_case
 from barbalat.export.texts import Printed, comment, filled, indented
@@ -135,6 +135,10 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
         **(PREDICTS if contents.loop.observer is not None else HOLDS),
         gap=GAP if any(part.path == "controller.span" for part in layout.parts) else "",
         shell=shell_readme(printed),
+        start_range=", lies outside its plausible range (see below) or" if in_ranges(printed, "x") else " or",
+        after_refusals=NO_RESTART.format(printed.name)
+        if contents.around is None or contents.around.longest is None
+        else "It is a miss, see the longest outage.",
         other_time=""
         if contents.around is not None and contents.around.band is not None
         else OTHER_TIME.format(contents.sample_time),
@@ -150,6 +154,7 @@ def readme(printed: Printed, *, closed_loop: bool = False) -> str:
     )
 
 
+NO_RESTART = "If it\n  does so at each sample, call `{}_start`."
 EXISTING = """
 - *The existing loop* stays in its own code. At each sample it gives its control, before the limits, in
   `in.{measured}[{macro}_U_BASELINE]`: u is this control plus what adapts, and u_limited is the sum within the limits. An

@@ -53,19 +53,21 @@ static void fade(${name}_controller *c)
     }
 }
 
-/* Without a measurement the control is held; a start continues to fade out, visibly at the next good sample. */
+/* Without a measurement the control is held, and a fade waits, so that u does not jump at the next good sample. */
 static void hold(${name}_controller *c)
 {
     int i;
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         c->${u}[i] = c->last_u[i];
     }
-    if (c->fade_left > 0L) {
-        --c->fade_left;
-    }
 }
 
-${fall_back}/* Advances to this sample, measured or lost, and returns 1; returns 0 without a change if that leads out of range. */
+/* The state from which a start, or a restart after an outage, begins. */
+static void begin(${name}_controller *c, ${begin_argument}int keep_estimates)
+{
+${start}}
+
+${fall_back}${begin_again}/* Advances to this sample, measured or lost, and returns 1; returns 0 without a change if that leads out of range. */
 static int go_on(${name}_controller *c, const ${name}_input *in, int measured)
 {
     int i;
@@ -79,7 +81,7 @@ ${counted}        hold(c);
 ${falls_back}    }
     if (!result_is_usable(c)) {
         *c = before;
-        return 0;
+${refused}        return 0;
     }
     for (i = 0; i < ${macro}_INPUTS; ++i) {
         c->last_u[i] = c->${u}[i];
@@ -138,7 +140,8 @@ unsigned ${name}_start(${name}_controller *c, ${start_argument}const ${real} u_n
     if (${start_refused}) {
         return ${macro}_START_REFUSED;
     }
-${start}    for (i = 0; i < ${macro}_INPUTS; ++i) {
+    begin(c, ${begin_given}keep_estimates);
+    for (i = 0; i < ${macro}_INPUTS; ++i) {
         c->bump[i] = u_now[i];
         c->last_u[i] = u_now[i];
     }

@@ -16,9 +16,9 @@ ${sizes}${limits}${shell_macros}${log_macros}${parameter_macros}
 #define ${macro}_WRONG_SAMPLE_TIME 1u /* called at a wrong time, off by more than ${tolerated}: ${wrong_time} */
 #define ${macro}_MEASUREMENT_LOST 2u /* an entry of the measurement is NaN or out of range: see ${name}_step */
 #define ${macro}_STATE_REFUSED 4u /* the state is NaN or out of range: the last u is held until reset or start */
-#define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: u and the whole state keep their values */
+#define ${macro}_RESULT_REFUSED 8u /* the step would have led out of range: ${result_refused} */
 #define ${macro}_COMMAND_LOST 16u /* an entry of the command is NaN or out of range: see ${name}_step */
-#define ${macro}_START_REFUSED 32u /* of ${name}_start, which changed nothing: an argument is NaN or out of range */
+#define ${macro}_START_REFUSED 32u /* of ${name}_start, which changed nothing: an argument is NaN or out of range${start_range} */
 
 #ifdef __cplusplus
 extern "C" {
