@@ -144,7 +144,7 @@ def _names(printed: Printed) -> dict[str, str]:
         "zero": f"0.0{printed.contents.real.suffix}", "last_r": layout.r.name, "last": layout.measured.name,
         "clock": c99.constant(CLOCK_TOLERANCE * printed.contents.sample_time, printed.contents.real),
         "more": f"1.5{printed.contents.real.suffix}", "half": f"0.5{printed.contents.real.suffix}",
-        "started": layout.started.name,
+        "started": layout.started.name, "one": f"1.0{printed.contents.real.suffix}",
         "rounding": c99.constant(roundings(printed), printed.contents.real),
     }  # fmt: skip
 
@@ -425,7 +425,13 @@ static void begin_again(const {name}_controller *before, {name}_controller *c, c
         const long outage = c->outage;
         int i;
         begin(c, {given}1);
-        advance(c, in);
+        for (i = 0; i < {macro}_MEASURED; ++i) {{
+            c->{last}[i] = in->{x}[i];
+        }}
+        for (i = 0; i < {macro}_COMMANDS; ++i) {{
+            c->{last_r}[i] = in->r[i];
+        }}
+        c->{started}[0] = {one}; /* as after a first sample */
 {falls_back}{limited}        if (!result_is_usable(c)) {{
             *c = *before;
             c->outage = outage;
