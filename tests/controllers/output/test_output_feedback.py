@@ -499,6 +499,19 @@ def test_c_0_min_alone_keeps_c_0_on_its_side_of_zero(sign):
     assert equations.theta_hat0[-1] == near
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_known_set_on_both_sides_of_c_0_is_refused(sign):
+    def controller(near, far):
+        low, high = sorted((near * sign, far * sign))
+        box = {"lower": [-5.0, low], "upper": [5.0, high]}
+        return MracOutput(order=1, relative_degree=1, sign=sign, law=Gradient(gamma=1.0), **box)
+
+    plant, model = TF([2.0 * sign], [1.0, 1.0]), TF([3.0], [1.0, 3.0])
+    assert problem_bind(plant, controller(0.1, 4.0), model).equations.estimate_set is not None
+    side = "above" if sign > 0 else "below"
+    assert f"must keep c_0 {side} zero" in refusal(lambda: problem_bind(plant, controller(-0.1, 4.0), model))
+
+
 @pytest.mark.parametrize("case", WRONG)
 def test_refused_in_a_sentence(case):
     make, words = WRONG[case]
