@@ -1,4 +1,4 @@
-"""Print the table of ratios. Exit code 1 only where a contestant computes something else than we do."""
+"""Print the table of ratios. Exit code 1 only if a contestant computes something different."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def compare(extent: speed.Extent) -> None:
 
 
 def compare_studies(extent: speed.Extent) -> None:
-    """Sweeps, then what peers do with as many members in one process: their idle threads would count as a sweep's work."""
+    """Sweeps, then the peers with the same number of members in one process: their idle threads would count as a sweep's work."""
     for title, (rows, notes) in studies.sections(quick=extent.quick):
         show(title, rows, notes)
     if extent.peers and not extent.quick:

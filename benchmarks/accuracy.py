@@ -1,6 +1,6 @@
-"""Work and precision: what a run of two seconds costs over the error that is measured of it, on one core.
+"""Work and precision: the cost of a run of two seconds against its measured error, on one core.
 
-Section V under its command. The error is the largest in theta_hat at four instants, as a part of the largest estimate, against
+Section V under its command. The error is the largest in theta_hat at four instants, relative to the largest estimate, against
 our kernel at a tolerance of 1e-12. Times are processor time of a run, best of several, without compilation and without figures;
 fixed steps include their table of the command.
 """
@@ -121,7 +121,7 @@ def _seconds(run: Run) -> float:
 
 
 def cost_at(found: list[Point], error: float) -> float | None:
-    """Seconds at an error, between the two nearest runs on a logarithmic scale; None where no run is as exact."""
+    """Seconds at an error, between the two nearest runs on a logarithmic scale; None if no run is as accurate."""
     better = [point for point in found if point.error <= error]
     if not better:
         return None
@@ -163,7 +163,7 @@ def section(controller: Controller, *, quick: bool, peers: bool) -> tuple[str, l
 
 
 def _row(name: str, error: float, ours: list[Point], theirs: list[Point]) -> Row | None:
-    """None where one of them is nowhere as exact."""
+    """None if one of them never reaches the accuracy."""
     mine, other = cost_at(ours, error), cost_at(theirs, error)
     if mine is None or other is None:
         return None

@@ -32,7 +32,7 @@ WIDTHS = (8, 16, 32)
 
 
 class Family(NamedTuple):
-    """Variants of one kind, of which the fastest counts."""
+    """Variants of one kind; the fastest counts."""
 
     name: str
     flag_sets: tuple[str, ...]
@@ -40,7 +40,7 @@ class Family(NamedTuple):
 
 
 def families(case: Case, *, quick: bool) -> list[Family]:
-    """In an ensemble only what gcc vectorises; ``quick`` keeps the flags that have come out on top so far."""
+    """In an ensemble only variants that gcc vectorises; ``quick`` keeps the best flags so far."""
     both = 1 if quick else 2
     plain = () if case.members > 1 else PLAIN
     return [
@@ -51,7 +51,7 @@ def families(case: Case, *, quick: bool) -> list[Family]:
 
 
 def contestants(case: Case, steps: int, folder: Path, family: Family, *, quick: bool) -> list[Contestant]:
-    """Every variant; ``quick`` keeps the order and the width that have come out on top so far."""
+    """Every variant; ``quick`` keeps the best order and width so far."""
     ours = case.optimised(figures=family.figures)
     lists: dict[str, Program] = {"our order": ours.program}
     if not quick:

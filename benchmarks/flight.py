@@ -1,8 +1,8 @@
-"""What a sample of an exported controller costs on a Cortex-M4F: instructions, bytes, and an estimate of the rate.
+"""The cost of a sample of an exported controller on a Cortex-M4F: instructions, bytes, and an estimate of the rate.
 
 ``python -m benchmarks.flight`` writes docs/guides/flight-cost.txt. Instructions are those that an emulated Cortex-M4F executes,
 one by one, from the call of the step to its return: `-singlestep -d exec,nochain`, as Debian's QEMU has no plugins that count.
-Cycles are theirs by Arm's table for the Cortex-M4, which has no waiting for the flash in it: an estimate.
+Cycles follow from Arm's table for the Cortex-M4, without flash wait states: an estimate.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ int main(void)
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one sample of one controller, in 32 bits."""
+    """The cost of one sample of one controller, in 32 bits."""
 
     operations: int
     instructions: int
@@ -188,14 +188,14 @@ def _stack(graph: str, step: str) -> int:
 
 
 def tools() -> str:
-    """What the numbers depend on beside the controllers."""
+    """The tools and settings on which the numbers depend, besides the controllers."""
     compiler = _run(Path.cwd(), "arm-none-eabi-gcc", "--version").splitlines()[0]
     emulator = _run(Path.cwd(), "qemu-system-arm", "--version").splitlines()[0]
     return f"Compiled with `{' '.join([*MACHINE, *OPTIONS])}` by {compiler}; executed by {emulator}."
 
 
 def page() -> str:
-    """The table, with what it was made by."""
+    """The table, with the tools that made it."""
     lines = [
         "<!-- Written by python -m benchmarks.flight: do not edit. -->",
         "| controller | operations | instructions | cycles (estimate) | rate at 168 MHz (estimate) | code | state | stack |",

@@ -2,11 +2,11 @@
 
     python -m benchmarks.flight_tuning [f16-pitch|f16-roll|quadrotor] [SCHEME ...]
 
-With no SCHEME all of them, and what comes out is left in docs/guides/tuned-NAME.txt. The quadrotor's part is in
+Without SCHEME it tunes all of them and writes docs/guides/tuned-NAME.txt. The quadrotor's part is in
 ``quadrotor_tuning``.
 
 The F-16 is the linear model of one axis at 10,013 ft and Mach 0.525 behind its actuator and a delay of its transport and its
-sensors, following the flights' command; from ``OFF_AT`` on the trim of its surface is off by ``TRIM_OFF``, as after a failure.
+sensors, following the flights' command; from ``OFF_AT`` on the trim of its surface is wrong by ``TRIM_OFF``, as after a failure.
 The rule: least RMS error with the delay margin and the gain margin at least as below, equal trials for all.
 """
 
@@ -48,7 +48,7 @@ KNOB_VALUES = 24
 
 
 def as_linearised(axis: Axis, problem: Problem) -> Problem:
-    """A problem of the axis with its equipment, its command and a trim that is off."""
+    """A problem of the axis with its equipment, its command and a wrong trim."""
     equipment = axis.equipment
     path = PlantInput(
         saturation=axis.travel,
@@ -60,7 +60,7 @@ def as_linearised(axis: Axis, problem: Problem) -> Problem:
 
 
 def tuned(axis: Axis, scheme: str) -> Qualified:
-    """What the rule gives one scheme."""
+    """The result of the rule for one scheme."""
     contestant = SCHEMES[scheme]
 
     def made(**numbers: float) -> Controller:

@@ -1,7 +1,7 @@
-"""What flights cost: a minute of the F-16 in a share of it, by the list and by the exported C, and 200 draws on two cores.
+"""The cost of flights: a minute of the F-16, by the list and by the exported C, and 200 draws on two cores.
 
 ``./dev flight --benchmark`` runs it where JSBSim is installed. Costs are processor time of all processes that take part, so that
-what others on this computer do lengthens them little; starting, trimming, compiling are in what is said of the draws.
+other programs affect them little; the numbers on the draws include starting, trimming and compiling.
 """
 
 from __future__ import annotations

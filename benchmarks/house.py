@@ -1,4 +1,4 @@
-"""What a user waits for besides the steps: compiling, the second core, memory, the command line."""
+"""The waiting times besides the steps: compiling, the second core, memory, the command line."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def memory(*, quick: bool) -> Section:
     t_end = 2.0 if quick else 20.0
     short, long = (_peak_memory(t) for t in (t_end, 10 * t_end))
     what = f"peak, 64 members, {10 * t_end:g} s against {t_end:g} s"
-    # 5 %: what two runs of one length differ by
+    # 5 %: the difference between two runs of one length
     return [Row(what, f"{long / 1024:.1f} MiB", f"{short / 1024:.1f} MiB", long / short, at_most=1.05)], []
 
 

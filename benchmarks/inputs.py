@@ -1,4 +1,4 @@
-"""What a delay and an actuator cost, per state, beside the plain loop in one run."""
+"""The cost of a delay and an actuator per state, compared with the plain loop in one run."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def per_state(members: int, *, quick: bool) -> tuple[list[Row], list[str]]:
 
 
 def advance(problem, controller, members: int) -> tuple[Callable[[int], np.ndarray], int]:
-    """A function that takes the loop so many steps further in machine code, and the loop's states."""
+    """A function that advances the loop by a number of steps in machine code, and the loop's states."""
     batch = Batch.of([(problem, controller)] * members, SIMULATION)
     table = signal_table(problem.signals, SIMULATION, 0, STEPS)
 

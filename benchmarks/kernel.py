@@ -1,4 +1,4 @@
-"""Our kernel as a contestant, and what every compiled loop needs to be one."""
+"""Our kernel as a contestant, and the common parts of all compiled contestants."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def section(*, quick: bool) -> tuple[list[Row], list[str]]:
 
 
 def _afresh(system: System) -> float:
-    """Enclosures are remembered: here none is."""
+    """Enclosures are normally cached; the cache is off here."""
     enclosed.cache_clear()
     return l1_norm(system.A, system.B, system.C, np.zeros((1, 1)), relative_width=WIDTH).midpoint
 
@@ -143,5 +143,5 @@ def adaptive(system: System) -> float:
     """In pieces of one slowest time constant, as quad's subdivisions are for one piece."""
     h, ends = system.impulse(), np.linspace(0, system.end, int(DECAYED) + 1)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IntegrationWarning)  # that it falls short shows in its error
+        warnings.simplefilter("ignore", IntegrationWarning)  # its error shows if it is insufficient
         return sum(quad(lambda t: abs(float(h(t))), a, b, limit=2000, epsabs=1e-12, epsrel=WIDTH)[0] for a, b in pairwise(ends))

@@ -1,4 +1,4 @@
-"""What a step of an output-feedback loop costs per state, beside a state-feedback loop of its kind in one run."""
+"""The cost of a step of an output-feedback loop per state, compared with a similar state-feedback loop in one run."""
 
 from __future__ import annotations
 

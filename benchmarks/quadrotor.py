@@ -15,7 +15,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "laboratory" / "quadrotor-flights.tx
 
 
 def table(document: dict[str, Any]) -> str:
-    """In Markdown: a row for each scheme, with its rotors' activity where nothing fails and the delay that it bears."""
+    """In Markdown: a row for each scheme, with its rotors' activity without a failure and the delay that it tolerates."""
     names = list(document["failures"])
     heads = ["scheme", *(f"`{name}`" for name in names), "rotors, `none` [N/s]", "delay borne [ms]"]
     rows = [heads, ["---"] * len(heads)]

@@ -1,10 +1,10 @@
 """The quadrotor's axes as the rule of ``flight_tuning`` reads them: the whole loop, of which a scheme is only a part.
 
-The plant is an axis at hover behind what lags there: of the attitude's the motors and the commands' way, of the position's the
-attitude's loop before these. It follows a model of its command as in flight: what acts is the model's own acceleration, the
-feedback of the error and what the scheme adds, the last two each within its limit, and margins are those of all of it. The
-command is as large as the errors that flights meet; from ``OFF_AT`` on a constant disturbance takes a share of what the scheme
-may add, and all that is measured has the flights' noise.
+The plant is an axis at hover behind its lags: for the attitude the motors and the command delay, for the position also the
+attitude loop. It follows a model of its command as in flight: the input is the sum of the model's own acceleration, the feedback
+of the error and the scheme's part, the last two each within its limit, and margins are those of the whole loop. The
+command is as large as the errors that flights meet; from ``OFF_AT`` on a constant disturbance uses a share of the scheme's limit,
+and all measurements have the flights' noise.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ KNOB_VALUES = 24
 
 @dataclass(frozen=True, eq=False)
 class Both:
-    """What acts on an axis: what moves the model, feedback and what a scheme adds, both of which read errors."""
+    """The inputs of an axis: the model's acceleration, the feedback and the scheme's part; the last two read errors."""
 
     added: SampledEquations
     gain: Array
@@ -94,7 +94,7 @@ class WithFeedback:
 
 
 def lagging(axes: Axes, axis: Axis) -> PlantInput:
-    """What lies before an axis."""
+    """The dynamics before an axis."""
     motors, way = axes.hover.vehicle.motor_lag, axes.electronics.delay
     if axis in axes.attitude:
         actuator, delay = TransferFunction([1.0], [motors, 1.0]), way
@@ -105,7 +105,7 @@ def lagging(axes: Axes, axis: Axis) -> PlantInput:
 
 
 def borne_alone(axes: Axes, axis: Axis) -> float:
-    """The delay margin of the feedback behind what lags, and half a sample: by the linear loop [s]."""
+    """The delay margin of the feedback behind the lags and half a sample, from the linear loop [s]."""
     path = lagging(axes, axis)
     assert path.actuator is not None
     loop = StateSpace(axis.A, axis.b, axis.gain, 0.0)
@@ -148,7 +148,7 @@ def rule_of(axes: Axes, axis: Axis, trials: int) -> Rule:
 
 
 def tuned(axes: Axes, axis: Axis, scheme: str, rule: Rule) -> Qualified:
-    """What the rule gives one scheme on an axis."""
+    """The result of the rule for one scheme on an axis."""
     contestant = SCHEMES[scheme]
 
     def made(**numbers: float) -> Controller:

@@ -23,10 +23,10 @@ class Contestant(NamedTuple):
     name: str
     steps: int  # that one timed call makes
     run: Callable[[int], np.ndarray]
-    threads: bool = False  # works in others than the calling thread too
+    threads: bool = False  # also works in threads other than the calling one
 
     def seconds(self) -> float:
-        """Of one timed call: the thread's own, which nobody else at work here lengthens; with more threads, by the clock."""
+        """The time of one call: the thread's own, unaffected by other programs; with several threads, elapsed time."""
         clock = time.perf_counter if self.threads else time.thread_time
         start = clock()
         self.run(self.steps)
@@ -59,7 +59,7 @@ class WrongNumbersError(Exception):
 
 
 def check(contestants: Sequence[Contestant], expected: np.ndarray) -> None:
-    """All must end ``CHECK_STEPS`` steps in the state that the kernel ends in; raises WrongNumbersError."""
+    """After ``CHECK_STEPS`` steps all must have the kernel's state; raises WrongNumbersError."""
     scale = np.abs(expected).max()
     for contestant in contestants:
         found = contestant.run(CHECK_STEPS)

@@ -23,7 +23,7 @@ Families = dict[str, list[Contestant]]
 
 
 class Extent(NamedTuple):
-    """How much is run: ``quick`` for a first look, ``peers`` with what isn't installed otherwise."""
+    """The extent of a run: ``quick`` for a first look, ``peers`` with optional packages."""
 
     quick: bool
     peers: bool

@@ -1,7 +1,7 @@
 """Sweeps of Section V's L1 loop: threads, Dask's workers, stores, from a thousand members to a million, from 10 s to 1,000 s.
 
-Costs are processor time of all processes that take part, in ns for one solver step of one member, with all figures: what others
-on this computer do lengthens it little. Rates are by the clock, and are slower where others work.
+Costs are processor time of all processes that take part, in ns for one solver step of one member, with all figures: other
+programs affect it little. Rates use elapsed time and are lower on a busy machine.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Cost:
         return self.busy / self.member_steps * 1e9
 
     def without(self, once: float) -> Cost:
-        """Beside what is done once, in so many seconds."""
+        """The time without one-time costs, in this number of seconds."""
         return replace(self, busy=self.busy - once)
 
     def __str__(self) -> str:
@@ -67,7 +67,7 @@ class Cost:
 
 
 def study(members: int, t_end: float) -> Study:
-    """Compiled: one member has run."""
+    """The compiled study, after a run of one member."""
     head, _, _ = CaseText.read("paper").text.partition("[[controller]]")
     text = CaseText(head.replace("t_end = 60.0", f"t_end = {t_end}").replace("dt = 1e-4", f"dt = {STEP}") + L1)
     plan = Plan({}, sampled(text, SAMPLED), members)
@@ -75,7 +75,7 @@ def study(members: int, t_end: float) -> Study:
 
 
 def prepared(members: int, t_end: float) -> Study:
-    """With its kernel: one member has run."""
+    """The study with its kernel, after a run of one member."""
     found = study(members, t_end)
     found.run(0, 1, threads=1)
     return found
@@ -100,7 +100,7 @@ def in_threads(given: Study, threads: int | None, repeats: int = 1) -> Cost:
 
 
 def scaling(*, quick: bool) -> Section:
-    """What a step of a member costs, whatever their number and the length of their runs; what is done once is shown apart."""
+    """The cost of a member's step for any number of members and length of runs; one-time costs are shown separately."""
     begun = time.process_time()
     first = study(1, 10.0)
     asked, begun = time.process_time() - begun, time.process_time()
@@ -121,7 +121,7 @@ def scaling(*, quick: bool) -> Section:
 
 
 def _against_the_first(costs: Mapping[int, Cost] | Mapping[float, Cost], what: str) -> list[Row]:
-    """By how much each is off the first, whichever is dearer."""
+    """The relative difference of each from the first, in either direction."""
     (least, base), *others = costs.items()
     beside = f"{what.format(least)}: {base}"
     return [

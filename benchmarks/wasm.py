@@ -60,7 +60,7 @@ def kernel_call(batch: Batch, table: np.ndarray) -> None:
 
 
 def running(module: bytes, batch: Batch, table: np.ndarray) -> Callable[[], None]:
-    """A run from the initial state; what it gives out is written over, and the past that it remembers goes on."""
+    """A run from the initial state; its output is overwritten, and its stored past continues."""
     engine = wasmtime.Engine()
     store = wasmtime.Store(engine)
     exports = wasmtime.Instance(store, wasmtime.Module(engine, module), []).exports(store)

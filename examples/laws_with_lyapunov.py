@@ -2,7 +2,7 @@
 
     barbalat certify paper --controllers examples/laws_with_lyapunov.py
 
-Each V is e'P e plus a quadratic form of what the estimates are off, with P A_m + A_m'P = -I; V' is in the docstrings.
+Each V is e'P e plus a quadratic form of the estimates' errors, with P A_m + A_m'P = -I; V' is in the docstrings.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class Filtered(NamedTuple):
     """The state of composite adaptation."""
 
     theta_hat: Value  # (p,) the estimates
-    zeta: Value  # scalar: what the known dynamics explain of b^+ x, filtered
+    zeta: Value  # scalar: the part of b^+ x explained by the known dynamics, filtered
     phi_f: Value  # (p,) the filtered regressor
 
 
@@ -106,7 +106,7 @@ class CompositeEquations:
 
     @property
     def estimate_set(self) -> EstimateSet | None:
-        """The set that the estimates are projected onto."""
+        """The set onto which the estimates are projected."""
         return self.known.estimate_set
 
     @property
@@ -182,8 +182,8 @@ class Recalling(NamedTuple):
     theta_hat: Value  # (p,) the estimates
     zeta: Value
     phi_f: Value  # (p,)
-    R: Value  # (p, p) what was seen of phi_f phi_f'
-    Q: Value  # (p,) what was seen of phi_f z
+    R: Value  # (p, p) the recorded phi_f phi_f'
+    Q: Value  # (p,) the recorded phi_f z
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""C as one writes it by hand, ``section_v.c``, with the sets of flags that one tries: Section V's L1 loop, one trajectory."""
+"""C written by hand, ``section_v.c``, with the usual sets of flags: Section V's L1 loop, one trajectory."""
 
 from __future__ import annotations
 

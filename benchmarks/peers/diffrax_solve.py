@@ -1,8 +1,8 @@
 """diffrax: ``diffeqsolve`` with constant steps, and its ``vmap``.
 
 diffrax has no classical Runge-Kutta method; its documentation says how to add one from its tableau. A solver's stages can't be
-limited from outside, so the vector field limits the estimate that it is given: the same as long as no bound is touched, which
-the check's time ends before.
+limited from outside, so the vector field limits the given estimate: this is equivalent while no bound is reached, and the check
+ends before that.
 """
 
 from __future__ import annotations

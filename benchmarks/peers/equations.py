@@ -1,7 +1,7 @@
 """Section V's loops on arrays, for NumPy and JAX alike: ``xp`` is the one or the other.
 
-A state is one vector in the order x, x_m, theta_hat, then the scheme's own. The last entries are a filter's, which stand here in
-other coordinates than in the kernel; all others are compared.
+A state is one vector in the order x, x_m, theta_hat, then the scheme's own. The last entries are those of a filter in other
+coordinates than in the kernel; all others are compared.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def l1(xp: Any, y: Any, r: Any, parameters: Any) -> Any:
 
 
 def l1_by_components(xp: Any, y: Any, r: Any, parameters: Any) -> Any:
-    """The same number by number: nothing to call for a product of small matrices."""
+    """The same, written in scalars, without calls for products of small matrices."""
 
     def projected(rate: Any, estimate: Any) -> Any:
         outward = ((estimate >= BOUND) & (rate > 0)) | ((estimate <= -BOUND) & (rate < 0))
@@ -91,7 +91,7 @@ def l1_by_components(xp: Any, y: Any, r: Any, parameters: Any) -> Any:
 
 
 def robust_mrac(xp: Any, y: Any, r: Any, _: Any) -> Any:
-    """Eqs (13)-(16) with least squares; an ensemble varies only where it starts."""
+    """Eqs (13)-(16) with least squares; an ensemble varies only the initial state."""
     x, x_m, theta_hat, P = y[0:2], y[2:4], y[4:6], y[6:10].reshape(2, 2)
     xi, Xi, n_d, swapping, q = y[10:12], y[12:16].reshape(2, 2), y[16], y[17:19], y[19:21]
     phi = C_0 @ Xi

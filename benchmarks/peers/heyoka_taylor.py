@@ -1,6 +1,6 @@
 """heyoka: Taylor series of adaptive order and step, of the loop's equations as CasADi writes them.
 
-Choices, such as those of a projection, are made as they stand at t = 0: no estimate meets its bound in the time that is measured.
+Choices, such as those of a projection, are fixed as at t = 0: no estimate meets its bound in the measured time.
 """
 
 from __future__ import annotations

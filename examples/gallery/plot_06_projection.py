@@ -2,7 +2,7 @@
 Projection onto a box and onto a ball
 =====================================
 
-The way of the estimates in the plane of the parameters. Both sets contain the true parameters; neither is ever left.
+The path of the estimates in the plane of the parameters. Both sets contain the true parameters; neither is ever left.
 """
 
 from dataclasses import replace

@@ -1,5 +1,5 @@
 """
-How much delay a loop bears, measured
+The delay that a loop tolerates
 =====================================
 
 The delay at which each loop begins to oscillate, and the one at which it loses its motion, searched by simulation.

@@ -2,7 +2,7 @@
 Measurement noise
 =================
 
-The same noise, with the same seed, for two schemes: what reaches the control.
+The same noise, with the same seed, for two schemes: its effect on the control.
 """
 
 from dataclasses import replace

@@ -2,7 +2,7 @@
 A linear robust design beside the adaptive ones
 ===============================================
 
-What a PI controller and an H-infinity design do on the same plant with 10 ms of delay that no design was told of.
+A PI controller and an H-infinity design on the same plant, with 10 ms of delay that no design knows.
 """
 
 from dataclasses import replace

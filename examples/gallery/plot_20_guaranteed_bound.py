@@ -1,5 +1,5 @@
 """
-A guaranteed bound and what the runs use of it
+A guaranteed bound and the simulated errors
 ==============================================
 
 Theorem 1's bound of the error is known before any simulation. No run exceeds it, and none comes near.

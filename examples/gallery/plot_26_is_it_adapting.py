@@ -2,8 +2,8 @@
 Is it adapting?
 ===============
 
-The distance that the estimates move, for commands that excite the plant and for one that comes to rest. A run says this
-of itself under ``adapting``.
+The distance that the estimates move, for commands that excite the plant and for one that comes to rest. A run reports this under
+``adapting``.
 """
 
 from dataclasses import replace

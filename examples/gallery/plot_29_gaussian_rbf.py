@@ -2,7 +2,7 @@
 Radial basis functions
 ======================
 
-An uncertainty that nobody has a formula for: nine Gaussian functions over the state stand in for it.
+An uncertainty without a known formula, represented by nine Gaussian functions of the state.
 """
 
 import numpy as np

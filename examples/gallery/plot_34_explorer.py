@@ -3,7 +3,7 @@ Settings of a page
 ==================
 
 ``explore`` makes one offline page with a slider for each number, and ``at`` gives the case of any setting of it: the onset of
-L1's oscillation at two steps, as a lesson of ``barbalat explore paper`` asks for it.
+L1's oscillation at two steps, as in a lesson of ``barbalat explore paper``.
 """
 
 from dataclasses import replace

@@ -174,7 +174,7 @@ def test_the_bounds_follow_from_what_is_shown(capsys):
 
 
 def test_the_bound_of_the_model_holds_along_a_run():
-    """x_m of the paper's command, simulated; the bound is of sup over every command below 50, so it may lie well above."""
+    """The simulated x_m of the paper's command; the bound covers every command below 50, so it may be much larger."""
     case = load_case("paper")
     (result,) = simulate(case.problem, [Mrac(gamma=1.0)], Simulation(t_end=60.0, dt=1e-3)).values()
     bound = certify(case.problem, (Mrac(gamma=1.0),), SIMULATION)["MRAC"].values["bounds"]["x_m"]

@@ -75,7 +75,7 @@ def cart():
 
 
 def slider():
-    """Common factors above and below: m l divides the numerator and the denominator."""
+    """A common factor: m l divides the numerator and the denominator."""
     m, length, r, d = (Parameter(*one, tolerance=0.3) for one in (("m", 0.2), ("l", 0.3), ("r", 0.1), ("d", 0.1)))
     inertia = m * length**2 + m * length * r
     return Plant(A=[[0, 1], [-9.81 * m * length / inertia, -d / inertia]], b=[0, m * length / inertia], poles=[-3, -4])

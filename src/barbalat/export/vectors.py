@@ -53,13 +53,13 @@ class Vectors:
 
     states    (S, D) flat states before
     measured, commands  (y, D), (q, D)
-    parameters  (P, D) what was set
+    parameters  (P, D) the parameters set
     freeze    (D,)
     after     (S, D) flat states after
     mutants   of the list
-    missed    those that neither these nor the simulation's samples tell, each with the proof that it is none, or empty
-    missed_by_the_run  those that the simulation's samples do not tell
-    outcomes  of choices in the list: those that these and the simulation's samples take, and all
+    missed    mutants that neither these nor the simulation's samples detect, each with the proof of its equivalence, or empty
+    missed_by_the_run  mutants that the simulation's samples do not detect
+    outcomes  of choices in the list: the number that these and the simulation's samples take, and the total
     """
 
     states: Array

@@ -90,7 +90,7 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True)
 class Sentence:
-    """A sentence with its literal readings; none of it depends on a measurement but what ``changed`` says.
+    """A sentence with its literal readings; only ``changed`` depends on a measurement.
 
     row        the name of its row
     source its source

@@ -38,17 +38,17 @@ if TYPE_CHECKING:
 KEPT = ("lost_at", "rms_e", "max_abs_e", "travel")
 """Figures of each flight."""
 MEMBERS, PROCESSES = 200, 2
-"""Draws by default, and processes."""
+"""Default numbers of draws and of processes."""
 MOST_DRAWS = 25
-"""Of one process at most, so that all have some."""
+"""The largest share of one process, so that all have work."""
 CHUNK_SECONDS, FLIGHT_BYTES = 30.0, 1000.0
-"""Of the flights of a drawing's ``chunk``, and of the figures of one."""
+"""Seconds of the flights of a drawing's ``chunk``, and bytes of the figures of one flight."""
 DIFFERENCES = {
     "case": "another flight, or of other --schemes or --failures",
     "plan": "more --dispersions, or another --seed",
     "equations": "other equations",
 }
-"""What another store was made with, by the keys of ``Campaign.identity``."""
+"""The words for what differs in another store, by the keys of ``Campaign.identity``."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -24,7 +24,7 @@ Given = ParamSpec("Given")
 Answer = TypeVar("Answer")
 ASKED, ANSWERED = "asked.pickle", "answered.pickle"
 LONGEST_REASON = 200
-"""Characters of what a simulator said last."""
+"""Characters of a simulator's last output."""
 STARTING_SECONDS, SECONDS_PER_FLIGHT = 120.0, 60.0
 """Time limits: a simulator and compiled controllers start in two seconds and fly in one and a half; a shared machine takes many
 times that."""

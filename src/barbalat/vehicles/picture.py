@@ -61,7 +61,7 @@ PATH_POINTS = 250
 MARKED_EVERY = 25
 """Points of a path from one mark to the next, where its line has marks."""
 ELEVATION, AZIMUTH = 24.0, -58.0
-"""[deg], from where it is seen."""
+"""[deg], the viewing direction."""
 PAD = 0.1
 """[in] around a picture, and between its legend and its box."""
 WIRE_SHARE = 0.05

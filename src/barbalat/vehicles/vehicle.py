@@ -134,9 +134,9 @@ class Vehicle(ABC, Generic[Model, Pilot, Flew]):
     wire: ClassVar[tuple[Array, ...]]
     """Lines (P, 3) in the body's axes forward, left, up, of size 1: its frame in films."""
     shown: ClassVar[str]
-    """What its picture shows, in words."""
+    """The contents of its picture, in words."""
     notes: ClassVar[tuple[str, ...]]
-    """What a reader of the tables of figures must know."""
+    """Notes for readers of the tables of figures."""
 
     def condition(self, given: Mapping[str, float]) -> Any:
         """The argument of ``require`` and ``nominal``, from the given options ``--altitude`` and ``--mach``."""

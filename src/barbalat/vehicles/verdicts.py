@@ -24,7 +24,7 @@ from barbalat.validate import Array
 TAIL_SHARE = 0.75
 """Of a flight's duration, before its tail."""
 WHOLE_SWING = 0.8
-"""Of a control's range: one that moves by more from turn to turn, on average, goes from limit to limit."""
+"""Share of a control's range: a control whose average motion between turns is larger goes from limit to limit."""
 SWINGS = "swings from limit to limit"
 
 

@@ -154,7 +154,7 @@ def test_sampled_its_linear_loop_is_its_own(problems):
 
 
 def test_known_parameters_have_a_certificate_too(problems):
-    """By the same linearisation: by hand, theta at rest."""
+    """The same linearisation, by hand and with theta at rest."""
     plant = problems[2].plant
     found = certify(problems[2], [KnownParameters(theta=plant.theta)], SIMULATION)["Known parameters"].values
     hand = margins(StateSpace(plant.A_m + np.outer(plant.b, plant.theta), plant.b, plant.theta, 0.0))

@@ -165,7 +165,7 @@ def test_the_attitude_s_error_decays_as_the_theory_says(hover):
         linear = expm(0.4 * np.array([[0, 1], [-gain[0], -gain[1]]])) @ [start[axis], 0.0]
         assert found[-1][0][axis, 0] == pytest.approx(linear[0], abs=0.02 * np.abs(start).max())
     large = flown(np.deg2rad(170) * np.array([0.6, 0.8, 0.0]), 3.0)
-    assert large[0][1] > 1.9  # beyond where linear control would know what to do; 2 is the most
+    assert large[0][1] > 1.9  # beyond the range of linear control; the largest value is 2
     assert large[-1][1] < 1e-4
     V = [0.5 * (e[:, 1] ** 2).sum() + (gains[:2, 0].mean()) * psi for e, psi in large]  # k_R of roll and pitch are equal
     assert max(np.diff(V)) < 1e-3 * V[0]

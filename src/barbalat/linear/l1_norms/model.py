@@ -209,8 +209,8 @@ def build_model(system: System) -> NormModel | None:
     certificate = decay_certificate(A, C, roots, 0.5 * decay)
     if certificate is None:
         return None
-    # The radii of repeated products grow with the powers of |A|, the products only with those of A: twice the
-    # digits keep the difference out of sight.
+    # The radii of repeated products grow with the powers of |A|, the products only with those of A: with twice the digits the
+    # difference is negligible.
     with ctx.workprec(2 * ctx.prec):
         powers = [C]
         for order in range(1, POLYNOMIAL_DEGREE + 1):

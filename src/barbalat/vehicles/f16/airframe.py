@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 RATES_BY, POSITIONS_BY = 4, 4
 """JSBSim's numbers of its integrators: Adams-Bashforth of order 3, for both rotation and translation.
 
-Its defaults take Euler's steps for the rotation; the step at which these agree with half of it is tested."""
+By default it uses Euler steps for the rotation; a test shows that the result agrees at half the step."""
 INTEGRATOR = "Adams-Bashforth of order 3"
 STEP = 1 / 400
 """[s], four for each sample at 100 Hz."""
@@ -58,7 +58,7 @@ CONDITIONS = (
 """Three to compare at: that of NASA/TM-2015-218675; 502 ft/s at sea level, as in Stevens and Lewis; and high and fast, where the
 airframe is unstable by itself."""
 ABOVE_GROUND = 50_000.0
-"""[ft]; no wheel, no wing and no ground effect ever meets the terrain, at sea level either."""
+"""[ft]; high enough that wheels, wings and ground effect never meet the terrain, even at sea level."""
 
 
 class Motion(NamedTuple):

@@ -25,7 +25,7 @@ from barbalat.vehicles.f16.trim import Trim
 SAMPLE_TIME = 0.01
 """[s]."""
 COMMAND_STARTS = (1.0, 11.0, 21.0)
-"""[s], of the commands: one before what fails does, two after."""
+"""[s], of the commands: one before the failure, two after it."""
 RESTING_SECONDS = 2.0
 """[s] between a command's two pulses."""
 

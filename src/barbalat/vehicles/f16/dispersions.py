@@ -60,6 +60,6 @@ DRAWN = {
     "gusts": Uniform(0.0, 5.0),  # calm to light turbulence, MIL-F-8785C
     "delay": Uniform(0.0, 0.02),  # two samples of a busy bus
 }
-"""From what each is drawn: what wind-tunnel data are commonly uncertain by, a tenth to a third."""
+"""The distribution of each: the usual uncertainty of wind-tunnel data, a tenth to a third."""
 UNITS = {"load": "lb", "ballast_aft": "in", "attitude": "deg", "gusts": "ft/s", "delay": "s"}
-"""Of these; the others are factors of what is nominal."""
+"""Units of these; the others are factors of nominal values."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 NAME = "f16"
 SURFACES = ("elevator", "aileron", "rudder")
 BALLAST_LB = 2000.0
-"""What can move: a tenth of the aircraft's weight, about that of its two largest stores."""
+"""The movable weight: a tenth of the aircraft's, about that of its two largest stores."""
 BALLAST = 1
 """Its number among the file's point masses; the pilot is the first, 0."""
 SCALED = {
@@ -38,11 +38,11 @@ SCALED = {
     "roll_damping": "Clp",
     "weathercock": "Cnb",
 }
-"""Coefficients of the file that can be larger or smaller than it says, by what they do."""
+"""Coefficients of the file that can be scaled, by their effect."""
 REACHED_ALPHA = (-10.0, 45.0)
 """Angles of attack that the tables for the elevator cover [deg]; beyond them JSBSim holds their last value."""
 LIMIT_LOADS = (-4.0, 9.0)
-"""What the file's own control system keeps to [g]."""
+"""The limit of the file's own control system [g]."""
 
 
 def load(step: float) -> FGFDMExec:

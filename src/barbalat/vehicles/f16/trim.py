@@ -13,7 +13,7 @@ from barbalat.vehicles.f16.airframe import Airframe, FlightCondition, Motion, Su
 ELEVATOR_LIMIT = np.deg2rad(25.0)
 """Of the surface, and of the tables [rad]."""
 LARGEST_RESIDUAL = 1e-7
-"""[ft/s^2, rad/s^2]; what is left after Newton's steps is a thousand times less, and a jump of the tables far more."""
+"""[ft/s^2, rad/s^2]; the residual after Newton's steps is a thousand times smaller, and a jump of the tables is far larger."""
 CRUISE_GUESS = (np.deg2rad(3.0), np.deg2rad(-2.0), 0.3)
 """alpha, elevator [rad] and throttle of an aircraft at cruise."""
 DIFFERENCE_STEP = 1e-4

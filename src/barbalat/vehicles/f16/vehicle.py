@@ -36,7 +36,7 @@ WIRE = tuple(
 
 
 CAMPAIGN_TIMING = Timing(duration=15.0, fails_at=5.0)
-"""What fails does so as the first command is reversed; another command follows."""
+"""The failure occurs when the first command is reversed; another command follows."""
 RATES = {"p": "Roll rate", "q": "Pitch rate"}
 
 

@@ -23,8 +23,8 @@ from barbalat.vehicles.quadrotor.body import GRAVITY
 from barbalat.vehicles.quadrotor.hover import Hover
 
 PHASE = np.pi / 6
-"""[rad] that the lag takes at the crossover of each loop: a half of the 65 deg that linear-quadratic feedback of a double
-integrator has is then left with what it was not designed for."""
+"""[rad] that the lag takes at the crossover of each loop: half of the 65 deg of linear-quadratic feedback of a double integrator
+then remains for unmodelled effects."""
 CROSSOVER = 1.55
 """Of that feedback, over its natural frequency: |sqrt(2) s + 1| = |s|^2 there."""
 YAW_SHARE = 0.4
@@ -34,12 +34,13 @@ ATTITUDE_SAMPLE, POSITION_SAMPLE = 1 / 400, 1 / 100
 MOMENT_SHARE = 1 / 3
 """Of the hover thrust, for each of roll, pitch, yaw: with all of them at their limits no rotor is below zero at hover."""
 ADDED_SHARE = 0.5
-"""Of an axis' authority, for what a scheme adds; the feedback has the rest. So neither is cut off by the other, and a predictor
-knows what is left of u. Half of position's lifts another 35 % of the mass."""
+"""The share of an axis's authority for the scheme; the feedback has the rest. Neither limits the other, and a predictor knows the
+remaining u. Half of the position's authority lifts another 35 % of the mass."""
 MET_SHARE = 0.5
-"""Of what a scheme may add, as what acts on an axis where its problem is simulated by itself, or exported: else nothing moves."""
+"""A share of the scheme's limit, as the disturbance of an axis whose problem is simulated alone or exported: otherwise nothing
+moves."""
 TILT = np.deg2rad(35.0)
-"""The most that position's control leans away from what the path asks for: g tan of it, and as much up and down."""
+"""The largest tilt of the position control relative to the path's demand: g tan of it, and equally up and down."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

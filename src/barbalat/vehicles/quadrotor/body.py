@@ -8,17 +8,17 @@ from barbalat import validate
 from barbalat.validate import InputError, Vector
 
 INTEGRATOR = "RK4"
-"""MuJoCo's default takes Euler's steps, whose energy drifts; a test has both."""
+"""MuJoCo uses Euler steps by default, with drifting energy; a test compares both."""
 STEP = 1 / 400
-"""[s], the sample of the attitude's controllers; half of it moves the vehicle alike, see the tests."""
+"""[s], the sample of the attitude's controllers; half of it gives the same motion, see the tests."""
 AIR_DENSITY = 1.225
 """[kg/m^3]. MuJoCo's drag is that of a box with the body's mass and inertia, quadratic in the speed through the air."""
 SPINS = (1, -1, 1, -1)
 """Sense of the rotors' drag torque about the axis that points up: front left, rear left, rear right, front right."""
 PLACES = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-"""Where they are, in the same order: forward and left, as parts of ``reach``."""
+"""Their positions in the same order: forward and left, in units of ``reach``."""
 LEGS = 0.08
-"""[m], how far the feet are below the centre of gravity."""
+"""[m], the distance of the feet below the centre of gravity."""
 FOOT = 0.02
 """[m], a foot's radius."""
 SLOPE = 5.0

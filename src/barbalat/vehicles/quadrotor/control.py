@@ -26,7 +26,7 @@ from barbalat.vehicles.quadrotor.trajectory import Path
 from barbalat.vehicles.vehicle import Aboard
 
 OUTER_EVERY = round(POSITION_SAMPLE / ATTITUDE_SAMPLE)
-"""Samples of the attitude from one of the position to the next."""
+"""Attitude samples for each position sample."""
 
 
 class Memory(NamedTuple):

@@ -119,11 +119,11 @@ DRAWN = {
     "start_left": Uniform(-0.2, 0.2),
     "heading": Uniform(-10.0, 10.0),
 }
-"""From what each is drawn, and why."""
+"""The distribution of each, with its reason."""
 UNITS = {
     **dict.fromkeys(("centre_forward", "centre_left", "start_forward", "start_left"), "m"),
     **dict.fromkeys(("rate_lag", "delay"), "s"),
     "wind": "m/s",
     **dict.fromkeys(("wind_from", "heading"), "deg"),
 }
-"""Of these; the others are factors of what is nominal."""
+"""Units of these; the others are factors of nominal values."""

@@ -24,7 +24,7 @@ COLUMNS = {
     **{f"thrust_{i + 1}": "N" for i in range(ROTORS)},
     "limited": "%",
 }
-"""What is recorded at each sample of position, in this order, with its unit; as it is, not as it is measured."""
+"""The recorded quantities at each position sample, in this order, with units; true values, not measured ones."""
 FIGURES = {
     "rms_e": "m",
     "max_abs_e": "m",
@@ -34,8 +34,8 @@ FIGURES = {
     "rotor_max": "N",
     "limited": "%",
 }
-"""Of a flight, with units; e is the distance from where it should be, sinks how far it came below that, travel what the four
-thrusts change by in a second on average, limited the share of the time in which some rotor is at an end of its range."""
+"""Of a flight, with units; e is the distance from the commanded position, sinks the largest distance below it, travel the average
+change of the four thrusts in a second, limited the share of the time in which some rotor is at an end of its range."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

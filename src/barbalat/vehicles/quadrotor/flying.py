@@ -155,8 +155,8 @@ def _lost(row: list[float], motion: Motion) -> str:
 
 
 GUSTS_SHARE = 0.1
-"""Standard deviation of gusts along the wind over its mean: what MIL-F-8785C (3.7.3) has for vertical ones near the ground.
-Its ones along the wind are 1.9 times as large 10 m above it."""
+"""Standard deviation of gusts along the wind over its mean: the value of MIL-F-8785C (3.7.3) for vertical gusts near the ground.
+Its value along the wind is 1.9 times as large 10 m above it."""
 GUST_LENGTH = 68.0
 """[m]: the scale of gusts along the wind 10 m above the ground, from the same section."""
 

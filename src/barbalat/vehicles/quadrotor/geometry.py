@@ -15,7 +15,7 @@ from barbalat.vehicles.quadrotor.body import GRAVITY
 
 UP = np.array([0.0, 0.0, 1.0])
 LEAST_THRUST = 0.2 * GRAVITY
-"""[m/s^2]: what is wanted of the thrust upwards is at least this, as a thrust that vanishes points nowhere."""
+"""[m/s^2]: the smallest upward thrust demand, since a vanishing thrust has no direction."""
 
 
 class AttitudeCommand(NamedTuple):

@@ -15,8 +15,7 @@ from barbalat.vehicles.quadrotor.simulator import ROTORS, Motion, Simulator
 HOVER_HEIGHT = 2.0
 """[m]; clear of the ground, on which nothing else depends."""
 DIFFERENCE_STEP = 1e-4
-"""Of every number [m, rad, m/s, rad/s, N]: what is of second order in it is drag, 1e-8 of a Newton, and rounding leaves nine
-digits."""
+"""Of every number [m, rad, m/s, rad/s, N]: the second-order term is drag, 1e-8 of a Newton, and rounding leaves nine digits."""
 LARGEST_RESIDUAL = 1e-9
 """[m/s^2, rad/s^2] left of the accelerations at hover."""
 

@@ -45,14 +45,15 @@ def _mrac(axis: Axis, numbers: Numbers) -> OnLoop:
 
 
 BANDWIDTH = {"bandwidth": (0.02, 4.0)}
-"""Times the axis' lag: from what a flight hardly shows to four times what a loop of one integrator with that lag can bear."""
+"""In units of the inverse lag of the axis: from a value that a flight hardly shows to four times the limit of a loop of one
+integrator with that lag."""
 DESIGN_BANDWIDTH = {"bandwidth": (0.025, 4.0)}
-"""The same for H-infinity, from the slowest of which it finds a design for every axis: for a longer delay no controller meets the
-weights around the feedback's loop."""
+"""The same for H-infinity, from the slowest bandwidth with a design for every axis: for a longer delay no controller meets the
+weights around the feedback loop."""
 CORNER = {"corner": (0.01, 2.0)}
 """Over the axis' natural frequency."""
 ADAPTATION = {"adaptation": (0.03, 30.0)}
-"""Frequency with which estimates swing over the axis' natural one: up to half a radian in a sample and more."""
+"""Frequency of the estimates over the axis's natural one: up to half a radian in a sample and more."""
 SCHEMES: dict[str, Scheme] = {
     "geometric": Scheme(_geometric, {}, counterpart="lqr"),
     "geometric-integral": Scheme(_integral, CORNER, counterpart="linear"),
@@ -95,4 +96,4 @@ TUNED: dict[str, dict[str, Numbers]] = {
         "l1-piecewise-flown": {"bandwidth": 0.0861},
     },
 }
-"""By ``Axis.like`` and schemes, to three digits: what ``benchmarks/flight_tuning.py`` finds on the vehicle at hover."""
+"""By ``Axis.like`` and schemes, to three digits: the result of ``benchmarks/flight_tuning.py`` on the vehicle at hover."""

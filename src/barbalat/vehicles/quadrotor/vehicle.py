@@ -34,7 +34,7 @@ WIRE = (
 
 
 CAMPAIGN_TIMING = Timing(duration=13.0, fails_at=8.0)
-"""What fails does so as the figure of eight has come up to its speed; most of an eight follows."""
+"""The failure occurs when the figure of eight has reached its speed; most of an eight follows."""
 
 
 def _height(flight: QuadrotorFlight) -> Array:
