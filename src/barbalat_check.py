@@ -782,9 +782,15 @@ def require_projected(c: Controller) -> None:
     require(c.fact("projection") is True and c.case.linear and c.case.m == 1, "theta_hat must be projected onto the known set")
 
 
+def require_known_gain(c: Controller) -> None:
+    """With an unknown gain the filter acts inside a loop with that gain: W_b(1 - C) is then not the loop's G."""
+    require(c.case.interval is None, "the input's gain must be known")
+
+
 def of_l1(c: Controller) -> arb:
     """Theorem 1 (ii)."""
     c.require_theorem_1(disturbed=True)
+    require_known_gain(c)
     require_projected(c)
     norm, theta_max = gain_and_size(c)
     bias: arb = norm * (theta_max * c.earlier("x_m") + c.case.pushed()[0])
@@ -1086,7 +1092,7 @@ def generator(signal: dict[str, Any], t_end: fmpq, count: int) -> tuple[fmpq_mat
             raise Refused("the sign of the square wave at t = 0 must be certain")
         jumps = [((half + k) * arb.pi() - at_start) / arb(frequency) for k in range(1, count + 1)]
         require(bool(jumps.pop() >= arb(t_end)), "the square wave jumps again before t_end")
-        starts, levels = starts + jumps, [constant + (-1) ** (int(half) + k) * amplitudes[0] for k in range(count)]
+        starts, levels = starts + jumps, [constant + (-1) ** ((int(half) + k) % 2) * amplitudes[0] for k in range(count)]
     elif kind == "levels":
         times, values = vector(signal["times"]), vector(signal["values"])
         require(
@@ -1110,6 +1116,7 @@ class LinearPart:
         self.origin = [fmpq(0)] * c.case.n
         if c.scheme == "l1":
             c.require_theorem_1()
+            require_known_gain(c)
             require_projected(c)
             self.A, self.B, _, _ = system(c, "W_b(1-C)", line)
             self.passes = c.case.k_0[0, 0]
@@ -1127,8 +1134,10 @@ class LinearPart:
         """The largest bound(c - origin, rho, leaf) of the cells."""
 
         def of_cell(cell: Box, leaf: dict[str, Any]) -> arb:
-            ends = list(zip(cell.lower, cell.upper, self.origin, strict=True))
-            return bound([(a + b) / 2 - one for a, b, one in ends], [(b - a) / 2 for a, b, _ in ends], leaf)
+            ends = list(zip(cell.lower, cell.upper, strict=True))
+            center = vector(leaf["center"], len(ends)) if "center" in leaf else [(a + b) / 2 for a, b in ends]
+            rho = [max(b - c, c - a) for (a, b), c in zip(ends, center, strict=True)]  # whatever the point
+            return bound([c - one for c, one in zip(center, self.origin, strict=True)], rho, leaf)
 
         return over_cells(self.theta, self.line["witness"]["cells"], of_cell)
 

@@ -10,6 +10,7 @@ COSTLY = {
     "margins_over_known_set",
     "kappa_admissible",
     "error_bound_command",
+    "error_bound_worst",
     "gamma_max_at_model",
     "step_max_at_model",
     "delay_margin_adapting",

@@ -124,7 +124,7 @@ def test_beside_a_delay_no_promise_stands_anywhere(tmp_path, capsys):
     assert table.count("does not apply") == 6 and table.count("delay 0.02 s") + table.count("0.02 s") >= 6
     assert not PROMISES.search(table) and not CLAIMS.search(table)
     shown = [row for row in rows if re.search("Signals bounded|Tracking error|Transient|error_bound", row)]
-    assert len(shown) == 3 + 5 + 1  # M has three bounds of e, L has two, and one of its distance to its reference system
+    assert len(shown) == 3 + 6 + 1  # both have three bounds of e, and L one of its distance to its reference system
     for row in shown:
         assert "does not apply" in row and "delay 0.02 s" in row and not PROMISES.search(row) and not CLAIMS.search(row)
     written = json.loads((tmp_path / "out" / "run.json").read_text())

@@ -19,7 +19,7 @@ import barbalat_check
 import fuzz
 import plausible
 from barbalat import certify
-from barbalat.cases.load import CaseText, bundled
+from barbalat.cases.load import CaseText, bundled, parse_case
 from barbalat.certificates.entry import GUARANTEED
 from barbalat.certificates.proof import proof
 from barbalat.cli import main
@@ -122,6 +122,50 @@ def test_what_does_not_follow_of_random_cases_is_refused(tmp_path):
             continue  # test_sampled_response.py attacks these
         accepted += [f"{seed}: {what}" for what, false in attacks(document) if not refused(false)]
     assert not accepted
+
+
+SQUARE = """
+name = "square"
+[plant]
+A_m = [[-1.0]]
+b = [1.0]
+theta = [0.1]
+[reference_model]
+k_0 = 1.0
+[reference]
+kind = "square"
+amplitude = 1.0
+frequency = 1.0
+phase = PHASE
+[uncertainty]
+lower = [-0.2]
+upper = [0.2]
+[simulation]
+t_end = 5.0
+dt = 1e-3
+[[controller]]
+name = "L1"
+scheme = "l1"
+gamma = 1000.0
+filter = { kappa = 0.01 }
+"""
+
+
+@pytest.mark.parametrize("phase", [-1.0, 1.0])
+def test_square_waves_of_any_phase_are_accepted_and_an_unknown_gain_is_refused(phase):
+    """With a gain between 0.01 and 3 the error of this loop reaches 0.25, whatever the bounds for a known gain say."""
+    case = parse_case(SQUARE.replace("PHASE", str(phase)))
+    document = document_of(case, certify(case.problem, case.controllers, case.simulation))
+    barbalat_check.check(document)
+    document["plant"] |= {"gain": [0.05], "input_gain": {"lower": [0.01], "upper": [3.0]}}
+    found = document["controllers"]["L1"]
+    found["facts"]["theta_hat0"].append(1.0)
+    known = {line["key"]: line for line in found["lines"]}
+    for key in ("error_bound", "error_bound_worst", "error_bound_command"):
+        dropped = ("nu_", "reference_error_bound", "error_bound")
+        found["lines"] = [line for line in known.values() if line["key"] == key or not line["key"].startswith(dropped)]
+        with pytest.raises(barbalat_check.Refused, match="the input's gain must be known"):
+            barbalat_check.check(document)
 
 
 def test_weaker_numbers_follow_too(certified):

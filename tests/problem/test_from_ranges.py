@@ -200,3 +200,25 @@ def test_bad_input_is_one_clear_sentence(make, words):
     with pytest.raises(InputError) as caught:
         make()
     assert all(word in str(caught.value) for word in words), caught.value
+
+
+@pytest.mark.parametrize("unit", [1e-10, 1.0, 1e10])
+def test_an_unmatched_remainder_counts_in_every_unit_of_input_and_state(unit):
+    """What no theta and no omega matches is no rounding only because b is small, or another entry of A large."""
+    g = Parameter("g", 0.0, between=(0.0, 1.0))
+    small_b = Plant(A=[[-1, 0.2], [0, -2]], b=[unit * g, unit], A_m=[[-1, 0.2], [0, -2]])
+    assert derived(small_b).rest_b[0, 0] == pytest.approx(unit) and not derived(small_b).is_matched
+    p = Parameter("p", 3.0, between=(1.0, 3.0))
+    large_A = Plant(A=[[-2, 0], [unit, -p]], b=[1, 0], A_m=[[-2, 0], [unit, -3]])
+    assert derived(large_A).rest_A[1, 1] == pytest.approx(2.0)
+    with pytest.raises(InputError, match="must be matched"):
+        Plant(A=[[-2, 0], [unit, -1]], b=[1, 0], A_m=[[-2, 0], [unit, -3]])
+    assert derived(Plant(A=[[0, unit], [p / unit, -1]], b=[0, unit], A_m=[[0, unit], [-2 / unit, -3]])).is_matched
+
+
+def test_the_bound_of_a_small_theta_is_as_tight():
+    """theta in units of a large b: an absolute room had made its interval six times too wide."""
+    k, m = (Parameter(name, 2.0, between=(1.0, 10.0)) for name in "km")
+    found = [derived(Plant(A=[[0, 1], [-100 * k / (k + m), -3]], b=[0, b], A_m=[[0, 1], [-20, -3]])) for b in (1.0, 1e11)]
+    widths = [one.theta.upper[0] - one.theta.lower[0] for one in found]
+    assert 1e11 * widths[1] == pytest.approx(widths[0], rel=1e-6)

@@ -68,3 +68,20 @@ def test_what_cannot_be_bounded_is_unbounded():
         np.inf,
     )  # underflow
     assert Rational.of(products_of("1/(1 + " + "*".join(f"a_{i}" for i in range(14)) + ")")) is None  # 2^14 coefficients
+
+
+def test_a_sum_that_underflows_on_the_way_is_unbounded():
+    """A product of 1e-200, 1e-150 and 1e240: the first two are 0 in floats, and the whole is of order one."""
+    rational = Rational.of(products_of("a*b*1e-200*c/(c*c + c*c)"))
+    low, high = {"a": 1e-150, "b": 1e240, "c": 1e-110}, {"a": 4e-150, "b": 4e240, "c": 4e-110}
+    assert rational is None or rational.bounds(low, high)[:2] == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize("text", ["k**1500 - k**1400 + k", "k**1e300 + k - k*k", "(k + l)**1000000 + k - k*k"])
+def test_large_powers_are_left_alone(text):
+    assert Rational.of(products_of(text)) is None
+
+
+def test_powers_of_large_ranges_are_unbounded():
+    low, high = {"k": 1e160, "l": 1e160}, {"k": 2e160, "l": 2e160}
+    assert Rational.of(products_of("k/(k + l) - l/(k + 2*l)")).bounds(low, high)[:2] == (-np.inf, np.inf)

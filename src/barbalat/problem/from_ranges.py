@@ -14,6 +14,7 @@ remainder.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -29,7 +30,7 @@ from barbalat.linear.enclosure import float_above, float_below
 from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.laurent import ALONE, Product, Sum, added, multiplied, names_of, products_of, scaled, value_of
 from barbalat.problem.parameters import Symbolic, evaluated
-from barbalat.problem.physical import PhysicalPlant, projected, projection
+from barbalat.problem.physical import MATCHED_TO, PhysicalPlant, projected, projection, rounding_of_rest
 from barbalat.problem.rational import Rational
 from barbalat.validate import Array, InputError, show
 
@@ -43,8 +44,6 @@ DRAWN = 2000
 """Points of the ranges at which the quantities are evaluated before the first cut."""
 SMALLEST_PART = 2.0**-20
 """Share of a parameter's range below which it is not cut further."""
-MATCHED_TO = 1e-9
-"""Share of the largest entry of A, A_m or b: a remainder below it is rounding, as for a plant given by numbers."""
 BOX_NOTE = "a box bounds {} independently: it contains plants that do not correspond to parameters in these ranges"
 
 
@@ -195,7 +194,7 @@ class _Quantities:
     @cached_property
     def factors(self) -> Array:
         """The coefficients (quantities, products), rounded."""
-        return np.array([[float(one.get(product, 0)) for product in self.products] for one in self.sums])
+        return np.array([[_as_float(one.get(product, 0)) for product in self.products] for one in self.sums])
 
     def at(self, values: Mapping[str, Array]) -> Array:
         """(K, quantities) at K points."""
@@ -233,6 +232,13 @@ class _Quantities:
         if i not in self.rationals:
             self.rationals[i] = Rational.of(self.sums[i])
         return self.rationals[i]
+
+
+def _as_float(number: Fraction | int) -> float:
+    try:
+        return float(number)
+    except OverflowError:
+        return math.inf if number > 0 else -math.inf
 
 
 def _products(entry: Any) -> Sum:
@@ -381,9 +387,8 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
     n, quantities = len(A_m), _Quantities.of(plant, A_m, b, scale)
     m = quantities.b_bar.shape[1]
     A, _ = plant.matrices(plant.nominal)
-    largest = max(1.0, float(np.abs(A).max()), float(np.abs(A_m).max())), max(1.0, float(np.abs(b).max()))
-    nothing = np.repeat([MATCHED_TO * largest[0], MATCHED_TO, MATCHED_TO * largest[0], MATCHED_TO * largest[1]], quantities.sizes)
-    found = _enclosed_once(quantities, plant.ranges, nothing)
+    b_bar, g = quantities.b_bar, projection(b, scale)
+    found = _enclosed_once(quantities, plant.ranges, _roundings(np.abs(A) + np.abs(A_m), np.abs(b_bar), b_bar, g))
     _require_finite(plant, found)
     nominal = quantities.at({name: np.array([value]) for name, value in plant.nominal.items()} or {"": np.zeros(1)})[0]
     gains = evaluated("plant.input.gain", plant.gains(m), plant.nominal)
@@ -392,6 +397,9 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
     low, high = (np.where(moves, end(one, nominal), nominal) for end, one in ((np.minimum, found.low), (np.maximum, found.high)))
     ends = np.cumsum(quantities.sizes)
     largest_rest = np.maximum(np.abs(low), np.abs(high))
+    thetas, omegas, rests_A, rests_b = np.split(largest_rest, ends[:-1])
+    largest_A = 2 * np.abs(A_m) + np.abs(b_bar) @ thetas.reshape(n, m).T + rests_A.reshape(n, n)
+    nothing = _roundings(largest_A, np.abs(b_bar) * omegas + rests_b.reshape(n, m), b_bar, g)
     largest_rest = np.where(largest_rest <= nothing, 0.0, largest_rest)
     uncertain_gain = moves[ends[0] : ends[1]].any()
     intervals = tuple(zip(low[ends[0] : ends[1]].tolist(), high[ends[0] : ends[1]].tolist(), strict=True))
@@ -413,6 +421,14 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
         cells=found.cells,
         nominal={"parameters": plant.nominal, "A": A.tolist(), "b": np.asarray(b).tolist(), "theta": nominal[: ends[0]].tolist()},
     )
+
+
+def _roundings(of_A: Array, of_b: Array, b_bar: Array, g: Array) -> Array:
+    """(quantities,) the size up to which each is rounding, for numbers of these sizes in A - A_m, (n, n), and in b, (n, m)."""
+    theta = MATCHED_TO * (np.abs(g) @ of_A).T
+    rests = rounding_of_rest(of_A, b_bar, g), rounding_of_rest(of_b, b_bar, g)
+    found = np.concatenate([theta.reshape(-1), np.full(len(g), MATCHED_TO), *(one.reshape(-1) for one in rests)])
+    return np.asarray(np.maximum(found, np.finfo(float).tiny))
 
 
 def _require_finite(plant: PhysicalPlant, found: _Enclosure) -> None:

@@ -137,3 +137,14 @@ def projection(b: Array, scale: Array) -> Array:
 def projected(A: Array, A_m: Array, b: Array, scale: Array) -> Array:
     """(n m,) theta of the weighted projection of A - A_m."""
     return (projection(b, scale) @ (A - A_m)).T.reshape(-1)
+
+
+MATCHED_TO, LEAST_ROUNDING = 1e-9, 1e-13
+"""Shares of the numbers from which an entry of an unmatched remainder is computed, and of the largest of all: a smaller entry
+counts as rounding."""
+
+
+def rounding_of_rest(sizes: Array, b: Array, g: Array) -> Array:
+    """(n, k) the size up to which the entries of D - b g D are rounding, where D has entries of these ``sizes``, (n, k), or is a
+    difference of such numbers; b (n, m) and g (m, n). It does not depend on the units of states and input."""
+    return np.asarray(MATCHED_TO * (sizes + np.abs(b) @ (np.abs(g) @ sizes)) + LEAST_ROUNDING * sizes.max())

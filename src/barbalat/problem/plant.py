@@ -18,7 +18,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.problem.baseline import Baseline, FixedController
 from barbalat.problem.from_ranges import FromRanges, from_ranges
 from barbalat.problem.known_set import ParameterBox
-from barbalat.problem.physical import PhysicalPlant, holds_formulas, input_matrix, projected
+from barbalat.problem.physical import PhysicalPlant, holds_formulas, input_matrix, projected, rounding_of_rest
 from barbalat.problem.regressors import Linear, MatchedTerm, Regressor
 from barbalat.protocols import Value
 from barbalat.settings import Settings, one_line
@@ -285,7 +285,7 @@ def matching_parameters(A: Any, A_m: Array, b: Any) -> Array:
     directions = (b / scale).reshape(n, -1)
     along = np.linalg.lstsq(directions, difference, rcond=None)[0]  # (m, n)
     rest = difference - directions @ along
-    if np.abs(rest).max() > 1e-9 * max(1.0, float(np.abs(A).max()), float(np.abs(A_m).max())):
+    if (np.abs(rest) > rounding_of_rest(np.abs(A) + np.abs(A_m), directions, np.linalg.pinv(directions))).any():
         raise InputError(
             "plant.A - reference_model.A_m "
             f"must be matched (equal to b theta' for some theta), but the part {validate.show(rest)} is outside the range "

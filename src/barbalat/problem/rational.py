@@ -25,6 +25,8 @@ from barbalat.validate import Array
 
 MOST_TERMS = 1000
 """Largest number of terms of a polynomial, and a quarter of the largest number of its Bernstein coefficients."""
+MOST_POWER = 200
+"""Largest power of a factor, and of a parameter."""
 EPS = float(np.finfo(float).eps)
 ENTRY_ROUNDINGS = 16
 """Bounds the roundings in the entries of both matrices of an axis, beside one for each power of its width."""
@@ -52,7 +54,7 @@ class Rational:
             return None
         names = tuple(sorted({name for product in (*above, *below) for name, _ in product}))
         degrees = [max(dict(product).get(name, 0) for product in (*above, *below)) for name in names]
-        if np.prod([degree + 1 for degree in degrees]) > 4 * MOST_TERMS:
+        if max(degrees, default=0) > MOST_POWER or np.prod([degree + 1.0 for degree in degrees]) > 4 * MOST_TERMS:
             return None
         tensors = []
         for part in (above, below):
@@ -103,15 +105,16 @@ class Rational:
 def _bernstein(coefficients: Array, ends: list[tuple[float, float]]) -> tuple[Array, Array]:
     """The Bernstein coefficients of a polynomial over a box, and bounds of their rounding errors, infinite if a number may under-
     or overflow."""
-    value, size, roundings, sizes = coefficients, np.abs(coefficients), 1, [1.0]
+    value, size, there, roundings = coefficients, np.abs(coefficients), coefficients != 0, 1
+    safe = _safe(size[there])
     for axis, (a, b) in enumerate(ends):
         degree = coefficients.shape[axis] - 1
         roundings += 3 * (degree + 1) + ENTRY_ROUNDINGS
-        sizes += [abs(end) ** degree for end in (a, b - a) if end]
         with np.errstate(all="ignore"):
+            safe &= _safe(np.abs(np.array([end for end in (a, b - a) if end])) ** degree)
             shift = np.array(
                 [
-                    [comb(k, i) * a ** (k - i) * (b - a) ** i if k >= i else 0.0 for k in range(degree + 1)]
+                    [comb(k, i) * np.float64(a) ** (k - i) * np.float64(b - a) ** i if k >= i else 0.0 for k in range(degree + 1)]
                     for i in range(degree + 1)
                 ]
             )
@@ -119,10 +122,14 @@ def _bernstein(coefficients: Array, ends: list[tuple[float, float]]) -> tuple[Ar
             for matrix in (shift, weights):
                 value = np.moveaxis(np.tensordot(matrix, value, (1, axis)), 0, axis)
                 size = np.moveaxis(np.tensordot(np.abs(matrix), size, (1, axis)), 0, axis)
-    parts = np.concatenate([np.abs(coefficients[coefficients != 0]), size[size != 0], sizes])
-    if not (np.isfinite(parts).all() and SAFE[0] <= parts.min() and parts.max() <= SAFE[1]):
-        return value, np.full(value.shape, np.inf)
-    return value, 1.01 * roundings * EPS * size
+                there = np.moveaxis(np.tensordot(matrix != 0, there, (1, axis)), 0, axis) > 0
+                safe &= _safe(size[there])  # a sum whose parts all underflowed is found too
+    return value, 1.01 * roundings * EPS * size if safe else np.full(value.shape, np.inf)
+
+
+def _safe(sizes: Array) -> bool:
+    """Whether all lie within SAFE."""
+    return bool(np.all((sizes >= SAFE[0]) & (sizes <= SAFE[1])))
 
 
 class _TooLarge(Exception):
@@ -178,6 +185,8 @@ def _times(one: Sum, other: Sum) -> Sum:
 
 
 def _power(one: Sum, exponent: int) -> Sum:
+    if exponent > MOST_POWER:
+        raise _TooLarge
     return reduce(_times, [one] * exponent, {ALONE: Fraction(1)})
 
 

@@ -103,7 +103,7 @@ def systems(problem: Problem, loop: KnownLoop, center: Array) -> dict[str, tuple
 
 def witness(problem: Problem, loop: KnownLoop, cell: NormedCell) -> dict[str, Any]:
     """The witnesses of a cell's norms; InputError if one is not found."""
-    found = dict[str, Any]()
+    found: dict[str, Any] = {"center": cell.center.tolist()}  # rounded: the witnesses hold for the loop with these numbers
     for name, (A, B, C) in systems(problem, loop, cell.center).items():
         size = max(_norms(A, B, C)[0])
         found[name] = norm_witness(A, B, C, size, closeness=CLOSENESS)

@@ -169,14 +169,14 @@ def test_the_numbers_of_the_guide_are_those_of_the_stored_flights(flights):
         sum(map(abs, flights.signs.values())),
     )
     for expected in (
-        f"What {flights.members} draws came to",
+        f"Results of {flights.members} draws",
         f"lose least, {min(total)} to {max(total)} of 1400, {flights.lost('ADRC', 'reversed')} of them to a reversed elevator",
         f"costs these four {few[0]} to {few[-1]} flights and the PI, `hinf` and `l1` {many[0]} to {many[-1]}",
         f"fewest with the delay, {flights.lost('LQR', 'delay-100')}, and {flights.lost('LQR', 'aft-cg')} with the centre",
         f"ahead of `l1-piecewise-flown` on {ahead['count']} draws of {ahead['judged']}",
         f"its median is {hard['MRAC'][1]:.2f} deg/s where `adrc` has {hard['ADRC'][1]:.2f}",
         f"it loses {hard['MRAC'][0]} flights where the PI loses {hard['LQR with PI'][0]}",
-        f"Of {len(flights.shares)} comparisons that some draw decides, {singly} would be beyond chance singly, {together} are so",
+        f"Of {len(flights.shares)} comparisons that some draw decides, {singly} would be significant individually, and {together} are significant jointly",
         f"time ended it at {flights.document['resumed']}",
         f"flew the other {flights.members - flights.document['resumed']}",
     ):
@@ -265,7 +265,7 @@ def test_the_numbers_of_the_quadrotors_guide_are_those_that_are_stored():
     assert total["Robust MRAC"] - least["count"] == flights.lost("Robust MRAC", "delay-20")
     said = " ".join((PAGE.parent / "quadrotor.md").read_text(encoding="utf-8").split())
     for expected in (
-        f"What {flights.members} draws came to",
+        f"Results of {flights.members} draws",
         f"loses least, {least['count']} of {7 * flights.members} flights, all of them to half a propeller: "
         f"{100 * least['share']:.0f} % of those, at 95 % {low:.0f} to {high:.0f} %",
         f"loses as many there, and {flights.lost('Robust MRAC', 'delay-20')} with more delay",
@@ -280,8 +280,8 @@ def test_the_numbers_of_the_quadrotors_guide_are_those_that_are_stored():
         f"than `hinf` on {pull[3][0]}; {pull[3][2]}",
         f"medians of {medians[0]} m, where `hinf` has {medians[1]}",
         f"{travel[0]:.3g} against {travel[1]:.2g} N/s",
-        f"Of {len(flights.shares)} comparisons that some draw decides, {singly} would be beyond chance singly, "
-        f"{sum(map(abs, flights.signs.values()))} are so",
+        f"Of {len(flights.shares)} comparisons that some draw decides, {singly} would be significant individually, "
+        f"and {sum(map(abs, flights.signs.values()))} are significant jointly",
     ):
         assert expected in said
 
