@@ -176,7 +176,8 @@ def test_the_numbers_of_the_guide_are_those_of_the_stored_flights(flights):
         f"ahead of `l1-piecewise-flown` on {ahead['count']} draws of {ahead['judged']}",
         f"its median is {hard['MRAC'][1]:.2f} deg/s where `adrc` has {hard['ADRC'][1]:.2f}",
         f"it loses {hard['MRAC'][0]} flights where the PI loses {hard['LQR with PI'][0]}",
-        f"Of {len(flights.shares)} comparisons that some draw decides, {singly} would be significant individually, and {together} are significant jointly",
+        f"Of {len(flights.shares)} comparisons that some draw decides, {singly} would be significant individually, and "
+        f"{together} are significant jointly",
         f"time ended it at {flights.document['resumed']}",
         f"flew the other {flights.members - flights.document['resumed']}",
     ):
