@@ -58,6 +58,23 @@ def test_what_the_shell_refuses_is_counted():
     assert "the fallback (zero) acted" in run.missed.sentence
 
 
+@pytest.mark.parametrize("shell", [None, Shell(), Shell(range={PROBLEM.measured_names[0]: [-1e3, 1e3]})])
+def test_without_a_longest_outage_only_lost_samples_can_be_counted(shell):
+    fault = Dropout(share=0.3, seed=4)
+    run = missed(replace(PROBLEM, shell=shell, faults=(fault,)), t_end=2.0)
+    lost = fault.there(T * np.arange(100), 0)
+    if shell is not None and shell.range:
+        assert run.missed is None  # a sample out of range would not be noticed
+    else:
+        runs = [len(list(same)) for gone, same in groupby(lost) if gone]
+        assert (run.missed.samples, run.missed.missed, run.missed.in_a_row, run.missed.fallback) == (
+            100,
+            lost.sum(),
+            max(runs),
+            0,
+        )
+
+
 def test_a_run_without_a_shell_has_no_such_count():
     assert missed(PROBLEM).missed is None
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 
@@ -153,7 +154,7 @@ def with_missed_samples(results: Mapping[str, Result]) -> Results:
     """The same results, with ``missed`` for each sampled controller that has a shell or meets faults.
 
     Each of these runs is repeated with the same bits and read between any two samples. Runs that diverged and runs by tolerance
-    stay as they are.
+    stay as they are, and so do those of a shell that refuses samples without a longest outage or a rate: it counts none.
     """
     return Results({name: replace(one, missed=_missed(one)) for name, one in results.items()})
 
@@ -162,7 +163,9 @@ def _missed(result: Result) -> MissedSamples | None:
     computer, simulation, problem = result.loop.computer, result.simulation, result.problem
     if computer is None or computer.around is None or not np.isnan(result.metrics.diverged_at[0]):
         return None
-    if simulation.tolerance is not None:
+    around = computer.around
+    refuses = bool(around.ranged or around.repeats or around.band is not None)
+    if simulation.tolerance is not None or (refuses and not around.counts):  # then no state tells a refused sample
         return None
     batch = Batch.of([(problem, result.controller)], simulation, lanes=1)
     (group,), every = batch.groups, round(computer.around.T / simulation.dt)  # with jitter the loop looks at its timer every step
@@ -171,13 +174,17 @@ def _missed(result: Result) -> MissedSamples | None:
     group.call(0, 1, between, group.state, table)
     count = max(simulation.steps - between, 0) // every + 1
     states = np.vstack([*_each(batch, problem, simulation, between, every, count - 1), group.state.T])
-    outage = states[:, batch.loop.unpack(np.arange(batch.loop.size)).held.around.outage.reshape(-1)][:, 0]
-    longest = np.inf if computer.around.longest is None else computer.around.longest
+    kept = batch.loop.unpack(np.arange(batch.loop.size)).held.around
+    if around.counts:
+        outage = states[:, kept.outage[0]]
+    else:
+        outage = np.array(list(accumulate(states[:, kept.lost[0]], lambda before, lost: (before + 1) * lost)))
+    longest = np.inf if around.longest is None else around.longest
     return MissedSamples(
         count,
         missed=int((outage > 0).sum()),
         in_a_row=int(outage.max()),
         fallback=int((outage > longest).sum()),
-        named=computer.around.fallback,
-        jitter=sum(one.time for one in computer.around.faults) / simulation.dt,
+        named=around.fallback,
+        jitter=sum(one.time for one in around.faults) / simulation.dt,
     )
