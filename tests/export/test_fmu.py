@@ -413,6 +413,15 @@ def test_of_a_strangers_settings_those_are_parameters_that_bear_a_symbol() -> No
         assert {one.name for one in opened.parameters} >= LIMITS
 
 
+def test_a_measured_output_without_labels_is_y(tmp_path) -> None:
+    import fmpy
+
+    problem, controller = EXAMPLES[next(name for name in EXAMPLES if name.startswith("MracOutput-output-euler"))]
+    (content,) = units(problem, controller, SHORT, version=2, compiled=False).values()
+    (tmp_path / "y.fmu").write_bytes(content)
+    assert "y" in {one.name for one in fmpy.read_model_description(str(tmp_path / "y.fmu")).modelVariables}
+
+
 def test_units_have_units(tmp_path) -> None:
     import fmpy
 

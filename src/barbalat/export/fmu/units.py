@@ -73,6 +73,8 @@ class Unit:
         """
         labels = self.printed.contents.problem.measured_labels
         names = () if labels is None else labels.names
+        if not names:
+            return found
         own = entries(self.printed.measured, len(names), scalar=self.scalar_output)
         taken = {re.split(r"[.\[]", one.name)[0] for one in found if one.name not in own} | {FREEZE.name, STATUS.name, "time"}
         plain = [re.sub(r"\W+", "_", name, flags=re.ASCII).strip("_") for name in names]
