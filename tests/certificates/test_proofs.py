@@ -160,10 +160,9 @@ def test_square_waves_of_any_phase_are_accepted_and_an_unknown_gain_is_refused(p
     document["plant"] |= {"gain": [0.05], "input_gain": {"lower": [0.01], "upper": [3.0]}}
     found = document["controllers"]["L1"]
     found["facts"]["theta_hat0"].append(1.0)
-    known = {line["key"]: line for line in found["lines"]}
+    every, dropped = found["lines"], ("nu_", "reference_error_bound", "error_bound")
     for key in ("error_bound", "error_bound_worst", "error_bound_command"):
-        dropped = ("nu_", "reference_error_bound", "error_bound")
-        found["lines"] = [line for line in known.values() if line["key"] == key or not line["key"].startswith(dropped)]
+        found["lines"] = [line for line in every if line["key"] == key or not line["key"].startswith(dropped)]
         with pytest.raises(barbalat_check.Refused, match="the input's gain must be known"):
             barbalat_check.check(document)
 
