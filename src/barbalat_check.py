@@ -804,9 +804,9 @@ def of_closed_loop_model(c: Controller) -> arb:
 
 def require_fixed_loop(c: Controller) -> None:
     """Require the premises of e = T[(theta - theta_0)'x]."""
-    gain = None if c.scheme == "linear" else number(c.fact("b_0"))
-    c.case.require_nominal(any_gain=gain is not None)
-    require(gain is None or c.case.gain == [gain], "b_0 must be the input's gain")
+    c.case.require_nominal(any_gain=True)
+    gain = fmpq(1) if c.scheme == "linear" else number(c.fact("b_0"))
+    require(c.case.gain == [gain], "the input must have the gain that the controller takes it to have")
     c.require_theta_known()
     require("sample_time" not in c.facts, "the controller must act continuously")
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from test_regressors import two_inputs
 
+from barbalat.adaptation.laws.least_squares import LeastSquares
 from barbalat.cases.load import parse_case
-from barbalat.controllers import Mrac, Sampled
-from barbalat.design import pi_feedback
+from barbalat.controllers import Mrac, RobustMrac, Sampled
 from barbalat.problem.actuation import PlantInput
 from barbalat.problem.known_set import Gain, ParameterBall, ParameterBox, limit, project, with_gains
 from barbalat.run.engine.simulate import simulate
@@ -95,5 +95,5 @@ def test_what_does_not_go_together(problems):
     matrix = Mrac(gamma=np.diag([1.0, 2.0, 3.0]))
     assert "matrix" in refusal(lambda: Sampled(controller=matrix, sample_time=0.01).bind(ball))
     assert "ball" in refusal(lambda: Sampled(controller=Mrac(gamma=[1.0, 2.0, 3.0]), sample_time=0.01).bind(ball))
-    assert "input gain" in refusal(lambda: pi_feedback(ball))
+    assert "input gain" in refusal(lambda: RobustMrac(tau=0.2, law=LeastSquares(covariance0=1.0)).bind(ball))
     Sampled(controller=Mrac(gamma=1.0), sample_time=0.01).bind(ball)

@@ -58,7 +58,7 @@ class Equations:
 
 @dataclass(frozen=True, eq=False)
 class LinearFeedback(Scheme):
-    """u = k_0 r - theta_0'x + K(s)[c'(x_m - x)]: model following without adaptation.
+    """u = k_0 r - theta_0'x + K(s)[c'(x_m - x)]: model following without adaptation; an unknown input gain is taken as 1.
 
     controller  K(s), proper, a TransferFunction, StateSpace or python-control system; it may contain an integrator. Starts at
                 rest
@@ -82,7 +82,7 @@ class LinearFeedback(Scheme):
     anti_windup: float | None = None
     name: str = "Linear"
 
-    beyond: ClassVar[tuple[str, ...]] = ("several inputs", "an unknown input gain", "another regressor than x")
+    beyond: ClassVar[tuple[str, ...]] = ("several inputs", "another regressor than x")
 
     def __post_init__(self) -> None:
         validate.label("name", self.name)

@@ -27,7 +27,8 @@ def design_model(known: Known, output: Array | None = None) -> tuple[Array, Tran
     """(c, c'(sI - A_m)^-1 b): the plant between u and c'x once the nominal theta'x is cancelled; c is P b by default.
 
     P b makes it strictly positive real, and therefore minimum phase with relative degree one: the choice that limits a linear
-    loop least. Raises InputError for c = 0, and for a plant with several inputs, an unknown gain or a regressor other than x.
+    loop least. Raises InputError for c = 0, and for a plant with several inputs or a regressor other
+    than x.
     """
     require_linear_plant(known)
     c = known.P @ known.b if output is None else validate.vector("output", output, known.n)

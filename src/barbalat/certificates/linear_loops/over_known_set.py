@@ -127,10 +127,11 @@ def add_filtered(draft: Draft, problem: Problem, C: StateSpace) -> None:
             _add(draft, problem, _worst_filtered(problem.plant, known_set, C, problem.sensor_lag))
 
 
-def add_fixed(draft: Draft, problem: Problem, family: LoopsOverTheta) -> None:
-    """Add the margins over the known set of a linear controller's loop."""
+def add_fixed(draft: Draft, problem: Problem, around: Callable[[Plant], StateSpace]) -> None:
+    """Add the margins over the known set, and over the interval of an unknown input gain, of a linear controller's loop."""
     known_set = problem.uncertainty
     if known_set is not None and is_needed(MARGINS_KEY):
+        family = LoopsOverTheta(problem.plant, around, problem.sensor_lag, problem.known.gains)
         with draft.part(MARGINS_KEY):
             _add(draft, problem, [("with a fixed controller", worst_case(family, known_set))])
 

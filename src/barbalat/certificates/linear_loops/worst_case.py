@@ -14,7 +14,7 @@ import numpy as np
 
 from barbalat.linear.margins import margins
 from barbalat.linear.systems import StateSpace, sensitivity, series, states_response
-from barbalat.problem.known_set import KnownSet
+from barbalat.problem.known_set import EstimateSet, KnownSet, ParameterBox
 from barbalat.problem.plant import Plant
 from barbalat.validate import Array, InputError
 
@@ -34,6 +34,7 @@ class LoopsOverTheta:
     """A linear loop for every theta: the controller's loop around (A_m + b theta', b), broken at the plant's input.
 
     plant   the plant whose theta is replaced; its input dynamics are added to the loop here
+    gains   the interval of the input's gain if it varies too; a point is then theta followed by the gain
     around  the controller's loop around a plant; (1 - theta'W_b) L and the closed loop's matrix must be affine in theta, as they
             are for every fixed linear controller, and for one whose gains contain theta once
     lag     lag of the sensor, in series with everything that is fed back
@@ -42,43 +43,74 @@ class LoopsOverTheta:
     plant: Plant
     around: Callable[[Plant], StateSpace]
     lag: StateSpace | None = None
+    gains: ParameterBox | None = None
 
     @property
     def delay(self) -> float:
         """The delay at the plant's input [s], which is not in the loop."""
         return float(self.plant.paths[0].delay)
 
-    def loop(self, theta: Array) -> StateSpace:
-        """The loop for a theta, broken at the plant's input."""
+    @property
+    def own(self) -> Array:
+        """The plant's own point."""
+        path = self.plant.paths[0]
+        return self.plant.theta if self.gains is None else np.append(self.plant.theta, path.gain)
+
+    def loop(self, point: Array) -> StateSpace:
+        """The loop for a point, broken at the plant's input."""
+        theta, factors = self._apart(point[None])
+        loop = self._with_theta(theta[0])
+        return StateSpace(loop.A, loop.B, factors[0, 0] * loop.C, factors[0, 0] * loop.D)
+
+    def _apart(self, points: Array) -> tuple[Array, Array]:
+        """The thetas (M, n) of points and the factors of the loop, (M, 1): the input's gains over the plant's own."""
+        if self.gains is None:
+            return points, np.ones((len(points), 1))
+        return points[:, :-1], points[:, -1:] / self.plant.paths[0].gain
+
+    def _with_theta(self, theta: Array) -> StateSpace:
         loop, dynamics = self.around(replace(self.plant, theta=theta)), self.plant.paths[0].dynamics
         loop = loop if dynamics is None else series(dynamics.realise(), loop)
         return loop if self.lag is None else series(loop, self.lag)
 
     def responses(self, w: Array) -> Callable[[Array], tuple[Array, Array]]:
-        """A function from thetas (M, n) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.
+        """A function from points (M, p) to N and D, (M, K), with L(j w) = N/D: D = 1 - h, h = theta'W_b, and N = (1 - h) L.
 
-        Both are affine in theta: they are interpolated from the origin and the unit vectors.
+        Both are affine in theta: they are interpolated from the origin and the unit vectors. The input's gain multiplies N.
         """
         units = np.eye(self.plant.n)
         W_b = states_response(self.plant.A_m, self.plant.b, w).T
-        origin = self.loop(0 * units[0]).response(w)
-        slopes = np.array([(1 - h) * self.loop(unit).response(w) - origin for h, unit in zip(W_b, units, strict=True)])
-        return lambda thetas: (origin + _combined(thetas, slopes), 1 - _combined(thetas, W_b))
+        origin = self._with_theta(0 * units[0]).response(w)
+        slopes = np.array([(1 - h) * self._with_theta(unit).response(w) - origin for h, unit in zip(W_b, units, strict=True)])
 
-    def largest_real_parts(self, thetas: Array) -> Array:
-        """Return the largest real parts of the closed loop's eigenvalues, (M,)."""
-        origin = sensitivity(self.loop(np.zeros(self.plant.n))).A
-        slopes = np.array([sensitivity(self.loop(unit)).A - origin for unit in np.eye(self.plant.n)])
-        return np.asarray(np.linalg.eigvals(origin + np.tensordot(thetas, slopes, 1)).real.max(axis=1))
+        def at(points: Array) -> tuple[Array, Array]:
+            thetas, factors = self._apart(points)
+            return factors * (origin + _combined(thetas, slopes)), 1 - _combined(thetas, W_b)
 
-    def frequencies(self, thetas: Array) -> Array:
+        return at
+
+    def largest_real_parts(self, points: Array) -> Array:
+        """Return the largest real parts of the closed loop's eigenvalues, (M,).
+
+        The closed loop's matrix is the open loop's plus the feedback, times the input's gain; both are affine in theta.
+        """
+        thetas, factors = self._apart(points)
+        loops = [self._with_theta(theta) for theta in (np.zeros(self.plant.n), *np.eye(self.plant.n))]
+        closed = _interpolated(thetas, [sensitivity(loop).A for loop in loops])
+        if self.gains is not None:
+            opened = _interpolated(thetas, [loop.A for loop in loops])
+            closed = opened + factors[:, :, None] * (closed - opened)
+        return np.asarray(np.linalg.eigvals(closed).real.max(axis=1))
+
+    def frequencies(self, points: Array) -> Array:
         """Frequencies from far below to far above every pole and every crossover that the set allows, denser near lightly damped
         modes.
 
         A loop that is stable with the delay d has its crossovers below 2 pi/d: some of the delay's periods are resolved finely.
         """
-        loop = self.loop(np.zeros(self.plant.n))
-        poles = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(sensitivity(loop).A)])
+        thetas, ends = self._apart(points)[0], [None] if self.gains is None else np.ravel(self.gains.extent)
+        loops = [self.loop(np.zeros(self.plant.n) if one is None else np.append(np.zeros(self.plant.n), one)) for one in ends]
+        poles = np.concatenate([np.linalg.eigvals(A) for A in (loops[0].A, *(sensitivity(loop).A for loop in loops))])
         sizes = np.abs(poles)
         crossover = float(np.abs(thetas).sum(axis=1).max() * np.abs(self.plant.b).max())
         slowest = sizes[sizes > 1e-9 * sizes.max()].min()
@@ -88,6 +120,12 @@ class LoopsOverTheta:
         turns = [np.arange(1, 129) * np.pi / 16 / self.delay] if self.delay > 0 else []
         w = np.concatenate([[1e-6 * slowest], wide, *peaks, *turns])  # the first stands for zero frequency
         return np.unique(w[w > 0])
+
+
+def _interpolated(thetas: Array, matrices: list[Array]) -> Array:
+    """(M, N, N) what is affine in theta, from its values at the origin and at the unit vectors."""
+    origin, *others = matrices
+    return np.asarray(origin + np.tensordot(thetas, np.array([one - origin for one in others]), 1))
 
 
 def _combined(thetas: Array, rows: Array) -> Array:
@@ -108,12 +146,13 @@ class WorstCase:
     searched: str
 
 
-def worst_case(family: LoopsOverTheta, known_set: KnownSet) -> WorstCase:
-    """Search the set for the smallest margins in addition to the plant's delay, and for the largest gain reduction margin."""
-    rng = np.random.default_rng(0)
+def worst_case(family: LoopsOverTheta, theta_set: KnownSet) -> WorstCase:
+    """Search the set, with the input's gain if the family varies it, for the smallest margins in addition to the plant's delay,
+    and for the largest gain reduction margin."""
+    rng, known_set = np.random.default_rng(0), theta_set if family.gains is None else theta_set.with_gains(family.gains)
     extremes = known_set.extreme_points(rng, MOST_EXTREMES)
     center = np.mean(known_set.extent, axis=0)
-    own = np.reshape([family.plant.theta] if known_set.contains(family.plant.theta) else [], (-1, family.plant.n))
+    own = np.reshape([family.own] if known_set.contains(family.own) else [], (-1, len(family.own)))
     points = np.concatenate([extremes, points_inside(known_set, rng, center, 1.0, POINTS_INSIDE), own])
     searched = SEARCH_SENTENCE.format(
         extremes=len(extremes), inside=POINTS_INSIDE, rounds=ROUNDS, around=POINTS_AROUND, exactly=EXACT_POINTS
@@ -176,10 +215,10 @@ class _WorstCaseSearch:
                     self.least[name] = (value, theta)
 
 
-def points_inside(known_set: KnownSet, rng: np.random.Generator, around: Array, share: float, count: int) -> Array:
+def points_inside(known_set: EstimateSet, rng: np.random.Generator, around: Array, share: float, count: int) -> Array:
     """Points of the set in a box around a point, ``share`` of the set's extent wide; points outside are moved to the set."""
     lower, upper = known_set.extent
-    return known_set.brought_in(around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, known_set.size)))
+    return known_set.brought_in(around + share * (upper - lower) * rng.uniform(-0.5, 0.5, (count, len(lower))))
 
 
 def screen(N: Array, D: Array, w: Array, delay: float = 0.0) -> dict[str, Array]:

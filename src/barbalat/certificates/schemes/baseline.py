@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, beyond_the_paper
+from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Entry
 from barbalat.certificates.schemes.fixed_loop import FixedLoop, add_loop, cells
@@ -17,26 +17,29 @@ from barbalat.problem.state_feedback import Problem
 from barbalat.solvers.simulation import Simulation
 
 
-def loop_of(problem: Problem, controller: BaselineAlone) -> FixedLoop:
-    """The loop broken at the plant's input; with theta = theta_0 the closed loop is the model."""
+def loop_of(problem: Problem, controller: BaselineAlone) -> FixedLoop | None:
+    """The loop broken at the plant's input, in which the closed loop is the model with theta = theta_0; None for several inputs,
+    or another regressor than x."""
+    if problem.plant.inputs > 1 or not problem.plant.is_linear:
+        return None
     known, theta_0 = problem.known, controller.bind(problem.known).theta_0
-    return FixedLoop(
+    return FixedLoop.with_gain_of_1(
+        problem,
         at=lambda theta: StateSpace(known.A_m + np.outer(known.b, theta), known.b, theta_0, 0.0),
         theta_0=theta_0,
         norm="W_b",
-        own=(),
         integrates="the baseline removes a constant disturbance from the state",
     )
 
 
 def certificate(problem: Problem, controller: BaselineAlone, simulation: Simulation) -> Certificate:
     """The bound of the error in the form of Theorem 1, margins and peaks for the true plant, mu of the family."""
-    draft = Draft()
-    if beyond_the_paper(problem):
+    draft, loop = Draft(), loop_of(problem, controller)
+    if loop is None:
         draft.note(BEYOND_ONE_LINEAR_INPUT)
         add_linearised(draft, problem, controller, simulation)
     else:
-        add_loop(draft, problem, loop_of(problem, controller), simulation.t_end)
+        add_loop(draft, problem, loop, simulation.t_end)
         add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
 
@@ -48,5 +51,4 @@ def linear_when(problem: Problem, _: BaselineAlone) -> str | None:
 
 def column(problem: Problem, controller: BaselineAlone, certificate: Certificate) -> tuple[str, dict[str, Entry]]:
     """The scheme's name in Table 1 and its cells."""
-    loop = None if beyond_the_paper(problem) else loop_of(problem, controller)
-    return "the baseline alone, u = k_0 r - theta_0'x", cells(problem, loop, certificate)
+    return "the baseline alone, u = k_0 r - theta_0'x", cells(problem, loop_of(problem, controller), certificate)

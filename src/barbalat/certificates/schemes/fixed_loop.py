@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +26,6 @@ from barbalat.certificates.entry import NUMBERS_ALONE, Assumption, Entry
 from barbalat.certificates.linear_loops import over_known_set
 from barbalat.certificates.linear_loops.margin_values import add_margins
 from barbalat.certificates.linear_loops.over_known_set import robustness
-from barbalat.certificates.linear_loops.worst_case import LoopsOverTheta
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.certificates.rows import up
 from barbalat.certificates.schemes.output_feedback import NEGLIGIBLE_STEADY_ERROR
@@ -59,6 +59,17 @@ class FixedLoop:
     gain: float | None = None
     unmodelled: TransferFunction | None = None
 
+    @classmethod
+    def with_gain_of_1(
+        cls, problem: Problem, *, at: Callable[[Array], StateSpace], own: tuple[Assumption, ...] = (), **rest: Any
+    ) -> FixedLoop:
+        """The loop of a controller that takes the input's gain as 1, which is assumed where the case does not know it."""
+        if problem.input_gain is None:
+            return cls(at=at, own=own, **rest)
+        omega = float(problem.plant.paths[0].gain)
+        other = "" if omega == 1 else f"input gain {omega:g}, where the controller takes it as 1"
+        return cls(at=at, own=(*own, Assumption("the input's gain is 1", other)), gain=1.0, **rest)
+
     def nominal_response(self) -> StateSpace:
         """S(s) with theta_0; its first states are the plant's response to a matched disturbance."""
         return sensitivity(self.amplified(self.theta_0))
@@ -88,12 +99,15 @@ class FixedLoop:
 def add_loop(draft: Draft, problem: Problem, loop: FixedLoop, t_end: float) -> None:
     """Add the bound of the error in the form of Theorem 1, margins and peaks for the true plant, mu of the family."""
     known_set = problem.uncertainty
+    if problem.input_gain is not None and loop.gain is not None:
+        draft.note(
+            f"bounds of e hold for the input gain {loop.gain:g} that the controller assumes, not for all of "
+            "uncertainty.input_gain; margins in the known set are for all of it"
+        )
     if known_set is not None:
         _add_bound(draft, problem, loop, known_set.farthest_1(loop.theta_0), t_end)
     add_margins(draft, problem, loop.at(problem.plant.theta), "with the true parameters")
-    over_known_set.add_fixed(
-        draft, problem, LoopsOverTheta(problem.plant, lambda plant: loop.at(plant.theta), problem.sensor_lag)
-    )
+    over_known_set.add_fixed(draft, problem, lambda plant: loop.at(plant.theta))
     centre = problem.plant.theta if known_set is None else known_set.middle
     draft.estimate(robustness(loop.amplified(centre), known_set, loop.unmodelled, draft.notes), FREQUENCIES_TRIED)
 

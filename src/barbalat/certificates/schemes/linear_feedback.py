@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from barbalat.certificates.assumptions import BEYOND_ONE_LINEAR_INPUT, beyond_the_paper
 from barbalat.certificates.bounds.known_command import KnownLoop
 from barbalat.certificates.certificate import Certificate, Draft
 from barbalat.certificates.entry import Assumption, Entry
@@ -36,7 +35,8 @@ def loop_of(problem: Problem, controller: LinearFeedback) -> FixedLoop:
     """The loop with K(s), whose margins are computed."""
     known = problem.known
     equations = controller.bind(known)
-    return FixedLoop(
+    return FixedLoop.with_gain_of_1(
+        problem,
         at=lambda theta: loop_at(theta, equations, known),
         theta_0=equations.theta_0,
         norm="W_b S",
@@ -49,11 +49,8 @@ def loop_of(problem: Problem, controller: LinearFeedback) -> FixedLoop:
 def certificate(problem: Problem, controller: LinearFeedback, simulation: Simulation) -> Certificate:
     """The bound of the error in the form of Theorem 1, margins and peaks for the true plant, mu of the family."""
     loop, draft = loop_of(problem, controller), Draft()
-    if beyond_the_paper(problem):
-        draft.note(BEYOND_ONE_LINEAR_INPUT)
-    else:
-        add_loop(draft, problem, loop, simulation.t_end)
-        add_step_of_modes(draft, problem, controller, simulation)
+    add_loop(draft, problem, loop, simulation.t_end)
+    add_step_of_modes(draft, problem, controller, simulation)
     return draft.finish()
 
 

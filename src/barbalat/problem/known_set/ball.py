@@ -15,7 +15,7 @@ from barbalat.problem.known_set.box import UNREACHED_BOUND, ParameterBox
 from barbalat.problem.known_set.gain import UNIT_GAIN, Gain
 from barbalat.protocols import Value
 from barbalat.settings import Settings
-from barbalat.validate import Array
+from barbalat.validate import Array, InputError
 
 if TYPE_CHECKING:
     from barbalat.problem.known_set.box import ParameterBox
@@ -248,6 +248,22 @@ class ParameterProduct:
             return self.gains.extent
         lower, upper = (np.concatenate(ends) for ends in zip(self.theta.extent, self.gains.extent, strict=True))
         return lower, upper
+
+    def extreme_points(self, rng: np.random.Generator, most: int) -> Array:
+        """Points of the sphere with each end of every interval of the gains; InputError if theta is not bounded."""
+        gains = self.gains.extreme_points(rng, most)
+        theta = self._bounded().extreme_points(rng, max(most // len(gains), 2 * self._bounded().size))
+        return np.hstack([np.repeat(theta, len(gains), axis=0), np.tile(gains, (len(theta), 1))])
+
+    def brought_in(self, points: Array) -> Array:
+        """The points (M, n + m), with each point outside the set replaced by the nearest point of the set."""
+        theta, gains = np.split(points, [points.shape[1] - self.gains.size], axis=1)
+        return np.hstack([self._bounded().brought_in(theta), self.gains.brought_in(gains)])
+
+    def _bounded(self) -> ParameterBall:
+        if self.theta is None:
+            raise InputError("theta is not bounded: give uncertainty.center and .radius")
+        return self.theta
 
     def within(self, bound: Fraction) -> bool:
         """Whether |theta|_2 + |omega|_1 <= bound throughout, in exact arithmetic: slightly stronger than |(theta, omega)|_2 <=
