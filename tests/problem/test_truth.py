@@ -115,6 +115,26 @@ def test_parameters_of_the_truth_move_the_simulated_plant_and_no_controller():
     np.testing.assert_allclose(moved.true_parameters, [(4 - 1.7 / 0.45) / 2, (3 - 0.1) / 2, 0.5 / 0.45], rtol=1e-12)
 
 
+def test_parameters_outside_their_ranges_are_reported_with_other_states_and_inside_the_box_of_theta():
+    """J and K both 1.4 times nominal give the nominal gain, which the box of omega contains."""
+    J, K = Parameter("J", 0.5, tolerance=0.2), Parameter("K", 1.0, tolerance=0.3)
+    d = Parameter("d", 0.1)
+    plant = Plant(A=[[0, 1], [0, -d]], b=[0, K / J], A_m=A_m)
+    labels = Labels(names=("angle", "rate"))
+    nominal = Problem(
+        plant=plant, reference_model=ReferenceModel(k_0=2.0), reference=Sine(amplitude=1.0, frequency=1.5), labels=labels
+    )
+    more = {"A": np.zeros((3, 3)), "b": [0, 1, 1], "states": ("angle", "rate")}
+    for further in ({}, more):
+        found = departures(replace(nominal, truth=Truth(parameters={"J": 0.7, "K": 1.4}, **further)))
+        said = {one.sentence: one.within for one in found}
+        assert said["its J is 0.7, outside its range [0.4, 0.6]"] is said["its K is 1.4, outside its range [0.7, 1.3]"] is False
+        found = departures(replace(nominal, truth=Truth(parameters={"J": 0.4, "d": 0.2}, **further)))
+        said = {one.sentence: one.within for one in found}
+        assert said["its d is 0.2, declared as 0.1"] is False and not any("outside its range" in one for one in said)
+        assert ("its J is 0.4, and the plant's 0.5; it lies in its range" in said) == bool(further)
+
+
 def test_without_a_truth_nothing_changes_and_a_truth_that_is_the_plant_runs_alike():
     plain, same = designed(), designed(truth=Truth())
     assert plain.dynamics is plain.plant and departures(same) == []

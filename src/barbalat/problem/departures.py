@@ -70,6 +70,7 @@ def _matrices(problem: Problem, simulated: TruePlant) -> tuple[Array, Array]:
 
 def _of_the_dynamics(problem: Problem, simulated: TruePlant) -> Iterator[Departure]:
     plant = problem.plant
+    yield from _of_the_parameters(problem, simulated)
     if simulated.S is not None:
         yield Departure(f"it has {validate.counted(len(simulated.x0), 'state')}, and the plant {plant.states}")
     else:
@@ -82,6 +83,23 @@ def _of_the_dynamics(problem: Problem, simulated: TruePlant) -> Iterator[Departu
         yield Departure(f"friction acts on {states}")
     if simulated.terms:
         yield Departure(f"further terms act on {', '.join(dict.fromkeys(simulated.names[row] for row, _ in simulated.terms))}")
+
+
+def _of_the_parameters(problem: Problem, simulated: TruePlant) -> Iterator[Departure]:
+    """The parameters outside their ranges; with other states, for which theta cannot be compared, also the changed ones inside.
+
+    A theta in the known set does not show the former: a box contains plants that no parameters in the ranges give.
+    """
+    for one in () if problem.plant.physical is None else problem.plant.physical.parameters:
+        value, (low, high) = simulated.values[one.name], one.range
+        said = f"its {one.name} is {value:.6g}"
+        beyond = max(low - value, value - high)
+        if beyond > SAME_TO * max(abs(low), abs(high)):
+            declared = f"declared as {low:.6g}" if one.is_exact else f"outside its range [{low:.6g}, {high:.6g}]"
+            replaced = problem.derived is not None and not problem.derived.used
+            yield Departure(f"{said}, {declared}", within=replaced and simulated.S is None)
+        elif simulated.S is not None and value != one.value:
+            yield Departure(f"{said}, and the plant's {one.value:.6g}; it lies in its range", within=True)
 
 
 def _of_theta(problem: Problem, theta: Array) -> Iterator[Departure]:
