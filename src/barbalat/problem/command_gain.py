@@ -44,7 +44,7 @@ def command_warning(problem: TrackingProblem) -> str | None:
     if gains.shape[1] > 1 or not np.isfinite(gains).all() or (np.abs(gains - 1) <= FOLLOWS_TO).any():
         return None
     state = commanded(problem)[0][0]
-    gain, moved = float(gains[state, 0]), "y_m" if problem.feedback == "output" else f"x_{state + 1}"
+    gain, moved = float(gains[state, 0]), "y_m" if problem.feedback == "output" else problem.followed_names[state]
     remedy = problem.model.remedy(gain)
     instead = "" if remedy is None else f", where {remedy} would take it"
     return f"the reference model's {moved} settles at {gain:.4g} times a constant command r, not at r{instead}"

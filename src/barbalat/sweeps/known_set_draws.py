@@ -29,6 +29,8 @@ def over_known_set(case: Case, path: FieldPath, stands_there: object) -> Mapping
     problem = case.problem
     if path.keys[:2] == ("plant", "input") and path.keys[-1] == GAIN:
         return {path: _of_gain(problem, path)}
+    if path.keys[0] == "parameters":
+        raise InputError(f"{path} = {KNOWN_SET}: physical parameters are drawn over their ranges; write {path}={BETWEEN}")
     if stands_there is None:
         vector = "a vector of estimated parameters, as plant.theta"
         raise InputError(f"the case has no {path}; {KNOWN_SET} needs {vector}")
