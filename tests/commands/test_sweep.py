@@ -1,6 +1,7 @@
 """``barbalat sweep``: the contract's document, a member run again, one sentence for bad input."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -72,6 +73,18 @@ def test_pages_of_a_sweep_and_of_a_member(case_file, tmp_path, capsys):
     assert "Who failed" in page and "Over the grid" in page and "above the guaranteed bound" in page
     assert main(["sweep", case_file, *SAMPLED, "--member", "7", "--out", "seven"]) == 0
     assert "member 7" in capsys.readouterr().out and (tmp_path / "seven" / "report.html").exists()
+
+
+def test_the_screen_calls_errors_by_their_labels_and_the_document_by_their_indices(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    labelled = CASE + '\n[labels]\nnames = ["angle", "rate"]\n'
+    Path("labelled.toml").write_text(labelled)
+    command = ["sweep", "labelled.toml", *SAMPLED, "--require", "max_abs_e[rate] < 0.2", "--no-bounds"]
+    assert main(command) == 0
+    shown = capsys.readouterr().out
+    assert "max_abs_e[angle]" in shown and "broke max_abs_e[rate] < 0.2" in shown and "max_abs_e[1]" not in shown
+    assert main([*command, "--json"]) == 0
+    assert "max_abs_e[1]" in json.loads(capsys.readouterr().out)["metrics"]
 
 
 @pytest.mark.parametrize(

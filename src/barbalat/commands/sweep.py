@@ -111,7 +111,9 @@ def execute(options: argparse.Namespace) -> int:
     from barbalat.report import sweep
     from barbalat.report.file_names import PAGE
 
-    tell(document, lambda screen: sweep.show(screen, result), folder, as_json=options.json, page=PAGE)
+    tell(
+        document, lambda screen: sweep.show(screen, result, study.example.problem.labels), folder, as_json=options.json, page=PAGE
+    )
     return 0
 
 

@@ -18,6 +18,7 @@ Key = str | int
 
 _KEY = re.compile(r"([A-Za-z_][A-Za-z0-9_-]*)((?:\[\d+(?:,\d+)*\])*)$")
 _LABEL = re.compile(r"\[([^\[\]]*)\]")
+_ERROR_OF = re.compile(r"\b(\w+_e)\[(\d+)\]")
 FILE_TABLES = {"disturbance": "plant", "unmatched": "plant", "output_disturbance": "plant", "input_gain": "uncertainty"}
 """Fields of a problem that are keys of a table of the case file, with that table."""
 WRAPPED = "controller"
@@ -149,6 +150,12 @@ def by_index(text: str, labels: Labels | None) -> str:
     """A path, a figure or a requirement with each state's label in brackets replaced by its index: ``max_abs_e[phi]``."""
     names = () if labels is None else labels.names
     return _LABEL.sub(lambda found: f"[{names.index(found[1])}]" if found[1] in names else found[0], text)
+
+
+def by_label(text: str, labels: Labels | None) -> str:
+    """The reverse, for figures of errors: ``max_abs_e[0]`` becomes ``max_abs_e[phi]``."""
+    names = () if labels is None else labels.names
+    return _ERROR_OF.sub(lambda found: f"{found[1]}[{names[int(found[2])]}]" if int(found[2]) < len(names) else found[0], text)
 
 
 def copied(tables: Tables) -> Tables:

@@ -6,7 +6,9 @@ import re
 from dataclasses import dataclass
 
 from barbalat import validate
+from barbalat.open_numbers.path import by_label
 from barbalat.pictures.symbols import number_text
+from barbalat.problem.labels import Labels
 from barbalat.report.terminal.layout import Screen, grouped
 from barbalat.sweeps.evidence import DIVERGED, DIVERGES, EXAMINED, FINDINGS, RING, VERDICTS
 from barbalat.sweeps.result import SweepResult
@@ -122,22 +124,27 @@ def percent(share: float) -> str:
     return f"{100 * share:.3g} %"
 
 
-def show(screen: Screen, found: SweepResult) -> None:
-    """Print shares with their intervals, extremes with the member to examine, and how the numbers were obtained."""
+def show(screen: Screen, found: SweepResult, labels: Labels | None) -> None:
+    """Print shares with their intervals, extremes with the member to examine, and how the numbers were obtained.
+
+    The labels of the case's states replace the indices of errors.
+    """
     screen.line(f"{found.case}: {counted(len(found), 'member')} over {', '.join(map(str, found.plan.paths))}", "bold")
     for note in found.redesign_notes:
         screen.line(f"{note[0].upper()}{note[1:]}.", "yellow")
     for name, sentence in found.sentences.items():
         screen.line(f"{screen.name(name)}: {sentence}", indent="  ")
     screen.line("")
-    lost = [[name, screen.name(who), *cells, _interval(low, high)] for name, who, *cells, low, high in shares(found)]
+    lost = [
+        [by_label(name, labels), screen.name(who), *cells, _interval(low, high)] for name, who, *cells, low, high in shares(found)
+    ]
     screen.table(("", "controller", "members", "share", "95 % interval"), grouped(lost), leads=2)
     for note in meanings(found):
         screen.line(f"{note}.")
     for sentence in found.audit.sentences:
         screen.line(f"Audit: {sentence}.", "yellow" if found.audit.changed != 0 else "")
     screen.line("")
-    reached = [[name, screen.name(who), *cells] for name, who, *cells in extremes(found)]
+    reached = [[by_label(name, labels), screen.name(who), *cells] for name, who, *cells in extremes(found)]
     screen.table(("figure", "controller", "least", "median", "largest", "worst member"), grouped(reached), leads=2)
     for controller, part in found.evidence.filled.items():
         screen.line(
@@ -148,7 +155,7 @@ def show(screen: Screen, found: SweepResult) -> None:
     told.sort(key=lambda one: (found.controllers.index(one.controller), one.figure, -one.first))
     explained = [
         [
-            one.figure,
+            by_label(one.figure, labels),
             screen.name(one.controller),
             str(one.path),
             percent(one.first),
