@@ -324,6 +324,15 @@ class ClosedLoop:
             return seen, self.model.output(state.x_m)
         return np.concatenate([seen, state.baseline]), state.x_m
 
+    def received(self, state: LoopState, x: Value) -> Value:
+        """What the equations receive where the plant's own state, or its output, is x, without noise: an observer's estimate in
+        its place, followed by a baseline's own states."""
+        own: Any = state.held if self.sampled else state
+        if self.observer is not None and self.reads is not None:
+            y = self.reads @ x if self.lag is None else state.sensor
+            x = self.observer.estimate(own.observer, own.measured[: y.size] if self.sampled else y)
+        return x if self.baseline is None else np.concatenate([x, own.baseline])
+
     def _of_the_baseline(self, state: LoopState, seen: Value, r: Value, u: Value) -> Value:
         """The derivatives of the baseline's own states, which a sampled controller advances itself."""
         if self.baseline is None or self.sampled:

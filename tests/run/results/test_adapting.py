@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import trapezoid
+from scipy.integrate import cumulative_trapezoid, trapezoid
 from scipy.signal import lsim
 
 from barbalat import (
@@ -14,6 +14,8 @@ from barbalat import (
     Mrac,
     NormalizedMrac,
     ParameterBox,
+    Plant,
+    Problem,
     RobustMrac,
     Sampled,
     Simulation,
@@ -22,8 +24,11 @@ from barbalat import (
     simulate,
 )
 from barbalat.laws import Gradient, LeastSquares
+from barbalat.plants import Labels
+from barbalat.problem.baseline import LqiBaseline, PidBaseline
 from barbalat.problem.known_set import ParameterBall
-from barbalat.run.results.adapting import UNEXCITED_RATIO, _gram, excitation, share_text
+from barbalat.problem.observer import LuenbergerObserver
+from barbalat.run.results.adapting import UNEXCITED_RATIO, _gram, excitation, regressor_along, share_text
 from barbalat.signals import Constant
 
 CHATTERING = L1Adaptive(gamma=1e4, filter=input_filter(0.02))
@@ -187,3 +192,44 @@ def test_the_excitation_of_a_large_regressor_takes_no_outer_products_and_is_the_
     _gram(np.linspace(0.0, 1.0, 400), random.normal(size=(400, 300, 1)))
     assert tracemalloc.get_traced_memory()[1] < 8 * 400 * 300 * 300 / 4  # four copies of the regressor, not its products
     tracemalloc.stop()
+
+
+def around(controller, baseline, observer=None):
+    """A pendulum around a dynamic baseline, without noise."""
+    plant = Plant(A=[[0, 1], [-3.0, -0.2]], b=[0, 2.0], x0=[0.1, 0.3], baseline=baseline)
+    problem = Problem(
+        plant=plant, reference=Constant(0.5), observer=observer, uncertainty=box_around(plant), labels=Labels(names=("y", "v"))
+    )
+    return run(problem, controller, t_end=4.0, dt=1e-3, record_points=4000)
+
+
+def box_around(plant):
+    return ParameterBox(lower=plant.theta - 0.5, upper=plant.theta + 0.5)
+
+
+LQI = LqiBaseline(Q=[10, 1, 20], R=1.0, output=[1, 0])
+PID = PidBaseline(k_p=8.0, k_i=6.0, k_d=4.0, T_f=0.05, output=[1, 0])
+LUENBERGER = LuenbergerObserver(poles=(-20.0, -25.0), measured=("y",))
+
+
+def test_the_regressor_beside_a_baseline_contains_its_integral():
+    """The third estimate belongs to the integral of r - y: by the trapezoidal rule along the record."""
+    found = around(Mrac(gamma=5.0), LQI)
+    phi = regressor_along(found.loop, found.states, found.x, found.u)[:, :, 0]
+    assert phi.shape[1] == found.theta_hat.shape[1] == 3
+    np.testing.assert_array_equal(phi[:, :2], found.x)
+    np.testing.assert_allclose(phi[:, 2], cumulative_trapezoid(0.5 - found.x[:, 0], found.t, initial=0.0), atol=1e-6)
+
+
+@pytest.mark.parametrize("baseline", [LQI, PID])
+@pytest.mark.parametrize("sample_time", [None, 0.01])
+def test_excitation_beside_an_observer_is_that_of_the_estimate(baseline, sample_time):
+    """The rate is not measured: the observer starts with 0 and follows within 0.5 s, which is ten of its slower time constant."""
+    law = RobustMrac(tau=0.1, law=Gradient(gamma=1.0)), Mrac(gamma=1.0)
+    for one in law:
+        found = around(one if sample_time is None else Sampled(one, sample_time), baseline, LUENBERGER)
+        phi = regressor_along(found.loop, found.states, found.x, found.u)
+        assert phi.shape[1] == found.theta_hat.shape[1] and found.adapting.excitation is not None
+    late = found.t > 0.5
+    np.testing.assert_allclose(phi[late, 1, 0], found.x[late, 1], atol=0.1 * np.abs(found.x[:, 1]).max())
+    assert np.abs(phi[~late, 1, 0] - found.x[~late, 1]).max() > 1e-4
