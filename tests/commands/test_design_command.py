@@ -4,13 +4,18 @@ import json
 import shutil
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from barbalat.cases.load import load_case
+from barbalat import KnownParameters, Mrac
+from barbalat.cases.load import load_case, parse_case
 from barbalat.cli import main
-from barbalat.comparison.design.design import Candidate
+from barbalat.comparison.design.design import Candidate, Design
+from barbalat.comparison.design.meeting import StepTest, _levels, measured
+from barbalat.controllers import BaselineAlone
+from barbalat.signals import Constant, Sine, Square, Step, Steps
 from barbalat.sweeps.statistics import Share
 
 CASE = """
@@ -66,8 +71,8 @@ def test_a_recommendation_comes_with_its_case_its_page_and_its_c(tmp_path, capsy
     assert best["worst"]["settling"] <= 1.5 and best["worst"]["u_max"] <= 8.0
     unmet = any(share["count"] for share in best["held_out"].values())
     assert any("on validation plants it fails" in said for said in told["reasons"]) == unmet
-    # the model x' = -4 x + 4 r enters the band of 0.05 at ln(20)/4 s: by hand
-    assert told["model_settling"] == pytest.approx(np.log(20) / 4, abs=0.01)
+    # from 1 to -1 the model x' = -4 x + 4 r enters the band of 0.05 at ln(40)/4 s: by hand
+    assert told["model_settling"] == pytest.approx(np.log(40) / 4, abs=0.01)
     case = load_case("made/design.toml")
     assert [one.name for one in case.controllers] == [name]
     page = Path("made/report.html").read_text()
@@ -84,8 +89,10 @@ def test_none_meets_what_the_model_itself_misses_and_noise_of_the_cases_own_gets
     asked = "settling = 0.3\n[sensor.noise]\nstd = [0.001]\nsample_time = 0.005"
     assert main([*designed(tmp_path, asked), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["recommended"] is None
+    assert told["recommended"] is None and set(told["candidates"]) == {"MRAC", "Baseline"}
     assert told["reasons"][0].startswith("none of the schemes")
+    alone = "the nominal state feedback alone"
+    assert any(said == f"every scheme misses settling, and {alone} too: adaptation does not mend it" for said in told["reasons"])
     assert any("reference model itself settles" in said for said in told["reasons"])
     assert told["added_noise"] is None and not any("no measurement noise" in said for said in told["reasons"])
 
@@ -159,6 +166,71 @@ def test_a_design_around_a_baseline_has_its_case_and_its_c_and_says_which_noise_
     assert "the case has no measurement noise" in Path("made/report.html").read_text()
     assert [one.name for one in load_case("made/design.toml").controllers] == ["Baseline"]
     assert Path("made/design_controller.c").exists() and "explorer.html" in Path("made/report.html").read_text()
+
+
+@pytest.mark.full
+def test_what_the_baseline_alone_misses_is_said_beside_the_schemes_asked_for(tmp_path, capsys):
+    """The limit of the noise's share is below what the baseline alone has."""
+    (tmp_path / "case.toml").write_text(AROUND_A_BASELINE.replace("noise = 0.05", "noise = 1e-5"))
+    assert main(["design", "case.toml", "--schemes", "mrac", "--plants", "2", "--members", "8", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert set(told["candidates"]) == {"MRAC", "Baseline"} and not told["candidates"]["Baseline"]["meets"]
+    (said,) = (one for one in told["reasons"] if one.startswith("every scheme misses"))
+    assert "noise" in said and said.endswith(", and the baseline alone too: adaptation does not mend it")
+
+
+def candidate(name, alone, **factor):
+    controller = BaselineAlone() if alone else Mrac(gamma=1.0)
+    tuned = SimpleNamespace(name=name, controller=controller, meets=True)
+    return Candidate(tuned=tuned, worst=factor, factor=factor, held_out={})
+
+
+def test_a_baseline_that_already_misses_is_said_also_where_a_scheme_meets_it():
+    plant = SimpleNamespace(baseline=object())
+    contest = SimpleNamespace(problem=SimpleNamespace(plant=plant, observer=object()))
+    design = SimpleNamespace(contest=contest)
+    design.candidates = candidate("MRAC", False, noise=0.5), candidate("Baseline", True, noise=2.0)
+    design.baseline = Design.baseline.fget(design)
+    assert Design._of_the_baseline(design) == [
+        "the baseline alone, with the observer, already misses noise: has noise in u of 2 of its largest value, 2 times the limit"
+    ]
+
+
+STEPPING = CASE.replace("SPECIFICATION", "settling = 0.8")
+
+
+def test_settling_is_judged_on_the_steps_that_the_command_makes():
+    """The loop with the true theta is the model, x' = -4 x + 4 r: the first step of 1 is within 0.05 after ln(20)/4 = 0.75 s, and
+    that of 2 after ln(40)/4 = 0.92 s. The disturbance starts after the first step, and is not part of the second."""
+    case = parse_case(
+        STEPPING.replace("[uncertainty]", "[plant.disturbance]\nkind = 'step'\namplitude = 9.0\nstart = 4.0\n[uncertainty]")
+    )
+    test = StepTest.of(case.problem, case.simulation, case.judge, case.specification)
+    assert [(one.start, one.end) for one in test.stages] == [(0.0, 1.0), (1.0, -1.0)]
+    assert test.stages[0].finish < 4.0 < test.stages[1].finish
+    ideal = KnownParameters(theta=case.problem.plant.theta)
+    found, steps = measured([case.problem], ideal, test, case.judge)
+    assert found["settling"] == pytest.approx([np.log(40) / 4], abs=0.01) and steps["settling"] == ["from 1 to -1"]
+    (first,) = (one.settled_after for one in test.stages[:1])
+    t = np.arange(0.0, test.stages[0].finish, 1e-3)
+    assert first(t, 1 - np.exp(-4 * t), 0.05) == pytest.approx(np.log(20) / 4, abs=2e-3)
+    assert "from 0 to 1" in test.sentence and "from 1 to -1" in test.sentence and "the worse counts" in test.sentence
+
+
+@pytest.mark.parametrize(
+    ("command", "levels"),
+    [
+        (Square(amplitude=0.15, frequency=2.0), [0.15, -0.15]),
+        (Square(amplitude=1.0, frequency=2.0, constant=3.0), [4.0]),  # from rest to 4 is its largest step
+        (Step(amplitude=2.0, start=1.0), [2.0]),
+        (Steps(times=(0.0, 1.0, 2.0), values=(1.0, 3.0, -2.0)), [1.0, 3.0, -2.0]),
+        (Steps(times=(0.0, 1.0, 2.0, 3.0), values=(1.0, 2.0, 3.0, 1.5)), [1.0, 2.0, 3.0, 1.5]),
+        (Sine(amplitude=2.0, frequency=1.0), [pytest.approx(2.0, rel=1e-5)]),
+        (Constant(-1.0), [1.0]),
+    ],
+)
+def test_the_steps_of_a_command(command, levels):
+    assert _levels(command, 10.0) == levels
 
 
 def test_requirements_that_validation_plants_do_not_meet_are_named():

@@ -13,8 +13,9 @@ from barbalat.validate import InputError
 class Specification(Settings):
     """The requirements on a design; at least one must be given.
 
-    settling   settling time for a step of the command's size, into the judge's band around the model's steady state [s]
-    overshoot  overshoot beyond the model's steady state, as a share of the step
+    settling   settling time into the judge's band around the model's steady state [s], for the worse of the command's first step,
+               from rest, and its largest
+    overshoot  overshoot beyond the model's steady state, as a share of the step, for the worse of them
     u_max      largest demanded |u|, before the limits
     delay      additional delay at the plant's input that the loop tolerates without oscillation [s]
     gain       the loop tolerates factors from 1/gain to gain on the input's effectiveness

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +19,9 @@ from barbalat.comparison.contest.entrant import Entrant, entrants_of
 from barbalat.comparison.contest.result import Contest
 from barbalat.comparison.contest.rule import DEFAULT_NOISE_SHARE, Rule, added_noise, default_delay_margin, with_noise
 from barbalat.comparison.contest.tuned import Qualified
-from barbalat.comparison.design.meeting import FIGURES, Step, measured, model_settling
+from barbalat.comparison.design.meeting import FIGURES, StepTest, measured, model_settling
 from barbalat.comparison.plants import plants_of
-from barbalat.controllers import Sampled
+from barbalat.controllers import BaselineAlone, Sampled
 from barbalat.judge.specification import Specification
 from barbalat.problem.state_feedback import Problem
 from barbalat.protocols import Controller
@@ -57,20 +57,27 @@ class Candidate:
     worst     by requirement, the value on the worst of the tuning's plants
     factor    by requirement, the used share of the admissible value: above 1 it is not met
     held_out  by requirement, the share of the validation plants on which it is not met
+    step      by requirement on a step, the worst of the judged ones; empty if there is only one
     """
 
     tuned: Qualified
     worst: Mapping[str, float]
     factor: Mapping[str, float]
     held_out: Mapping[str, Share]
+    step: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
         return self.tuned.name
 
     @property
+    def misses(self) -> dict[str, float]:
+        """The factors of the requirements that it misses."""
+        return {name: value for name, value in self.factor.items() if not value <= 1}
+
+    @property
     def meets(self) -> bool:
-        return self.tuned.meets and all(value <= 1 for value in self.factor.values())
+        return self.tuned.meets and not self.misses
 
     @property
     def tightest(self) -> str:
@@ -85,12 +92,20 @@ class Candidate:
     @property
     def sentence(self) -> str:
         """What it meets, or what it misses and by how much."""
-        misses = {name: value for name, value in self.factor.items() if not value <= 1}
-        if not misses:
-            said = ", ".join(_said(name, value) for name, value in self.worst.items())
+        if not self.misses:
+            said = ", ".join(map(self._said, self.worst))
             return said if self.tuned.meets else f"{said}; but no tuning of it meets every constraint of the search"
-        by = {name: "beyond any factor" if np.isinf(value) else f"{value:.3g} times the limit" for name, value in misses.items()}
-        return "misses " + "; ".join(f"{name}: {_said(name, self.worst[name])}, {how}" for name, how in by.items())
+        by = {
+            name: "beyond any factor" if np.isinf(value) else f"{value:.3g} times the limit"
+            for name, value in self.misses.items()
+        }
+        return "misses " + "; ".join(f"{name}: {self._said(name)}, {how}" for name, how in by.items())
+
+    def _said(self, name: str) -> str:
+        value, step = self.worst[name], self.step.get(name)
+        if not np.isfinite(value):
+            return {"settling": "does not settle"}.get(name, "diverges")
+        return f"{ASKED_IN_WORDS[name].format(value)}{f' (the step {step})' if step else ''}"
 
     def as_json(self) -> dict[str, Any]:
         return {
@@ -98,14 +113,11 @@ class Candidate:
             "tuning": dict(self.tuned.tuning),
             "worst": {name: finite(value) for name, value in self.worst.items()},
             "factor": {name: finite(value) for name, value in self.factor.items()},
+            "step": dict(self.step),
             "fails_first": self.tightest,
             "held_out": {name: share.as_json() for name, share in self.held_out.items()},
             "sentence": self.sentence,
         }
-
-
-def _said(name: str, value: float) -> str:
-    return ASKED_IN_WORDS[name].format(value) if np.isfinite(value) else {"settling": "does not settle"}.get(name, "diverges")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -117,7 +129,7 @@ class Design:
 
     case: Case
     specification: Specification
-    step: Step
+    test: StepTest
     sample_time: float
     model_settling: float
     candidates: tuple[Candidate, ...]
@@ -154,7 +166,10 @@ class Design:
         else:
             said.append("none of the schemes meets the specification")
             said += [f"the nearest is {first.name}, which {first.sentence}"]
+        said += self._of_the_baseline()
         asked = self.specification.settling
+        if asked is not None or self.specification.overshoot is not None:
+            said.append(self.test.sentence)
         if asked is not None and self.model_settling > asked:
             said.append(
                 f"the reference model itself settles in {self.model_settling:.3g} s where {asked:.3g} s is asked: "
@@ -165,6 +180,25 @@ class Design:
             said.append(f"{self.added_noise}{decides}")
         return said
 
+    @property
+    def baseline(self) -> Candidate | None:
+        """The fixed loop without adaptation; None if it does not take part."""
+        return next((one for one in self.candidates if isinstance(_unsampled(one.tuned.controller), BaselineAlone)), None)
+
+    def _of_the_baseline(self) -> list[str]:
+        """A sentence if the loop without adaptation misses the specification, and which misses no scheme mends."""
+        found = self.baseline
+        if found is None or found.meets:
+            return []
+        what = "the baseline alone" if self.contest.problem.plant.baseline is not None else "the nominal state feedback alone"
+        beside = "" if self.contest.problem.observer is None else ", with the observer,"
+        others = [one for one in self.candidates if one is not found]
+        shared = [name for name in found.misses if others and all(name in one.misses for one in others)]
+        said = [] if found is self.candidates[0] else [f"{what}{beside} already {found.sentence}"]
+        if shared:
+            said.append(f"every scheme misses {' and '.join(shared)}, and {what}{beside} too: adaptation does not mend it")
+        return said
+
     def as_json(self) -> dict[str, Any]:
         """The document of ``design --json``."""
         asked = {name: value for name, value in vars(self.specification).items() if value is not None}
@@ -173,7 +207,10 @@ class Design:
         contest.pop("seconds")  # the rest is bit for bit the same when the command is repeated
         return {
             "case": self.case.name, "specification": asked, "sample_time": self.sample_time,
-            "judged": {"component": self.step.name, "rest": self.step.rest, "band": self.step.band},
+            "judged": {
+                "component": self.test.name, "band": self.test.band,
+                "steps": [{"from": one.start, "to": one.end} for one in self.test.stages],
+            },
             "model_settling": finite(self.model_settling), "added_noise": self._added_as_json(),
             "recommended": None if first is None else first.name, "reasons": self.reasons,
             "candidates": {one.name: one.as_json() for one in self.candidates}, "contest": contest,
@@ -193,6 +230,7 @@ def design(
     *,
     sample_time: float | None = None,
     schemes: Sequence[str] = (),
+    baseline: bool = True,
     plants: int = DEFAULT_PLANTS,
     trials: int = DEFAULT_TRIALS,
     members: int = DEFAULT_MEMBERS,
@@ -215,6 +253,9 @@ def design(
     sample_time    sample time of all controllers [s]; by default that of the case's first sampled controller, or else a tenth of
                    the fastest time constant of model and known set
     noise          share of the model's largest motion, added and reported if the case has no noise of its own
+    schemes        of the registered ones, by their names in case files; by default all
+    baseline       whether the fixed loop without adaptation takes part whatever ``schemes`` are: [baseline], or without one the
+                   nominal state feedback
     own            controllers from outside that are tuned too, by their declared settings
     as_set         controllers that take part as they are
     ours           whether the registered schemes take part
@@ -236,9 +277,12 @@ def design(
     )  # fmt: skip
     rule.require_steps(simulation)
     noisy = with_noise(problem, noise, simulation, held, seed)
-    step = Step.of(noisy, simulation, whole.judge, asked)
+    test = StepTest.of(noisy, simulation, whole.judge, asked)
     entrants, left_out = entrants_of(noisy, simulation, schemes=schemes, own=own, sample_time=held, ours=ours)
     entrants += [Entrant.as_set(one) for one in as_set]
+    if baseline and not any(one.name == BaselineAlone().name for one in entrants):
+        alone, _ = entrants_of(noisy, simulation, schemes=["baseline"], sample_time=held)
+        entrants += alone
     if not entrants:
         raise NobodyTakesPart(left_out)
     found = compete(
@@ -250,15 +294,19 @@ def design(
     unseen = found.draws.problems[: min(STEP_MEMBERS, len(found.draws))] if held_out_steps else []
     candidates = []
     for i, one in enumerate(found.entrants):
-        candidates.append(_candidate(one, tuning, unseen, step, whole, asked))
+        candidates.append(_candidate(one, tuning, unseen, test, whole, asked))
         if progress is not None:
             progress(SEARCH_SHARE + (1 - SEARCH_SHARE) * (i + 1) / len(found.entrants))
     order = sorted(range(len(candidates)), key=lambda i: _rank(candidates[i], i))
     return Design(
-        case=replace(whole, problem=problem), specification=asked, step=step, sample_time=held,
-        model_settling=model_settling(noisy, step), candidates=tuple(candidates[i] for i in order), contest=found,
+        case=replace(whole, problem=problem), specification=asked, test=test, sample_time=held,
+        model_settling=model_settling(noisy, test), candidates=tuple(candidates[i] for i in order), contest=found,
         added_noise=added_noise(problem, noisy, noise),
     )  # fmt: skip
+
+
+def _unsampled(controller: Controller) -> Controller:
+    return controller.controller if isinstance(controller, Sampled) else controller
 
 
 def _sample_time(case: Case, problem: Problem) -> float:
@@ -276,18 +324,20 @@ def _rank(one: Candidate, place: int) -> tuple[bool, float, int]:
 
 
 def _candidate(
-    one: Qualified, tuning: Sequence[Problem], unseen: Sequence[Problem], step: Step, case: Case, asked: Specification
+    one: Qualified, tuning: Sequence[Problem], unseen: Sequence[Problem], test: StepTest, case: Case, asked: Specification
 ) -> Candidate:
     reads = one.entrant.reads
-    known = measured([reads(problem) for problem in tuning], one.controller, step, case.judge)
-    held = measured([reads(problem) for problem in unseen], one.controller, step, case.judge)
-    worst, factor, shares = {}, {}, {}
+    known, steps = measured([reads(problem) for problem in tuning], one.controller, test, case.judge)
+    held, _ = measured([reads(problem) for problem in unseen], one.controller, test, case.judge)
+    worst, factor, shares, which = {}, {}, {}, {}
     for name in FIGURES:
         limit = getattr(asked, name)
         if limit is None:
             continue
         worst[name] = float(known[name].max())
         factor[name] = _used(worst[name], limit)
+        if name in steps and len(test.stages) > 1:
+            which[name] = steps[name][int(known[name].argmax())]
         if unseen:
             shares[name] = Share.of(np.array([_used(float(value), limit) > 1 for value in held[name]]))
     if asked.delay is not None:
@@ -296,7 +346,7 @@ def _candidate(
     if asked.gain is not None:
         worst["gain"] = one.gain_margin_measured
         factor["gain"] = np.inf if worst["gain"] <= 1 else (asked.gain - 1) / (worst["gain"] - 1)
-    return Candidate(tuned=one, worst=worst, factor=factor, held_out=shares)
+    return Candidate(tuned=one, worst=worst, factor=factor, held_out=shares, step=which)
 
 
 def _used(value: float, limit: float) -> float:

@@ -327,7 +327,7 @@ def _on_case(
     as_set, case = [one for each in given if each.case == name for one in each.as_set], suite.case(name)
     try:
         found = design(
-            case, own=[one for each in given for one in each.tuned], as_set=as_set, ours=ours, schemes=schemes,
+            case, own=[one for each in given for one in each.tuned], as_set=as_set, ours=ours, schemes=schemes, baseline=False,
             held_out_steps=False, threads=threads, progress=progress, **suite.rule,
         )  # fmt: skip
     except NobodyTakesPart as nobody:
