@@ -8,8 +8,10 @@ from scipy.integrate import solve_ivp
 
 from barbalat import InputError, Mrac, ParameterBox, Plant, Problem, ReferenceModel, Simulation, certify, simulate
 from barbalat.cases.load import load_case, parse_case
+from barbalat.certificates.certify import certified_case
 from barbalat.plants import Disturbance, Friction, Labels, Parameter, PlantInput, Truth
-from barbalat.problem.departures import departures
+from barbalat.problem.departures import departures, sets_and_truth
+from barbalat.report.documents import run_document
 from barbalat.signals import Sine, Step
 
 A_m, b = np.array([[0.0, 1.0], [-4.0, -3.0]]), np.array([0.0, 2.0])
@@ -301,3 +303,29 @@ def test_a_parameter_with_the_name_of_a_state_is_refused_where_a_term_uses_it():
     parse_case(both)
     with pytest.raises(InputError, match=r"truth\.terms\.rate uses x1, which is both a parameter and the name of a state"):
         parse_case(both.replace("[truth]", "[truth]\nterms = { rate = '-x1**3' }"))
+
+
+def test_documents_of_runs_and_certificates_name_the_differences():
+    """Also a design without any guarantee of the motion, of which then nothing is said to be void or not."""
+    case = load_case("flexible-joint")
+    certified = certified_case(case.problem, case.controllers, case.simulation)
+    of_certify, of_run = certified.as_json(), sets_and_truth(case.problem)
+    assert of_run["truth"]["departures"] == of_certify["truth"]["departures"] and of_run["derived"] == of_certify["derived"]
+    assert any("friction" in one["sentence"] for one in of_run["truth"]["departures"])
+    (result,) = simulate(case.problem, case.controllers[:1], replace(case.simulation, t_end=0.1)).values()
+    document = run_document(case.name, [result], None)
+    assert document["truth"] == of_run["truth"]
+    notes = [note for one in certified.certificates.values() for note in one.notes]
+    assert any("the truth departs" in note for note in notes) and not any("invalidates" in note for note in notes)
+
+
+def test_a_remainder_is_judged_in_any_unit():
+    """The same plant with its second state in units a billion times larger: the entry of A that departs is then 1e-10."""
+    rest = np.array([[0.0, 0.1], [0.0, 0.0]])
+    for scale in (1.0, 1e9):
+        T = np.diag([1.0, scale])
+        A, A_model = (T @ one @ np.linalg.inv(T) for one in (A_m + rest, A_m))
+        plant = Plant(A_m=A_model, b=T @ b, theta=[0.0, 0.0])
+        model, reference = ReferenceModel(k_0=2.0), Sine(amplitude=1.0, frequency=1.5)
+        problem = Problem(plant=plant, reference_model=model, reference=reference, truth=Truth(A=A, b=T @ b))
+        assert any("A has an unmatched remainder" in one.sentence for one in departures(problem)), scale

@@ -10,7 +10,7 @@ from barbalat.certificates.cells import PROPERTIES
 from barbalat.certificates.certificate import Certificate
 from barbalat.certificates.certificates import column_of
 from barbalat.certificates.entry import NUMBERS_ALONE, Entry, of_the_design
-from barbalat.problem.departures import Departure, departures, true_parameters
+from barbalat.problem.departures import Departure, apart_sentence, departures, sets_and_truth, true_parameters
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import Controller
@@ -30,11 +30,13 @@ class Apart:
     """The effect of a case's truth on its certificates.
 
     departures  the differences from the plant and the declared sets
+    claimed     by controller, whether the design has any guarantee of the motion
     voids       by controller, the keys whose guarantees don't hold for the truth
     cells       the same for the cells of Table 1
     """
 
     departures: tuple[Departure, ...]
+    claimed: Mapping[str, bool]
     voids: Mapping[str, tuple[str, ...]]
     cells: Mapping[str, tuple[str, ...]]
 
@@ -44,7 +46,9 @@ class Apart:
         return apart_sentence(self.departures)
 
     def note(self, name: str) -> str:
-        """The consequence for one controller."""
+        """The consequence for one controller; empty if its design has no guarantee of the motion."""
+        if not self.claimed[name]:
+            return ""
         rows = ", ".join(PROPERTIES[key] for key in self.cells[name])
         voided = [", ".join(self.voids[name]), rows and f"in Table 1 {rows}"]
         if any(voided):
@@ -54,14 +58,9 @@ class Apart:
     def as_json(self) -> dict[str, Any]:
         """The differences and, by controller, the keys that they void."""
         return {
-            "departures": [{"sentence": one.sentence, "within": one.within} for one in self.departures],
+            "departures": [one.as_json() for one in self.departures],
             "voids": {name: list(keys) for name, keys in self.voids.items()},
         }
-
-
-def apart_sentence(found: Sequence[Departure]) -> str:
-    """One sentence on all differences."""
-    return f"the truth departs from the design: {'; '.join(one.sentence for one in found)}" if found else ""
 
 
 def apart(
@@ -76,16 +75,18 @@ def apart(
     if not isinstance(problem, Problem) or problem.simulated is None:
         return None
     found = tuple(departures(problem))
+    guaranteed: dict[str, bool] = {}
     voids: dict[str, tuple[str, ...]] = {}
     cells: dict[str, tuple[str, ...]] = {}
     for controller in controllers:
         claimed = _claims(problem.design, controller, certificates[controller.name])
+        guaranteed[controller.name] = any(claimed)
         kept = claimed if not found else _Claims({}, {})
         if found and any(claimed) and all(one.within for one in found):
             moved = _at_the_truth(problem)
             kept = _claims(moved, controller, compute(moved, controller))
         voids[controller.name], cells[controller.name] = map(_missing_in, kept, claimed)
-    return Apart(found, voids, cells)
+    return Apart(found, guaranteed, voids, cells)
 
 
 class _Claims(NamedTuple):
@@ -119,9 +120,7 @@ def _at_the_truth(problem: Problem) -> Problem:
 def beside(problem: TrackingProblem, found: Apart | None) -> dict[str, Any]:
     """Blocks of the JSON document in addition to certificates: the sets derived from ranges of parameters, and the check of
     the truth."""
-    derived = problem.derived if isinstance(problem, Problem) else None
-    document = {} if derived is None else {"derived": derived.as_json()}
-    return document if found is None else document | {"truth": found.as_json()}
+    return sets_and_truth(problem) | ({} if found is None else {"truth": found.as_json()})
 
 
 def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate], found: Apart | None) -> dict[str, Certificate]:
@@ -133,7 +132,7 @@ def with_notes(problem: TrackingProblem, certificates: Mapping[str, Certificate]
         shared.append(found.sentence)
     noted = {}
     for name, certificate in certificates.items():
-        own = [found.note(name)] if found is not None and found.departures else []
+        own = [note] if found is not None and found.departures and (note := found.note(name)) else []
         voided = () if found is None else found.voids[name]
         entries = tuple(of_the_design(one) if one.key in voided else one for one in certificate.entries)
         noted[name] = certificate.with_entries(entries, *shared, *own) if shared or own else certificate

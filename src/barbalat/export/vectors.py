@@ -165,7 +165,11 @@ class _Search:
                 within[STATE, row] = Interval(max(-most, ends[0]), min(most, ends[1]))
         within |= {at: self._interval(contents.fed(at[1])) for at in sources(contents.step) if at[0] == PARAMETER}
         prover = Prover(contents.step, within, contents.real, self.rows, most_cases)
-        return {one: proof for one in left if (proof := prover.proof(one))}
+        last_first = sorted(
+            left, key=lambda one: -one.place
+        )  # what little depends on is proven cheaply, before the budget is spent
+        found = {one: proof for one in last_first if (proof := prover.proof(one))}
+        return {one: found[one] for one in left if one in found}
 
     def _interval(self, one: Parameter | float) -> Interval:
         """The admissible values of a parameter; for a fixed number its value."""

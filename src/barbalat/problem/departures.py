@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
 from barbalat import validate
 from barbalat.problem.actuation import PlantInput
-from barbalat.problem.known_set import KnownSet
+from barbalat.problem.known_set import KnownSet, ParameterBall
 from barbalat.problem.measurement import Sensor
-from barbalat.problem.physical import projected, projection
+from barbalat.problem.physical import projected, projection, rounding_of_rest
 from barbalat.problem.state_feedback import Problem
+from barbalat.problem.tracking import TrackingProblem
 from barbalat.problem.truth import TruePlant
 from barbalat.validate import Array
 
@@ -30,6 +32,9 @@ class Departure:
     sentence: str
     within: bool = False
 
+    def as_json(self) -> dict[str, Any]:
+        return {"sentence": self.sentence, "within": self.within}
+
 
 def departures(problem: Problem) -> list[Departure]:
     """All differences between the simulated plant and the design; empty if they are the same."""
@@ -37,6 +42,20 @@ def departures(problem: Problem) -> list[Departure]:
     if simulated is None:
         return []
     return [*_of_the_dynamics(problem, simulated), *_of_the_surroundings(problem), *_of_the_start(problem, simulated)]
+
+
+def apart_sentence(found: Sequence[Departure]) -> str:
+    """One sentence on all differences; empty if there are none."""
+    return f"the truth departs from the design: {'; '.join(one.sentence for one in found)}" if found else ""
+
+
+def sets_and_truth(problem: TrackingProblem) -> dict[str, Any]:
+    """Blocks of JSON documents: the sets derived from ranges of parameters, and the differences of the simulated plant."""
+    if not isinstance(problem, Problem):
+        return {}
+    derived = {} if problem.derived is None else {"derived": problem.derived.as_json()}
+    apart = {} if problem.simulated is None else {"truth": {"departures": [one.as_json() for one in departures(problem)]}}
+    return derived | apart
 
 
 def true_parameters(problem: Problem) -> Array | None:
@@ -112,7 +131,7 @@ def _of_theta(problem: Problem, theta: Array) -> Iterator[Departure]:
     elif _contains(known, theta):
         yield Departure(f"{said}; it lies in the known set", within=True)
     else:
-        yield Departure(f"{said}; it lies outside the known set, {known}: projected estimates cannot reach it")
+        yield Departure(f"{said}; it lies outside the known set, {_of_set(known)}: projected estimates cannot reach it")
 
 
 def _contains(known: KnownSet, values: Array) -> bool:
@@ -132,7 +151,7 @@ def _of_the_gain(problem: Problem, omega: Array) -> Iterator[Departure]:
     elif _contains(gains, omega):
         yield Departure(f"{said}; it lies in uncertainty.input_gain", within=True)
     else:
-        yield Departure(f"{said}; it lies outside uncertainty.input_gain, {gains}")
+        yield Departure(f"{said}; it lies outside uncertainty.input_gain, {_of_set(gains)}")
 
 
 def _of_the_rests(problem: Problem, simulated: TruePlant, theta: Array) -> Iterator[Departure]:
@@ -142,9 +161,9 @@ def _of_the_rests(problem: Problem, simulated: TruePlant, theta: Array) -> Itera
     A, own_b = _matrices(problem, simulated)
     rest_A = A - plant.A_m - (b @ theta.reshape(n, -1).T if plant.is_linear else 0.0)
     rest_b = own_b.reshape(n, -1) - b * np.diag(g @ own_b.reshape(n, -1))
-    for name, rest, beside in (("A", rest_A, (A, plant.A_m)), ("b", rest_b, (own_b, plant.b))):
-        largest = max(1.0, *(float(np.abs(one).max()) for one in beside))
-        if np.abs(rest).max() > SAME_TO * largest:
+    sizes_b = np.abs(own_b.reshape(n, -1)) + np.abs(b)
+    for name, rest, sizes in (("A", rest_A, np.abs(A) + np.abs(plant.A_m)), ("b", rest_b, sizes_b)):
+        if (np.abs(rest) > rounding_of_rest(sizes, b, g)).any():
             yield Departure(
                 f"{name} has an unmatched remainder of norm {np.linalg.norm(rest, 2):.3g}, which no theta and gain can produce"
             )
@@ -200,6 +219,12 @@ def _of_the_start(problem: Problem, simulated: TruePlant) -> Iterator[Departure]
     own = own[: problem.plant.states]
     if not np.allclose(x0, own, rtol=SAME_TO, atol=0.0):
         yield Departure(f"it starts at {_shown(x0)}, and the model at {_shown(own)}")
+
+
+def _of_set(known: KnownSet) -> str:
+    if isinstance(known, ParameterBall):
+        return f"within {known.radius:.4g} of {_shown(known.center)}"
+    return f"between {_shown(known.lower)} and {_shown(known.upper)}"
 
 
 def _shown(values: Array) -> str:

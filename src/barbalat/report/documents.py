@@ -12,6 +12,7 @@ from barbalat.certificates.certify import Certified
 from barbalat.papers.claim import Claim
 from barbalat.papers.finding import Finding, Unmeasured
 from barbalat.papers.paper import Paper, PaperFigure
+from barbalat.problem.departures import sets_and_truth
 from barbalat.run.results.result import Result
 
 
@@ -68,12 +69,13 @@ def run_document(
 ) -> dict[str, Any]:
     """The contract's document of ``run --json``; numerics, and certificates if they were made, are further keys.
 
-    So are the results of ``--sil`` for each controller.
+    So are the derived known set, the differences of a truth from the design, and the results of ``--sil`` for each controller.
     """
     return {
         "case": case,
         "simulation": results[0].simulation.as_json(),
         "controllers": {r.name: run_block(r) for r in results},
+        **sets_and_truth(results[0].problem),
         **({} if certified is None else certified.as_json()),
         **({} if in_the_loop is None else {"software_in_the_loop": in_the_loop}),
     }

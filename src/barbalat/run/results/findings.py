@@ -12,7 +12,7 @@ from barbalat.judge.cycles import FEWEST_REVERSALS, TURNS_EXPLAIN
 from barbalat.judge.held import Held
 from barbalat.judge.verdict import Class, Verdict, percent
 from barbalat.problem.command_gain import command_warning
-from barbalat.problem.departures import departures
+from barbalat.problem.departures import apart_sentence, departures
 from barbalat.problem.state_feedback import Problem
 from barbalat.problem.tracking import TrackingProblem
 from barbalat.protocols import InterpolatedSignal
@@ -79,7 +79,7 @@ def lost_when_held(verdict: Verdict | None) -> str | None:
 def truth_apart(problem: TrackingProblem) -> str | None:
     """A sentence if the simulated plant differs from the design plant."""
     found = departures(problem) if isinstance(problem, Problem) else []
-    return f"the truth departs from the design: {'; '.join(one.sentence for one in found)}" if found else None
+    return apart_sentence(found) or None
 
 
 def unmatched_ranges(problem: TrackingProblem) -> str | None:
