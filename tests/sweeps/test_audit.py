@@ -340,3 +340,20 @@ def sweep_of_joint(axis: str):
     text = JOINT.replace("t_end = 20.0", "t_end = 0.5")
     plan = Plan({FieldPath.parse(path): Axis.parse(values)})
     return run_study(Study(VariedCase(CaseText(text), plan.paths), plan), bounds=False, audit=0)
+
+
+@pytest.mark.parametrize(
+    ("path", "redesign", "designs"),
+    [
+        ("observer.R", False, {"observer.R": ("the observer",)}),
+        ("parameters.m", False, {}),
+        ("parameters.m", True, {"parameters.m": ("the reference model", "the observer", "MRAC", "L1", "ADRC")}),
+    ],
+)
+def test_an_observer_that_differs_between_members_is_named(path, redesign, designs):
+    """By its own settings, and by those of the plant for which it is designed again."""
+    text = CaseText.read("flexible-joint")
+    given = {"observer.R": Axis(1e-9, 1e-8, 2), "parameters.m": Axis(0.0, 0.02, 2)}[path]
+    plan = Plan({FieldPath.parse(path): given})
+    study = Study(VariedCase(text, plan.paths, redesign=redesign), plan)
+    assert study.redesigned == designs

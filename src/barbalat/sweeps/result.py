@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 DID = {str(Class.CYCLE): "in a limit cycle"}
 """Verbs for classes whose names do not read well after a number."""
+
+
+def _are_settings(paths: Sequence[str]) -> bool:
+    """Whether these paths are settings of a design, and none is a number of the plant."""
+    return all(path.startswith(("observer.", "baseline.")) for path in paths)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -108,10 +113,14 @@ class SweepResult:
         return [
             f"{', '.join(designs)} {'are' if len(designs) > 1 else 'is'} designed anew for each member, from its own "
             f"{', '.join(paths)}"
-            f": this sweep tries many designs, each on its own plant, and not one design on many "
-            f"plants{'; without --redesign what is simulated varies alone' if self.redesign else ''}"
+            f": this sweep tries many designs{'' if _are_settings(paths) else self._on_their_plants}"
             for designs, paths in by_design.items()
         ]
+
+    @property
+    def _on_their_plants(self) -> str:
+        alone = "; without --redesign what is simulated varies alone" if self.redesign else ""
+        return f", each on its own plant, and not one design on many plants{alone}"
 
     def column(self, name: str) -> Array:
         """(M,) by the members' numbers, by its name in a store: ``plant.theta[0]``, ``L1/max_abs_e[0]``."""

@@ -18,6 +18,7 @@ from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.open_numbers.members import RefusedError, Setting
 from barbalat.open_numbers.probe import Kind, Tried, kinds_of
 from barbalat.open_numbers.varied import Varied
+from barbalat.problem.state_feedback import Problem
 from barbalat.run.engine.by_tolerance import expected_attempts, run_members
 from barbalat.run.engine.engine import Batch, run
 from barbalat.run.engine.judging import Terms, judged
@@ -34,7 +35,7 @@ from barbalat.sweeps.chunks import Columns
 from barbalat.sweeps.plan import Plan
 from barbalat.validate import Array, InputError
 
-REFERENCE_MODEL = "the reference model"
+REFERENCE_MODEL, OBSERVER = "the reference model", "the observer"
 """Uses of a member's numbers, in addition to the names of controllers."""
 OF_THE_DESIGN = ("controller", "reference_model", "uncertainty", "reference", "simulation")
 """First keys of a designer's choices and knowledge: varying them means other designs. All other keys belong to the plant."""
@@ -56,7 +57,7 @@ def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
         if path.keys[0] in OF_THE_DESIGN or path.keys[:2] in OF_NO_DESIGN:
             continue
         cases = [varied.at(row) for row in tried.rows(column, tried.middle)]
-        makers = [REFERENCE_MODEL, *(one.name for one in base.controllers)]
+        makers = [REFERENCE_MODEL, OBSERVER, *(one.name for one in base.controllers)]
         differs = [any(not _alike(one, other) for other in others) for one, *others in _designs(base, cases)]
         if names := tuple(name for name, differing in zip(makers, differs, strict=True) if differing):
             found[str(path)] = names
@@ -64,12 +65,24 @@ def redesigned(varied: Varied, tried: Tried) -> dict[str, tuple[str, ...]]:
 
 
 def _designs(base: Case, cases: Sequence[Case]) -> list[list[tuple[Array, ...]]]:
-    """The arrays of the reference model, then those of each controller's equations: for the base and for the others."""
-    designs = [[template.Columns(case.problem.model.matrices).leaves for case in (base, *cases)]]
+    """The arrays of the reference model, of the observer's design and of each controller's equations: for the base and for the
+    others."""
+    every = (base, *cases)
+    designs = [[template.Columns(case.problem.model.matrices).leaves for case in every], [_observer(case) for case in every]]
     for i in range(len(base.controllers)):
         loops = [ClosedLoop.of(case.problem, case.controllers[i]) for case in (base, *cases)]
         designs.append([template.Columns(loop.equations).leaves for loop in loops])
     return designs
+
+
+def _observer(case: Case) -> tuple[Array, ...]:
+    """The numbers from which the observer follows; empty without one."""
+    found = case.problem.fixed_observer if isinstance(case.problem, Problem) else None
+    if found is None:
+        return ()
+    settings = [np.ravel(value) for value in vars(found.design).values() if isinstance(value, (int, float, np.ndarray, tuple))]
+    numbers = [np.asarray(one, dtype=float) for one in settings if one.dtype.kind in "iuf"]
+    return found.A, found.b, found.C, np.array([found.delay]), *numbers
 
 
 def _alike(one: Sequence[Array], other: Sequence[Array]) -> bool:
