@@ -25,6 +25,8 @@ from barbalat.solvers.simulation import Simulation
 
 NO_THEOREM = "no theorem covers adaptation with an observer"
 NO_BOUND = "with an observer a bound is computed only for controllers with a sample_time"
+NOT_LINEAR = "with an observer a bound is computed only for controllers that are linear from sample to sample"
+NO_MORE = "with an observer nothing is proven beyond the bounds of x and e from sample to sample"
 
 
 def certificate(problem: Problem, controller: Controller, simulation: Simulation) -> Certificate:
@@ -32,7 +34,7 @@ def certificate(problem: Problem, controller: Controller, simulation: Simulation
     draft, linear = Draft(own=OF_SAMPLED_LOOPS | bounded_response.OF_RESPONSES), _linear_when(problem, controller)
     if linear is None:
         why = _why(problem, controller)
-        theorem = theorems.OBSERVER if why == NO_THEOREM else theorems.CONTINUOUS_OBSERVER
+        theorem = theorems.CONTINUOUS_OBSERVER if why == NO_BOUND else theorems.OBSERVER
         draft.note(f"{why}: margins are those of linear loops that include the observer, and no error is bounded")
         draft.missing("error_bound", why, theorem=theorem)
     loop = ClosedLoop.of(problem, controller)
@@ -55,7 +57,11 @@ def certificate(problem: Problem, controller: Controller, simulation: Simulation
 
 
 def _why(problem: Problem, controller: Controller) -> str:
-    return NO_THEOREM if ClosedLoop.of(problem, controller).parameters else NO_BOUND
+    if ClosedLoop.of(problem, controller).parameters:
+        return NO_THEOREM
+    if _linear_when(problem, controller) is not None:
+        return NO_MORE
+    return NOT_LINEAR if ClosedLoop.of(problem, controller).sampled else NO_BOUND
 
 
 def _linear_when(problem: Problem, controller: Controller) -> str | None:
