@@ -12,7 +12,7 @@ import math
 import operator
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -55,6 +55,9 @@ MOST_EXPONENT = 80.0
 ANY = Interval(-math.inf, math.inf, True)
 Term = int
 Truth = bool | None
+FOUND, TRUTH, OPEN = range(3)
+Note = tuple[int, Term, Interval | Truth | tuple[Term, Term]]
+"""What the evaluation of an operation says of a term: its interval, its truth or the comparison on which it depends."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,10 @@ class Prover:
         """A phrase with the number of cases of the proof; empty if there is no proof within the budget."""
         if mutant.operation is None:
             return self._keeps(mutant)
+        with np.errstate(all="ignore"):  # a number beyond the target's range is infinite, as in C
+            return self._proof(mutant)
+
+    def _proof(self, mutant: Mutant) -> str:
         touched = self._touched(mutant.place)
         self.until = min(WORK, self.work + WORK // SHARE)
         for narrow in self._narrows(touched):
@@ -138,13 +145,14 @@ class Prover:
 
     def _cases(self, mutant: Mutant, output: int, near: int, most: float) -> int:
         """The number of cases in which this output is shown to be equal; 0 if that is not shown."""
-        needed, waiting, cases = self._needed(mutant, output), [Assumed()], 0
+        needed, cases = self._needed(mutant, output), 0
+        waiting: list[tuple[Assumed, _Walk | None, set[Term]]] = [(Assumed(), None, set())]
         while waiting:
             cases += 1
             if cases + len(waiting) > self.most_cases or self.work > self.until:
                 return 0
-            case = waiting.pop()
-            walk = _Walk(self, case, mutant, near, most)
+            case, whole, changed = waiting.pop()
+            walk = _Walk(self, case, mutant, near, most, whole, changed)
             self.work += len(needed)
             try:
                 pair = walk.run(needed)
@@ -154,7 +162,8 @@ class Prover:
                 continue
             if pair == (-1, -1):
                 return 0
-            waiting += self._divided(case, walk, *pair)
+            changed = self._changed(pair)
+            waiting += [(part, walk, changed) for part in self._divided(case, walk, *pair)]
         return cases
 
     def _needed(self, mutant: Mutant, output: int) -> list[int]:
@@ -166,6 +175,11 @@ class Prover:
                 if i == mutant.place and mutant.operation is not None:
                     alive.update(mutant.operation.operands)
         return sorted(alive)
+
+    def _changed(self, pair: tuple[Term, Term]) -> set[Term]:
+        """The terms of which a case says more after a comparison, and the conditions of those that are choices: 1 or 0."""
+        found = {term for term in pair if term not in self.constants} or set(pair)
+        return found | {self.names[term][1] for term in found if self.names[term][0] == "choice"}  # type: ignore[misc]
 
     def _divided(self, case: Assumed, walk: _Walk, a: Term, b: Term) -> list[Assumed]:
         """The case with a < b, with b < a, with a = b, and with one of them NaN."""
@@ -199,14 +213,10 @@ class Prover:
 
     def rounded(self, number: float) -> float:
         """A sum, product or quotient of two numbers of the target: of 24 bits correctly, after it was rounded to 53."""
-        if self.real is DOUBLE:
-            return number
-        with np.errstate(over="ignore"):
-            return float(self.real.numbers(number))
+        return number if self.real is DOUBLE else float(self.real.numbers(number))
 
     def _next(self, number: float, towards: float) -> float:
-        with np.errstate(over="ignore"):
-            return float(np.nextafter(self.real.numbers(number), self.real.numbers(towards)))
+        return float(np.nextafter(self.real.numbers(number), self.real.numbers(towards)))
 
 
 def _said(cases: int) -> str:
@@ -223,34 +233,82 @@ class _Contradiction(Exception):
 
 class _Walk:
     """Both lists in one case. A number is a term; a truth value is True, False, or None with the comparison on which it
-    depends."""
+    depends.
 
-    def __init__(self, prover: Prover, case: Assumed, mutant: Mutant, near: int, most: float) -> None:
+    plain, other  the terms of the list and, where the mutant's may differ, those of the mutant, by their places
+    whole         the walk of the case of which this one is a part; what does not depend on ``changed`` terms is taken from it
+    """
+
+    def __init__(
+        self, prover: Prover, case: Assumed, mutant: Mutant, near: int, most: float, whole: _Walk | None, changed: set[Term]
+    ) -> None:
         self.prover, self.case, self.mutant, self.near, self.most = prover, case, mutant, near, most
+        self.whole, self._dependent = whole, dict.fromkeys(changed, True)
         self.names, self._positives = prover.names, dict[Term, bool]()
         self.truths: dict[Term, Truth] = {}
         self.found: dict[Term, Interval] = {}
         self.of_open: dict[Term, tuple[Term, Term]] = {}
+        self.plain: dict[int, Term] = {}
+        self.other: dict[int, Term] = {}
+        self._known: tuple[dict[Term, Any], ...] = (self.found, self.truths, self.of_open)
+        self._notes: dict[int, list[Note]] = {}
 
     def run(self, needed: list[int]) -> tuple[int, int] | None:
         """None if the last value is equal; otherwise an undecided comparison, (-1, -1) if none is left."""
-        prover, mutant = self.prover, self.mutant
-        plain: dict[int, Term] = {}
-        other: dict[int, Term] = {}
-        for i in needed:
-            op = prover.program.operations[i]
-            plain[i] = self._value(op, [plain[j] for j in op.operands])
-            if i == mutant.place:
-                assert mutant.operation is not None
-                x = [plain[j] for j in mutant.operation.operands]
-                made = x[0] if mutant.operation.name == "copy" else self._value(mutant.operation, x)
-                other[i] = self._not(made) if mutant.denied else made
-            elif any(other.get(j, plain[j]) != plain[j] for j in op.operands):
-                other[i] = self._value(op, [other.get(j, plain[j]) for j in op.operands])
+        plain, other, whole = self.plain, self.other, self.whole
+        if whole is None:
+            for i in needed:
+                self._evaluate(i)
+        else:
+            self._evaluate_part(needed, whole)
         one, two = plain[needed[-1]], other.get(needed[-1], plain[needed[-1]])
         if one == two:
             return None
         return self._of_a_zero(plain, other) or self._between(one, two) or (-1, -1)
+
+    def _evaluate(self, i: int) -> None:
+        plain, other, mutant = self.plain, self.other, self.mutant
+        op, self._noted = self.prover.program.operations[i], list[Note]()
+        plain[i] = self._value(op, [plain[j] for j in op.operands])
+        if i == mutant.place:
+            assert mutant.operation is not None
+            x = [plain[j] for j in mutant.operation.operands]
+            made = x[0] if mutant.operation.name == "copy" else self._value(mutant.operation, x)
+            other[i] = self._not(made) if mutant.denied else made
+        elif any(other.get(j, plain[j]) != plain[j] for j in op.operands):
+            other[i] = self._value(op, [other.get(j, plain[j]) for j in op.operands])
+        self._notes[i] = self._noted
+
+    def _evaluate_part(self, needed: list[int], whole: _Walk) -> None:
+        """Only what depends on the changed terms is evaluated; the rest is as in the whole case."""
+        operations, mutant = self.prover.program.operations, self.mutant
+        anew = set[int]()
+        for i in needed:
+            operands = operations[i].operands
+            if i == mutant.place and mutant.operation is not None:
+                operands += mutant.operation.operands
+            mine = whole.plain[i]
+            others = whole.other.get(i, mine)
+            if not anew.isdisjoint(operands) or self._depends(mine) or self._depends(others):
+                anew.add(i)
+                self._evaluate(i)
+                continue
+            self.plain[i], self._notes[i] = mine, whole._notes[i]
+            if i in whole.other:
+                self.other[i] = others
+            for kind, term, what in whole._notes[i]:
+                self._known[kind][term] = what
+
+    def _note(self, kind: int, term: Term, what: Interval | Truth | tuple[Term, Term]) -> None:
+        self._known[kind][term] = what
+        self._noted.append((kind, term, what))
+
+    def _depends(self, term: Term) -> bool:
+        """Whether a changed term is this one or is among those from which it is made."""
+        if (found := self._dependent.get(term)) is None:
+            parts = self.names[term][1:]
+            found = self._dependent[term] = any(self._depends(part) for part in parts if isinstance(part, int))
+        return found
 
     def _of_a_zero(self, plain: dict[int, Term], other: dict[int, Term]) -> tuple[int, int] | None:
         """The sign of the first sum that differs by an added zero, if any differs: added to a nonzero number, a zero has no
@@ -311,19 +369,18 @@ class _Walk:
             within = Interval(low, high, known.none and within.none) if low <= high else within
         if within.low == within.high != 0 and not within.none and made not in prover.constants:
             return self._constant(within.low)
-        self.found[made] = within
+        self._note(FOUND, made, within)
         return made
 
     def _constant(self, number: float) -> Term:
         made = self.prover.constant(number)
-        self.found[made] = Interval(number, number, math.isnan(number))
+        self._note(FOUND, made, Interval(number, number, math.isnan(number)))
         return made
 
     def _value(self, op: Operation, x: list[Term]) -> Term:
         name, prover = op.name, self.prover
         if name == "constant":
-            with np.errstate(over="ignore"):  # a value beyond float32 is infinite in the C as well
-                return self._constant(float(prover.real.numbers(op.value)))
+            return self._constant(float(prover.real.numbers(op.value)))
         if name == "copy":
             return x[0]
         if name == "input":
@@ -348,7 +405,7 @@ class _Walk:
 
     def _truth(self, known: Truth, *node: object) -> Term:
         made = self.prover.term("truth", str(known)) if known is not None else self.prover.term(*node)
-        self.truths[made] = known
+        self._note(TRUTH, made, known)
         return made
 
     def _less(self, a: Term, b: Term) -> Term:
@@ -364,7 +421,7 @@ class _Walk:
             raise _Contradiction
         made = self._truth(known, "lt", a, b)
         if known is None:
-            self.of_open.setdefault(made, (a, b))
+            self._note(OPEN, made, (a, b))
         return made
 
     def _not(self, x: Term) -> Term:
@@ -413,12 +470,11 @@ class _Walk:
 
     def _computed(self, name: str, x: list[Term]) -> Term:
         constants, prover = self.prover.constants, self.prover
-        if all(one in constants for one in x) and name != "lookup":
-            with np.errstate(all="ignore"):
-                given = [prover.real.numbers(constants[one]) for one in x]
-                return self._constant(float(value(Operation(name), given, {}, prover.real)))
+        if constants.keys() >= set(x) and name != "lookup":
+            given = [prover.real.numbers(constants[one]) for one in x]
+            return self._constant(float(value(Operation(name), given, {}, prover.real)))
         within = [self.interval(one) for one in x]
-        sure = not any(one.none for one in within) and all(map(math.isfinite, (end for one in within for end in one[:2])))
+        sure = all(not none and math.isfinite(low) and math.isfinite(high) for low, high, none in within)
         if name == "sub" and x[0] == x[1] and sure:
             return self._constant(0.0)
         zero = constants.get(x[-1])
@@ -430,7 +486,7 @@ class _Walk:
                     return x[at]
                 made = self._is(name, *x, within=Interval(*within[at]))
                 if (self._constant(0.0), x[at]) not in self.case.less:
-                    self.of_open.setdefault(made, (self._constant(0.0), x[at]))
+                    self._note(OPEN, made, (self._constant(0.0), x[at]))
                 return made
         if (name in ("mul", "div") and zero == 1) or (name == "fabs" and self._positive(x[0])):
             return x[0]
