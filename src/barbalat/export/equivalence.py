@@ -81,6 +81,7 @@ class Prover:
     most_cases: int = CASES
     nodes: dict[tuple[object, ...], Term] = field(default_factory=dict)
     names: list[tuple[object, ...]] = field(default_factory=list)
+    parts: list[tuple[Term, ...]] = field(default_factory=list)
     work: int = 0
     until: int = WORK
     unbounded: bool = False
@@ -204,6 +205,7 @@ class Prover:
         if (found := self.nodes.get(node)) is None:
             found = self.nodes[node] = len(self.names)
             self.names.append(node)
+            self.parts.append(tuple(part for part in node if isinstance(part, int)))
         return found
 
     def constant(self, number: float) -> Term:
@@ -305,10 +307,16 @@ class _Walk:
 
     def _depends(self, term: Term) -> bool:
         """Whether a changed term is this one or is among those from which it is made."""
-        if (found := self._dependent.get(term)) is None:
-            parts = self.names[term][1:]
-            found = self._dependent[term] = any(self._depends(part) for part in parts if isinstance(part, int))
-        return found
+        known, parts_of, waiting = self._dependent, self.prover.parts, [term]
+        while term not in known:
+            parts = parts_of[waiting[-1]]
+            if any(known.get(part, False) for part in parts):
+                known[waiting.pop()] = True
+            elif unknown := [part for part in parts if part not in known]:
+                waiting += unknown
+            else:
+                known[waiting.pop()] = False
+        return known[term]
 
     def _of_a_zero(self, plain: dict[int, Term], other: dict[int, Term]) -> tuple[int, int] | None:
         """The sign of the first sum that differs by an added zero, if any differs: added to a nonzero number, a zero has no
@@ -321,7 +329,7 @@ class _Walk:
         for term in (one, other):
             if self.names[term][0] in ("choice", "add", "sub") and (found := self._guard(term)) is not None:
                 return found
-        x, y = ([part for part in self.names[term][1:] if isinstance(part, int)] for term in (one, other))
+        x, y = (self.prover.parts[term] for term in (one, other))
         if self.names[one][0] == self.names[other][0] and len(x) == len(y):
             return next(
                 (found for pair in zip(x, y, strict=True) if pair[0] != pair[1] and (found := self._between(*pair))), None
@@ -331,23 +339,21 @@ class _Walk:
 
     def _guard(self, term: Term) -> tuple[int, int] | None:
         """The comparison on which a choice depends; first that of its own sides, if one is a choice."""
-        name, *parts = self.names[term]
+        name, parts = self.names[term][0], self.prover.parts[term]
         if term in self.of_open:
             inner = (self._guard(choice) for side in self.of_open[term] for choice in self._choices(side, self.near))
             return next((found for found in inner if found is not None), self.of_open[term])
         below = parts[:1] if name == "choice" else parts if name in ("not", "and", "or") else []
-        found = (self._guard(part) for part in below if isinstance(part, int))
+        found = map(self._guard, below)
         return next((one for one in found if one is not None), None)
 
     def _choices(self, term: Term, depth: int) -> Iterator[Term]:
         """The choices among the last operations of a term."""
-        name, *parts = self.names[term]
-        if name == "choice":
+        if self.names[term][0] == "choice":
             yield term
         elif depth:
-            for part in parts:
-                if isinstance(part, int):
-                    yield from self._choices(part, depth - 1)
+            for part in self.prover.parts[term]:
+                yield from self._choices(part, depth - 1)
 
     def interval(self, term: Term) -> Interval:
         return self.case.within.get(term) or self.found.get(term, ANY)
@@ -495,9 +501,9 @@ class _Walk:
     def _positive(self, term: Term) -> bool:
         """Whether the sign is never negative, as for squares and magnitudes and their sums and products."""
         if (found := self._positives.get(term)) is None:
-            name, *x = self.names[term]
+            name, x = self.names[term][0], self.prover.parts[term]
             if name in ("add", "mul"):
-                found = (name == "mul" and x[0] == x[1]) or all(self._positive(one) for one in x if isinstance(one, int))
+                found = (name == "mul" and x[0] == x[1]) or all(map(self._positive, x))
             else:
                 found = name == "fabs" or self.interval(term).low > 0  # except a square root: that of -0.0 is -0.0
             self._positives[term] = found
@@ -510,9 +516,9 @@ class _Walk:
     def _scaled(self, term: Term) -> Iterator[Term]:
         """The term, and the terms from which it results by positive factors."""
         yield term
-        name, *x = self.names[term]
+        name = self.names[term][0]
         if name in ("mul", "div"):
-            one, other = (part for part in x if isinstance(part, int))
+            one, other = self.prover.parts[term]
             if self.interval(other).low > 0:
                 yield from self._scaled(one)
             elif name == "mul" and self.interval(one).low > 0:
