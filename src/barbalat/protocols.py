@@ -130,6 +130,16 @@ class Equations(Protocol):
         ...
 
 
+@runtime_checkable
+class Assuming(Protocol):
+    """Equations with numbers that the case does not give: runs and certificates say which."""
+
+    @property
+    def assumed(self) -> str | None:
+        """A sentence on them; None if the case gives them."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class Lyapunov:
     """A Lyapunov function of the loop, for ``certify`` to check: V' <= -W along (1), (2) and the law's own equations.

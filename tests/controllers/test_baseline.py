@@ -343,3 +343,53 @@ def test_the_bundled_aircraft_follows_with_the_augmentation_and_not_without():
     tail = {name: run.figures["tail_max_abs_e"][0] for name, run in runs.items()}
     assert max(tail["MRAC"], tail["L1"]) < 0.005
     assert tail["Baseline"] > 0.01
+
+
+WITHOUT_A_BASELINE = """
+name = "arm"
+[parameters]
+J = { value = 0.04, between = [0.03, 0.08] }
+k = { value = 0.12, between = [0.1, 0.3] }
+[plant]
+A = [[0, 1], ["-k/J", -0.2]]
+b = [0, "0.5/J"]
+[reference_model]
+poles = [-2.0, -3.0]
+follow = "x_1"
+[reference]
+kind = "step"
+amplitude = 0.1
+[simulation]
+t_end = 1.0
+dt = 1e-3
+[[controller]]
+scheme = "baseline"
+SAMPLED
+"""
+
+
+@pytest.mark.parametrize("sampled", ["", "sample_time = 0.01"])
+def test_without_a_baseline_the_scheme_has_the_gains_of_the_declared_values_and_says_them(sampled):
+    """(s + 2)(s + 3) by hand: u = 6 J/0.5 r - [(6 J - k)/0.5, (5 - 0.2) J/0.5] x; the middle of the box is elsewhere."""
+    case = parse_case(WITHOUT_A_BASELINE.replace("SAMPLED", sampled))
+    J, k = 0.04, 0.12
+    expected = [(6 * J - k) / 0.5, 4.8 * J / 0.5]
+    for problem in (case.problem, case.problem.design):
+        np.testing.assert_allclose(BaselineAlone().bind(problem.known).theta_0, expected, rtol=1e-12)
+    assert np.abs(case.problem.uncertainty.middle - expected).max() > 0.1
+    said = "without [baseline] its gains are those for the nominal plant, with an input gain of 1: u = 0.48 r - [0.24, 0.384] x"
+    (run,) = simulate(case.problem, case.controllers, case.simulation).values()
+    np.testing.assert_allclose(run.u[0], 0.048, rtol=1e-9)
+    assert said in run.warnings
+    (certificate,) = certify(case.problem, case.controllers, case.simulation).values()
+    assert certificate.notes.count(said) == 1
+
+
+def test_the_scheme_says_nothing_where_the_case_gives_its_gains():
+    problem = parse_case(WITHOUT_A_BASELINE.replace("SAMPLED", "")).problem
+    given = BaselineAlone(nominal=[1.0, 2.0]).bind(problem.known)
+    assert given.assumed is None and given.theta_0.tolist() == [1.0, 2.0]
+    for theta, middle in ((None, "theta = 0"), (ParameterBox(lower=[0.0, 1.0], upper=[2.0, 3.0]), "the middle of the known set")):
+        known = Problem(plant=Plant(A_m=[[0, 1], [-6, -5]], b=[0, 1.0], theta=[1.5, 2.5]), uncertainty=theta).known
+        found = BaselineAlone().bind(known)
+        assert middle in found.assumed and found.theta_0.tolist() == ([0.0, 0.0] if theta is None else [1.0, 2.0])

@@ -16,7 +16,7 @@ from barbalat.certificates.requested_keys import needing
 from barbalat.loop.binding import bound, is_sampled, numbered
 from barbalat.loop.user_errors import named
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import Controller
+from barbalat.protocols import Assuming, Controller, DiscretizedEquations
 from barbalat.solvers.simulation import Simulation
 from barbalat.validate import InputError, counted
 
@@ -114,7 +114,11 @@ def _computed(problem: TrackingProblem, controller: Controller, simulation: Simu
         bound(problem, controller)  # refuses what does not fit
         return Certificate.failed("the case has faults, and the guarantees hold for loops without missing or corrupted samples")
     found = _of_nominal(problem.nominal, controller, simulation)
-    return found if problem.shell is None else found.with_entries(found.entries, SHELL_NOTE)
+    equations = bound(problem, controller)
+    equations = equations.continuous if isinstance(equations, DiscretizedEquations) else equations
+    assumed = equations.assumed if isinstance(equations, Assuming) else None
+    notes = [said for said in (assumed, None if problem.shell is None else SHELL_NOTE) if said is not None]
+    return found.with_entries(found.entries, *notes) if notes else found
 
 
 SHELL_NOTE = "the guarantees hold as long as the shell refuses no sample"
@@ -125,7 +129,7 @@ def _of_nominal(problem: TrackingProblem, controller: Controller, simulation: Si
     try:
         sampled = is_sampled(bound(problem, controller))  # refuses what does not fit
         if simulation.tolerance is not None:
-            return _without_step(_computed(problem, controller, simulation.grid))
+            return _without_step(_of_nominal(problem, controller, simulation.grid))
         found = file_of(problem, controller).certificate(problem, controller, simulation)
         if sampled:
             return found

@@ -11,7 +11,7 @@ from barbalat import validate
 from barbalat.controllers.settings import Scheme
 from barbalat.controllers.steps import Still
 from barbalat.controllers.tuning_grid import TuningGrid, TuningScale
-from barbalat.problem.regressors import MatchedTerm
+from barbalat.problem.regressors import Linear, MatchedTerm
 from barbalat.problem.state_feedback import Known
 from barbalat.protocols import Value
 from barbalat.validate import Array, Vector
@@ -30,6 +30,7 @@ class Equations:
     k_0: Array | float
     matched: MatchedTerm
     theta_0: Array
+    assumed: str | None = None
 
     def initial(self) -> State:
         return State(np.zeros(0))
@@ -51,7 +52,8 @@ class Equations:
 class BaselineAlone(Scheme):
     """u = k_0 r - theta_0'phi(x): the plant's baseline without adaptation; an unknown input gain is taken as 1.
 
-    nominal  theta_0, (p,): by default the baseline's own, or else the middle of the known set, or zero without one
+    nominal  theta_0, (p,): by default the baseline's own; without one that of the nominal plant, which plant.A and the declared
+             values of parameters give, or else the middle of the known set, or zero
     """
 
     _: KW_ONLY
@@ -70,9 +72,22 @@ class BaselineAlone(Scheme):
     def bind(self, known: Known) -> Equations:
         p = known.matched.regressor.size(known.n) * known.inputs
         if self.nominal is not None:
-            theta_0 = validate.vector("nominal", self.nominal, p)
-        elif known.theta_0 is not None:
-            theta_0 = known.theta_0
+            return Equations(k_0=known.k_0, matched=known.matched, theta_0=validate.vector("nominal", self.nominal, p))
+        if known.theta_0 is not None:
+            return Equations(k_0=known.k_0, matched=known.matched, theta_0=known.theta_0)
+        if known.nominal is not None:
+            theta_0, of = known.nominal, "the nominal plant"
+        elif known.theta_set is not None:
+            theta_0, of = known.theta_set.middle, "the middle of the known set"
         else:
-            theta_0 = np.zeros(p) if known.theta_set is None else known.theta_set.middle
-        return Equations(k_0=known.k_0, matched=known.matched, theta_0=theta_0)
+            theta_0, of = np.zeros(p), "theta = 0, since neither plant.A nor a known set is given"
+        return Equations(k_0=known.k_0, matched=known.matched, theta_0=theta_0, assumed=_assumed(of, known, theta_0))
+
+
+def _assumed(of: str, known: Known, theta_0: Array) -> str:
+    numbers = ", ".join(f"{one:.4g}" for one in theta_0)
+    law = f"theta_0 = [{numbers}]"
+    if known.inputs == 1 and isinstance(known.matched.regressor, Linear):
+        law = f"u = {float(known.k_0):.4g} r - [{numbers}] x"
+    gain = ", with an input gain of 1" if known.matched.gain_unknown else ""
+    return f"without [baseline] its gains are those for {of}{gain}: {law}"

@@ -161,6 +161,14 @@ class Plant(Settings):
             raise InputError("a plant with a nonlinear regressor has no matrix A")
         return self.A_m + self.b.reshape(self.n, -1) @ self.theta.reshape(self.n, -1).T
 
+    @property
+    def nominal_theta(self) -> Array | None:
+        """(n m,) theta of plant.A as given, at the declared values of parameters; None beside a baseline, which is designed for
+        it, and for a plant given by A_m and theta, which no controller knows."""
+        if self.nominal_A is None or self.baseline is not None:
+            return None
+        return projected(self.nominal_A, self.A_m, self.b, np.ones(self.n) if self.scale is None else self.scale)
+
     @cached_property
     def from_ranges(self) -> FromRanges | None:
         """The bounds on theta and the input gain from ranges of physical parameters; None for a plant without ranges."""

@@ -41,6 +41,7 @@ class Known:
     matched: MatchedTerm = MatchedTerm(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
     saturation: Array | None = None  # (2,) lower and upper limit of the actuator, (2, m) with m inputs; None without limits
     enters: Array | None = None  # (n,), or (n, q): the matrix by which the command enters the state directly; None if it does not
+    nominal: Array | None = None  # theta of the nominal plant, which plant.A gives; None for a plant given by A_m and theta
     theta_0: Array | None = None  # the baseline is u = k_0 r - theta_0'x, to which the adaptive part is added; None without one
 
     @property
@@ -391,6 +392,7 @@ class Problem(TrackingProblem, Settings):
             matched=MatchedTerm(p.regressor, p.inputs, self.input_gain is not None),
             saturation=_limits(p),
             enters=p.enters,
+            nominal=p.nominal_theta,
             theta_0=None if p.baseline is None else p.baseline.theta,
         )
 

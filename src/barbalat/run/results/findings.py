@@ -19,10 +19,10 @@ from barbalat.protocols import InterpolatedSignal
 
 KINDS = (
     "solver", "missed", "half step", "record of a signal", "truth", "known set", "ranges", "wide ranges", "command", "damping",
-    "shakes", "held", "still", "on bounds", "between bounds", "excitation", "true values", "order", "coarse record",
+    "shakes", "held", "still", "assumed", "on bounds", "between bounds", "excitation", "true values", "order", "coarse record",
 )  # fmt: skip
 """Kinds of findings, in order of importance."""
-OF_EACH_RUN = ("missed", "half step", "shakes", "held")
+OF_EACH_RUN = ("missed", "half step", "shakes", "held", "assumed")
 """Kinds whose sentences contain numbers of one run, and which are reported for each run."""
 
 

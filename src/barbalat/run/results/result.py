@@ -16,7 +16,7 @@ from barbalat.judge.verdict import Class, Verdict
 from barbalat.loop.closed_loop import ClosedLoop
 from barbalat.loop.true_values import estimate_names, not_the_parameters, true_values
 from barbalat.problem.tracking import TrackingProblem
-from barbalat.protocols import BreakingSignal, Controller
+from barbalat.protocols import Assuming, BreakingSignal, Controller
 from barbalat.roles import StatePart, column_names, entry_names
 from barbalat.run.kernel.breaks import LostOrder
 from barbalat.run.kernel.metrics import Metrics
@@ -253,6 +253,8 @@ class Result:
         shakes = None if self.judge is None else shaking(self.problem, self.verdict, self.simulation.t_end, self.judge.cycle)
         missed = None if self.missed is None else self.missed.sentence
         said = {"missed": missed, "shakes": shakes, "held": None if self.judge is None else lost_when_held(self.verdict)}
+        equations = self.loop.continuous
+        said["assumed"] = equations.assumed if isinstance(equations, Assuming) else None
         of_control = [Finding(kind, sentence) for kind, sentence in said.items() if sentence is not None]
         return (*of_problem(self.problem, self.simulation.t_end), *of_control, *of_run)
 
