@@ -187,6 +187,19 @@ def test_a_known_set_without_zero_starts_in_its_middle(gain):
     assert grids.start_of(SMALL) is None  # otherwise each scheme starts as before
 
 
+def test_the_baseline_alone_takes_part_beside_a_baseline_whose_parameters_are_the_start():
+    case = load_case("aircraft-lqi")
+    chosen, left_out = default_knobs(case.problem, case.simulation, density=2)
+    assert "Baseline" in {one.scheme for one in chosen}
+    assert "Baseline" not in {one.scheme for one in default_knobs(SMALL, BRIEF, density=2)[0]}
+    assert grids.start_of(case.problem) is None and not any("in its middle" in sentence for sentence in left_out)
+    theta_0 = case.problem.known.theta_0
+    for one in chosen:
+        if one.scheme in ("MRAC", "L1-AC"):
+            start = bound(case.problem, one.make(**next(one.tunings()))).initial().theta_hat
+            np.testing.assert_array_equal(start[: len(theta_0)], theta_0)
+
+
 def test_the_normalised_law_is_also_tried_far_slower_than_the_model():
     """Its rate is at most Gamma: from a hundredth of the slowest rate of the other gains."""
     times = np.array([0.1, 1.0])

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from barbalat import validate
 from barbalat.certificates.certify import certify
 from barbalat.certificates.step_limits.oscillator import Oscillator
 from barbalat.controllers import SCHEMES, Mrac
@@ -42,7 +41,9 @@ def default_knobs(
         f"time constants below five steps, {5 * simulation.dt:g} s, are omitted",
     ]
     if reach.theta_hat0 is not None:
-        left_out.append(f"0 is not in the known set: estimates start in its middle, {validate.show(reach.theta_hat0)}")
+        usual = "0 is" if problem.known.theta_0 is None else "the baseline's parameters are"
+        middle = ", ".join(f"{value:.6g}" for value in reach.theta_hat0)
+        left_out.append(f"{usual} not in the known set: estimates start in its middle, [{middle}]")
     kept, refused = [], []
     for knobs in candidates:
         try:
@@ -84,9 +85,11 @@ def reach_of(problem: Problem, simulation: Simulation, *, density: int = 12) -> 
 
 
 def start_of(problem: Problem) -> Array | None:
-    """(p,) the middle of a known set that excludes the default start 0; otherwise None."""
-    known_set = problem.known.theta_set
-    return None if known_set is None or known_set.contains(np.zeros(len(known_set.middle))) else known_set.middle
+    """(p,) the middle of a known set that excludes the default start, 0 or a baseline's theta_0; otherwise None."""
+    known_set, theta_0 = problem.known.theta_set, problem.known.theta_0
+    if known_set is None or known_set.contains(np.zeros(len(known_set.middle)) if theta_0 is None else theta_0):
+        return None
+    return known_set.middle
 
 
 def output_reach_of(problem: OutputProblem, simulation: Simulation, *, density: int = 12) -> OutputTuningScale:

@@ -66,8 +66,8 @@ class BaselineAlone(Scheme):
             validate.freeze(self, nominal=validate.vector("nominal", self.nominal))
 
     @classmethod
-    def knobs(cls, _: TuningScale) -> TuningGrid:
-        return TuningGrid(scheme="Baseline", values={}, make=cls, traded=False)
+    def knobs(cls, reach: TuningScale) -> TuningGrid:
+        return TuningGrid(scheme="Baseline", values={}, make=cls, traded=reach.known.theta_0 is not None)
 
     def bind(self, known: Known) -> Equations:
         p = known.matched.regressor.size(known.n) * known.inputs

@@ -121,7 +121,8 @@ def show(screen: Screen, found: TradeOff) -> None:
     screen.line(f"{found.problem.name}: the delay [s] that the plant's input tolerates", "bold")
     screen.line(
         "Each scheme's best tuning with a relative error, RMS |e| / RMS |x_m|, of at most ...: until the loop begins to "
-        "oscillate (onset), and until it is lost (loss)."
+        f"oscillate (onset), and until its error grows by {found.by.lost.share:g} max |x_m| or it is lost (loss); either may "
+        "come first."
     )
     headings = ("error", *(f"{criterion}:\n{scheme}" for criterion in ("onset", "loss") for scheme in schemes))
     screen.table(headings, at_equal_error(found, "plant"))
