@@ -208,10 +208,9 @@ def test_a_controller_of_another_measurement_is_refused():
     assert "output" in refusal(lambda: certify(state.problem, [output.controllers[0]], state.simulation))
 
 
-def test_margins_that_fail_take_nothing_with_them(monkeypatch):
+def test_margins_that_fail_take_nothing_with_them(monkeypatch, certified):
     """The bound (9) rests on no linear loop; what fails is missing with its reason."""
-    case = load_case("paper")
-    whole = certify(case.problem, case.controllers, case.simulation)
+    case, whole = certified("paper")
 
     def failing(*_):
         raise ValueError("f(a) and f(b) must have different signs")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from barbalat import certify, load_case
+from barbalat import certify
 
 COSTLY = {
     "margins_over_known_set",
@@ -29,9 +29,8 @@ CHEAP = {"delay_margin", "condition", "error_bound", "gamma_max", "norms"}
 @pytest.mark.parametrize(
     "name", ["paper", "astrom-wittenmark", "f16-short-period", "first-order", "wing-rock", "quadrotor-pitch"]
 )
-def test_each_needed_key_is_that_of_the_whole_certificate(name):
-    case = load_case(name)
-    whole = certify(case.problem, case.controllers, case.simulation)
+def test_each_needed_key_is_that_of_the_whole_certificate(name, certified):
+    case, whole = certified(name)
     for keys in (sorted(COSTLY)[::2], sorted(COSTLY)[1::2]):
         part = certify(case.problem, case.controllers, case.simulation, keys=keys)
         for controller, one in whole.items():

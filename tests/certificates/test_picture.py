@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from barbalat import TransferFunction, certify, load_case
+from barbalat import TransferFunction
 from barbalat.certificates.picture import MarginLoop, Marked, figure_of
 from barbalat.certificates.rows import up
 from barbalat.results import Certificate
@@ -29,10 +29,9 @@ def test_the_marks_are_where_the_margins_are(delay):
         assert found.gain_up == pytest.approx(10.0, rel=1e-9)
 
 
-def test_several_certificates_are_a_dictionary_that_shows_itself():
+def test_several_certificates_are_a_dictionary_that_shows_itself(certified):
     """On one line; five lines for each controller, and every loop, in a notebook; it behaves like a plain dictionary."""
-    case = load_case("paper")
-    found = certify(case.problem, case.controllers, case.simulation)
+    _, found = certified("paper")
     assert isinstance(found, dict) and found == dict(found) and pickle.loads(pickle.dumps(found)) == found
     text = repr(found)
     assert "\n" not in text and all(f"{name!r} {one.in_brief}" in text for name, one in found.items())
@@ -44,18 +43,16 @@ def test_several_certificates_are_a_dictionary_that_shows_itself():
     assert "no linear loop" in refusal(found.with_changed(dict.fromkeys(found, Certificate())).plot)
 
 
-def test_many_loops_are_told_apart():
+def test_many_loops_are_told_apart(certified):
     """Each line is identified by colour and dash together; the legend shows them and the widths."""
-    case = load_case("paper")
-    loops = certify(case.problem, case.controllers, case.simulation)["MRAC"].loops
+    loops = certified("paper")[1]["MRAC"].loops
     figure = figure_of([MarginLoop(f"loop {i}", loops[0].system, 0.001 * i) for i in range(9)], "", shown=False)
     lines = figure.legends[0].legend_handles[:9]
     assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == 9
 
 
-def test_a_certificate_plots_the_loops_whose_margins_it_has():
-    case = load_case("paper")
-    found = certify(case.problem, case.controllers, case.simulation)
+def test_a_certificate_plots_the_loops_whose_margins_it_has(certified):
+    _, found = certified("paper")
     for certificate in found.values():
         assert len(repr(certificate)) < 200 and "guaranteed" in repr(certificate)
         assert isinstance(certificate.plot(), Figure)
