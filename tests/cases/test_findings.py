@@ -47,6 +47,8 @@ def edited(*changes: tuple[str, str]) -> str:
         ('kind = "step"', 'kind = "stp"', "got \"stp\"; did you mean 'step'?"),
         ("tau = 0.2", "tau = true", "controller 1.tau should be a valid number, got true"),
         ("dt = 0.1", 'dt = { of = [1.50, "x"] }', 'simulation.dt should be a valid number, got { of = [1.50, "x"] }'),
+        ("theta = [1.0]", "theta = [1.0], states = 3", "known here: A_m, b, theta, x0, input, regressor, A, C"),
+        ("theta = [1.0]", "theta = [1.0], states = 3", "or did you mean 'truth.states'?"),
         ('name = "c"', "nmae = 3", "unknown key nmae; did you mean 'name'?"),
         ('scheme = "robust-mrac"', 'Scheme = "robust-mrac"', "unknown key controller 1.Scheme; did you mean 'scheme'?"),
         ('{ kind = "step"', '{ Kind = "step"', "unknown key reference.Kind; did you mean 'kind'?"),

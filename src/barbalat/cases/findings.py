@@ -12,7 +12,7 @@ from typing import Any, get_args
 from pydantic import ValidationError
 
 from barbalat.cases.table_models import TAGS, Table
-from barbalat.validate import InputError
+from barbalat.validate import MOST_LISTED, InputError
 
 SHOWN_AT_ONCE = 3
 """Largest number of findings reported together: correcting these often corrects the others."""
@@ -146,10 +146,15 @@ def _known(context: dict[str, Any]) -> str:
 
 
 def _meant(context: dict[str, Any], place: str, root: type[Table]) -> str:
-    """The key of that name in an inner table, or else the closest spelling here, or else that name elsewhere."""
+    """The key of that name in an inner table, the closest spelling here, or the keys here and that name elsewhere."""
     start = _start(place)
-    meant = [*(start + path for path in _further_in(context, place, root)), *_near(context), *_named(context["key"], root)]
-    return f"did you mean {meant[0]!r}?" if meant else _known(context)
+    here = [*(start + path for path in _further_in(context, place, root)), *_near(context)]
+    elsewhere = _named(context["key"], root)
+    if here:
+        return f"did you mean {here[0]!r}?"
+    if elsewhere and (not start or len(context["known"]) > MOST_LISTED):
+        return f"did you mean {elsewhere[0]!r}?"
+    return f"{_known(context)}; or did you mean {elsewhere[0]!r}?" if elsewhere else _known(context)
 
 
 def _named(key: str, root: type[Table]) -> list[str]:
