@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+import case_texts
 from barbalat import L1PiecewiseConstant, Mrac, Simulation, certify, input_filter, load_case, simulate
 from barbalat.cases.load import CaseText, parse_case
 from barbalat.cli import main
@@ -167,23 +168,10 @@ def test_a_certificates_condition_stops_the_filter_where_it_flips(drive):
     assert tuned.certificate.values["delay_margin"] == tuned.chosen.value
 
 
-SECTION_V = """
-name = "Section V"
-[plant]
-A_m = [[0.0, 1.0], [-0.3, -1.0]]
-b = [0.0, 1.0]
-theta = [4.0, -3.0]
-x0 = [1.0, 1.0]
-[reference_model]
-k_0 = 4.0
-[reference]
-kind = "sine"
-amplitude = 50.0
-frequency = 0.5
-[uncertainty]
-lower = [-5.0, -5.0]
-upper = [5.0, 5.0]
-[simulation]
+SECTION_V = (
+    'name = "Section V"'
+    + case_texts.SECTION_V
+    + """[simulation]
 t_end = 20.0
 dt = 1e-3
 [[controller]]
@@ -201,6 +189,7 @@ scheme = "robust-mrac"
 tau = 0.5
 law = { kind = "least-squares", covariance0 = 500.0 }
 """
+)
 
 
 @pytest.mark.full

@@ -30,6 +30,7 @@ from barbalat.run.engine.simulate import simulate
 from barbalat.run.results.estimates import estimates_of
 from barbalat.solvers.simulation import Simulation
 from barbalat.study.delay_margin import delay_margins
+from case_texts import OWN
 from foreign_estimates import CONTROLLERS, HighOrder, Predicting, Sliding, Weighing
 from independent import refusal
 
@@ -39,26 +40,6 @@ NAMES = [law.name for law in CONTROLLERS]
 SAMPLED = [Sampled(controller=law, sample_time=0.02, discretization="euler") for law in CONTROLLERS]
 COMPARED = {"high order": True, "predicting": True, "weighing": False, "sliding": False}
 """Whether a law's estimates are as many as the two parameters of the linear problem."""
-CASE = """
-name = "own"
-[plant]
-A_m = [[0.0, 1.0], [-1.0, -1.4]]
-b = [0.0, 1.0]
-theta = [1.0, -0.5]
-x0 = [0.1, 0.0]
-[reference_model]
-k_0 = 1.0
-[reference]
-kind = "sine"
-amplitude = 1.0
-frequency = 0.5
-[uncertainty]
-lower = [-2.0, -2.0]
-upper = [2.0, 2.0]
-[simulation]
-t_end = 2.0
-dt = 1e-2
-"""
 
 
 @pytest.fixture
@@ -76,7 +57,7 @@ def polynomial(problems):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    (tmp_path / "case.toml").write_text(CASE)
+    (tmp_path / "case.toml").write_text(OWN)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -194,7 +175,7 @@ def test_the_page_of_a_run(folder):
 def test_tuning(folder, capsys, scheme):
     knob = "w" if scheme == "Sliding" else "gamma"
     (folder / "laws.py").write_text(LAWS.read_text().replace("CONTROLLERS =", "MADE = lambda:"))
-    (folder / "case.toml").write_text(CASE + f'[[controller]]\nscheme = "{scheme}"\n{knob} = 5.0\n')
+    (folder / "case.toml").write_text(OWN + f'[[controller]]\nscheme = "{scheme}"\n{knob} = 5.0\n')
     asked = ["--for", "rms_e", "--subject-to", "delay_onset_simulated >= 0.03", "--vary", f"controller[0].{knob}=1:20:log"]
     assert main(["tune", "case.toml", "--controllers", "laws.py", *asked, "--plants", "2", "--json"]) == 0, (
         capsys.readouterr().err

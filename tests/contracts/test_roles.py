@@ -23,6 +23,7 @@ from barbalat.problem.known_set import ParameterBox
 from barbalat.roles import column_names, roles_of, state_parts, within
 from barbalat.run.results.estimates import estimates_of
 from barbalat.solvers.simulation import Simulation
+from case_texts import OWN
 from foreign import wrong
 from independent import refusal
 from strangers import CONTROLLERS, NoEstimate, Sixteen, TwoLayers
@@ -31,26 +32,6 @@ FILE = Path(strangers.__file__)
 SIMULATION = Simulation(t_end=2.0, dt=1e-2)
 NAMES = [law.name for law in CONTROLLERS]
 SAMPLED = [Sampled(controller=law, sample_time=0.02, discretization="euler") for law in CONTROLLERS]
-CASE = """
-name = "own"
-[plant]
-A_m = [[0.0, 1.0], [-1.0, -1.4]]
-b = [0.0, 1.0]
-theta = [1.0, -0.5]
-x0 = [0.1, 0.0]
-[reference_model]
-k_0 = 1.0
-[reference]
-kind = "sine"
-amplitude = 1.0
-frequency = 0.5
-[uncertainty]
-lower = [-2.0, -2.0]
-upper = [2.0, 2.0]
-[simulation]
-t_end = 2.0
-dt = 1e-2
-"""
 
 
 @pytest.fixture
@@ -61,7 +42,7 @@ def linear(problems):
 @pytest.fixture
 def told(tmp_path, monkeypatch, capsys):
     """What a command prints for a case with the three laws, or with those of another file."""
-    (tmp_path / "case.toml").write_text(CASE)
+    (tmp_path / "case.toml").write_text(OWN)
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments, controllers=FILE):
@@ -211,10 +192,10 @@ def test_studies_and_exports_take_them(told, capsys):
     Path("laws.py").write_text(text)
     sampled = 'sample_time = 0.02\ndiscretization = "euler"\n'
     for scheme, knob in (("Sixteen", "gamma"), ("TwoLayers", "beta"), ("NoEstimate", "k")):
-        Path("case.toml").write_text(CASE + f'[[controller]]\nscheme = "{scheme}"\nname = "one"\n{knob} = 2.0\n')
+        Path("case.toml").write_text(OWN + f'[[controller]]\nscheme = "{scheme}"\nname = "one"\n{knob} = 2.0\n')
         asked = ["--for", "rms_e", "--vary", f"controller[0].{knob}=1:4:log", "--plants", "2", "--json"]
         assert json.loads(told("tune", *asked, controllers="laws.py"))
-        Path("case.toml").write_text(CASE + f'[[controller]]\nscheme = "{scheme}"\nname = "one"\n{knob} = 2.0\n{sampled}')
+        Path("case.toml").write_text(OWN + f'[[controller]]\nscheme = "{scheme}"\nname = "one"\n{knob} = 2.0\n{sampled}')
         for target in ("c99", "fmu3"):
             more = ["--sources-only"] if target == "fmu3" else []
             told("export", "--controller", "one", "--target", target, "--out", f"{scheme}-{target}", *more, controllers="laws.py")

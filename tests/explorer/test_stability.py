@@ -15,6 +15,7 @@ from barbalat.cases.load import CaseText
 from barbalat.explorer.explorer import Explorer
 from barbalat.explorer.source import TextSource
 from barbalat.judge.verdict import percent
+from case_texts import SECTION_V
 
 NODE = shutil.which("node")
 SCRIPT = Path(__file__).parent / "judged.mjs"
@@ -47,23 +48,10 @@ theta_hat0 = [-0.65, 1.14]
 """
 """The estimates drift until the loop with the unmodelled poles is unstable: it diverges, well inside the step's region."""
 
-L1 = """
-name = "step too long"
-[plant]
-A_m = [[0.0, 1.0], [-0.3, -1.0]]
-b = [0.0, 1.0]
-theta = [4.0, -3.0]
-x0 = [1.0, 1.0]
-[reference_model]
-k_0 = 4.0
-[reference]
-kind = "sine"
-amplitude = 50.0
-frequency = 0.5
-[uncertainty]
-lower = [-5.0, -5.0]
-upper = [5.0, 5.0]
-[simulation]
+L1 = (
+    'name = "step too long"'
+    + SECTION_V
+    + """[simulation]
 t_end = 2.0
 dt = 1e-3
 [[controller]]
@@ -74,6 +62,7 @@ filter = { kappa = 0.02 }
 scheme = "mrac"
 gamma = 1e4
 """
+)
 MORE = {
     "smooth": ("", ""),
     "a jump between two steps": (

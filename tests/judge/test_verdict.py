@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from labelled_runs import Gain, oscillator, relay_problem
 
+import case_texts
 from barbalat import InputError, Judge, Simulation, simulate
 from barbalat.cases.load import CaseText, load_case, parse_case
 from barbalat.judge.scale import Uncommanded, scale_of
@@ -17,23 +18,10 @@ from barbalat.run.engine.settle import settle
 from barbalat.signals import Sine
 from barbalat.sweeps.sweep import sweep
 
-SECTION_V = """
-name = "Section V"
-[plant]
-A_m = [[0.0, 1.0], [-0.3, -1.0]]
-b = [0.0, 1.0]
-theta = [4.0, -3.0]
-x0 = [1.0, 1.0]
-[reference_model]
-k_0 = 4.0
-[reference]
-kind = "sine"
-amplitude = 50.0
-frequency = 0.5
-[uncertainty]
-lower = [-5.0, -5.0]
-upper = [5.0, 5.0]
-[simulation]
+SECTION_V = (
+    'name = "Section V"'
+    + case_texts.SECTION_V
+    + """[simulation]
 t_end = 10.0
 dt = 1e-3
 [[controller]]
@@ -42,6 +30,7 @@ scheme = "l1"
 gamma = GAMMA
 filter = { kappa = 0.02 }
 """
+)
 
 
 def verdict(**given) -> Verdict:

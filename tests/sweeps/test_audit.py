@@ -21,24 +21,12 @@ from barbalat.sweeps.settling import RERUN_COST, Settling, done_here
 from barbalat.sweeps.spread import Axis
 from barbalat.sweeps.study import OSCILLATED, Study, run_here
 from barbalat.sweeps.sweep import replay, run_study
+from case_texts import SECTION_V
 
-STIFF = """
-name = "Section V's plant, whose estimates ring at this step and not at a finer one"
-[plant]
-A_m = [[0.0, 1.0], [-0.3, -1.0]]
-b = [0.0, 1.0]
-theta = [4.0, -3.0]
-x0 = [1.0, 1.0]
-[reference_model]
-k_0 = 4.0
-[reference]
-kind = "sine"
-amplitude = 50.0
-frequency = 0.5
-[uncertainty]
-lower = [-5.0, -5.0]
-upper = [5.0, 5.0]
-[simulation]
+STIFF = (
+    'name = "Section V\'s plant, whose estimates ring at this step and not at a finer one"'
+    + SECTION_V
+    + """[simulation]
 t_end = 10.0
 dt = 1e-3
 [[controller]]
@@ -47,6 +35,7 @@ scheme = "l1"
 gamma = 100.0
 filter = { kappa = 0.02 }
 """
+)
 JOINT = """
 name = "A flexible joint with limits and a delay"
 [plant]
