@@ -97,9 +97,11 @@ def test_the_guaranteed_numbers_of_random_cases_are_accepted(tmp_path, sample):
     assert claimed >= 20
 
 
-def refused(document):
+def refused(false, true):
+    """Whether the checker refuses a changed document; controllers of which it says the same are accepted without another look."""
+    changed = {name: one for name, one in false["controllers"].items() if one != true["controllers"][name]}
     try:
-        barbalat_check.check(document)
+        barbalat_check.check(false | {"controllers": changed or false["controllers"]})
     except barbalat_check.Refused:
         return True
     return False
@@ -110,7 +112,8 @@ def refused(document):
 def test_what_does_not_follow_is_refused(name, certified):
     """A bound beyond its witnesses, a witness whose inequality fails, a premise that is missing: some 200 in all."""
     document = document_of(*certified(name))
-    tried = [(what, refused(false)) for what, false in attacks(document)]
+    barbalat_check.check(document)
+    tried = [(what, refused(false, document)) for what, false in attacks(document)]
     assert len(tried) >= 10 and not [what for what, caught in tried if not caught]
 
 
@@ -120,7 +123,7 @@ def test_what_does_not_follow_of_random_cases_is_refused(tmp_path):
     for seed, document in drawn_documents(tmp_path, range(60)):
         if any(map(samples_followed, document["controllers"].values())):
             continue  # test_sampled_response.py attacks these
-        accepted += [f"{seed}: {what}" for what, false in attacks(document) if not refused(false)]
+        accepted += [f"{seed}: {what}" for what, false in attacks(document) if not refused(false, document)]
     assert not accepted
 
 
