@@ -97,11 +97,20 @@ def test_the_guaranteed_numbers_of_random_cases_are_accepted(tmp_path, sample):
     assert claimed >= 20
 
 
+def without_cells(document, true):
+    """The document without bounds over cells that are as in the true one: nothing else rests on them, and they take seconds."""
+    found = {}
+    for name, one in document["controllers"].items():
+        cells = [line for line in true["controllers"][name]["lines"] if line["key"] == "error_bound_worst"]
+        found[name] = one | {"lines": [line for line in one["lines"] if line not in cells]}
+    return document | {"controllers": found}
+
+
 def refused(false, true):
     """Whether the checker refuses a changed document; controllers of which it says the same are accepted without another look."""
     changed = {name: one for name, one in false["controllers"].items() if one != true["controllers"][name]}
     try:
-        barbalat_check.check(false | {"controllers": changed or false["controllers"]})
+        barbalat_check.check(without_cells(false | {"controllers": changed or false["controllers"]}, true))
     except barbalat_check.Refused:
         return True
     return False
@@ -113,6 +122,7 @@ def test_what_does_not_follow_is_refused(name, certified):
     """A bound beyond its witnesses, a witness whose inequality fails, a premise that is missing: some 200 in all."""
     document = document_of(*certified(name))
     barbalat_check.check(document)
+    barbalat_check.check(without_cells(document, document))
     tried = [(what, refused(false, document)) for what, false in attacks(document)]
     assert len(tried) >= 10 and not [what for what, caught in tried if not caught]
 
