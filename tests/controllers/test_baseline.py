@@ -377,7 +377,10 @@ def test_without_a_baseline_the_scheme_has_the_gains_of_the_declared_values_and_
     for problem in (case.problem, case.problem.design):
         np.testing.assert_allclose(BaselineAlone().bind(problem.known).theta_0, expected, rtol=1e-12)
     assert np.abs(case.problem.uncertainty.middle - expected).max() > 0.1
-    said = "without [baseline] its gains are those for the nominal plant, with an input gain of 1: u = 0.48 r - [0.24, 0.384] x"
+    said = (
+        "without [baseline] its gains are those for the declared values of the parameters, with an input gain of 1: "
+        "u = 0.48 r - [0.24, 0.384] x"
+    )
     (run,) = simulate(case.problem, case.controllers, case.simulation).values()
     np.testing.assert_allclose(run.u[0], 0.048, rtol=1e-9)
     assert said in run.warnings

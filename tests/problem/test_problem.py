@@ -65,12 +65,14 @@ def test_defaults_are_rest_and_a_zero_command():
     assert problem.reference(np.array([0.0, 3.0])).tolist() == [0.0, 0.0]
 
 
-OF_A_BASELINE = {"enters", "theta_0"}
-"""Its own gains, and by what the command enters its own states."""
+OF_A_BASELINE = {"enters", "theta_0", "nominal"}
+"""Its own gains, by what the command enters its own states, and theta at the declared values of parameters."""
 
 
 def test_a_designer_sees_neither_theta_nor_the_disturbance(section_v):
     assert set(Known.__dataclass_fields__) == {"A_m", "b", "k_0", "x0", "estimate_set", "matched", "saturation"} | OF_A_BASELINE
+    simulated = Plant(A=[[0, 1], [2, 3]], b=[0, 1], A_m=[[0, 1], [-4, -3]])  # without parameters this is what is simulated
+    assert Problem(plant=simulated).known.nominal is None
 
 
 def test_signals_in_the_order_of_the_loop(section_v):

@@ -52,8 +52,8 @@ class Equations:
 class BaselineAlone(Scheme):
     """u = k_0 r - theta_0'phi(x): the plant's baseline without adaptation; an unknown input gain is taken as 1.
 
-    nominal  theta_0, (p,): by default the baseline's own; without one that of the nominal plant, which plant.A and the declared
-             values of parameters give, or else the middle of the known set, or zero
+    nominal  theta_0, (p,): by default the baseline's own; without one that of the declared values of [parameters], or else the
+             middle of the known set, or zero
     """
 
     _: KW_ONLY
@@ -76,11 +76,11 @@ class BaselineAlone(Scheme):
         if known.theta_0 is not None:
             return Equations(k_0=known.k_0, matched=known.matched, theta_0=known.theta_0)
         if known.nominal is not None:
-            theta_0, of = known.nominal, "the nominal plant"
+            theta_0, of = known.nominal, "the declared values of the parameters"
         elif known.theta_set is not None:
             theta_0, of = known.theta_set.middle, "the middle of the known set"
         else:
-            theta_0, of = np.zeros(p), "theta = 0, since neither plant.A nor a known set is given"
+            theta_0, of = np.zeros(p), "theta = 0, since neither parameters nor a known set are given"
         return Equations(k_0=known.k_0, matched=known.matched, theta_0=theta_0, assumed=_assumed(of, known, theta_0))
 
 

@@ -58,6 +58,7 @@ class Plant(Settings):
     scale_from: str = field(default="as given", repr=False)
     baseline: FixedController | None = field(default=None, repr=False)
     nominal_A: Matrix | None = field(default=None, repr=False)  # (n, n) of the plant's own states: plant.A as given
+    declared: bool = field(default=False, repr=False)  # whether parameters' values declare it, apart from the simulated plant
     __repr__ = one_line
 
     def __init__(
@@ -76,6 +77,7 @@ class Plant(Settings):
         scale_from: str = "as given",
         baseline: Baseline | FixedController | None = None,
         nominal_A: Matrix | None = None,
+        declared: bool = False,
     ) -> None:
         if physical is None and holds_formulas((A, b, x0, input)):
             physical = PhysicalPlant(A=A, b=b, x0=x0, input=input)  # type: ignore[arg-type]  # refuses other texts
@@ -102,6 +104,7 @@ class Plant(Settings):
         if baseline is not None and not isinstance(baseline, FixedController):
             raise InputError("baseline goes with plant.A, which is missing")
         freeze(self, physical=physical, scale=scale, scale_from=scale_from, baseline=baseline, nominal_A=nominal_A)
+        freeze(self, declared=declared or physical is not None)
         self.__post_init__()
         if posed and all(path.saturation is None for path in self.paths):
             raise InputError.of(
@@ -163,9 +166,9 @@ class Plant(Settings):
 
     @property
     def nominal_theta(self) -> Array | None:
-        """(n m,) theta of plant.A as given, at the declared values of parameters; None beside a baseline, which is designed for
-        it, and for a plant given by A_m and theta, which no controller knows."""
-        if self.nominal_A is None or self.baseline is not None:
+        """(n m,) theta at the declared values of the parameters; None beside a baseline, which is designed for them, and without
+        parameters: plant.A may then be the simulated plant, which no controller knows."""
+        if not self.declared or self.nominal_A is None or self.baseline is not None:
             return None
         return projected(self.nominal_A, self.A_m, self.b, np.ones(self.n) if self.scale is None else self.scale)
 

@@ -41,7 +41,7 @@ class Known:
     matched: MatchedTerm = MatchedTerm(Linear(), inputs=1)  # noqa: RUF009  # immutable; Phi(x)
     saturation: Array | None = None  # (2,) lower and upper limit of the actuator, (2, m) with m inputs; None without limits
     enters: Array | None = None  # (n,), or (n, q): the matrix by which the command enters the state directly; None if it does not
-    nominal: Array | None = None  # theta of the nominal plant, which plant.A gives; None for a plant given by A_m and theta
+    nominal: Array | None = None  # theta at the declared values of the parameters; None without any
     theta_0: Array | None = None  # the baseline is u = k_0 r - theta_0'x, to which the adaptive part is added; None without one
 
     @property
