@@ -128,7 +128,8 @@ def margins_cell(certificate: Certificate) -> Entry:
         if "unstable_at" in loop:
             parts.append(f"unstable for part of the known set ({name})")
         elif "delay_margin" in loop:
-            parts.append(f"over the known set {loop['delay_margin']['value']:.4g} s at least, as far as found ({name})")
+            of = "parameters' ranges, but not in all of the box around them," if "box_unstable_at" in loop else "known set"
+            parts.append(f"over the {of} {loop['delay_margin']['value']:.4g} s at least, as far as found ({name})")
     if adapting is not None and adapting.value is not None:
         parts.append(f"linearised with its law at the largest command {adapting.value:.3g} s")
     each = certificate.entry("delay_margin_each")

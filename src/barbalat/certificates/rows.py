@@ -116,6 +116,10 @@ def _worst_case(loop: dict[str, Any]) -> list[CertificateRow]:
     if "unstable_at" in loop:
         gain = f", omega = {number_text(loop['unstable_at_gain'])}" if "unstable_at_gain" in loop else ""
         found.append(CertificateRow("- unstable at", f"theta = [{number_text(loop['unstable_at'])}]{gain}", "", ""))
+    if "box_unstable_at" in loop:
+        gain = f", omega = {number_text(loop['box_unstable_at_gain'])}" if "box_unstable_at_gain" in loop else ""
+        point = f"theta = [{number_text(loop['box_unstable_at'])}]{gain}"
+        found.append(CertificateRow("- unstable in the box alone", point, "of no physical plant found", ""))
     if "left_out" in loop:
         found.append(CertificateRow("- left out", loop["left_out"], "", ""))
     return found

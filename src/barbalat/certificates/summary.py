@@ -93,7 +93,8 @@ def _margin(certificate: Certificate) -> Line:
     if any("unstable_at" in loop for loop in loops):
         parts.append(f"unstable in the set{matched}")
     elif least:
-        parts.append(f"{_delay(min(least))} in the set{matched}")
+        box = any("box_unstable_at" in loop for loop in loops)
+        parts.append(f"{_delay(min(least))} {'in the ranges, not in all of the box' if box else 'in the set'}{matched}")
     if adapting is not None and adapting.applies:
         same = margin is not None and margin.applies and margin.rest == adapting.rest
         parts.append(f"{_delay(adapting.value)} adapting{'' if same else _at_rest(adapting)}")

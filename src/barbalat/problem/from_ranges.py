@@ -51,6 +51,29 @@ Box = Mapping[str, float]
 """One end of each parameter's range, or a point."""
 
 
+@dataclass(frozen=True, eq=False)
+class Members:
+    """Plants that parameters in their ranges give: the uncertain ones (K, names), and theta followed by omega, (K, p + m).
+
+    The last ``drawn`` of them are seeded points.
+    """
+
+    names: tuple[str, ...]
+    parameters: Array
+    values: Array
+    p: int
+    drawn: int
+
+    def points(self, *, with_gain: bool) -> Array:
+        """(K, p) theta, or (K, p + m) with omega."""
+        return self.values if with_gain else self.values[:, : self.p]
+
+    def at(self, point: Array) -> dict[str, float]:
+        """The parameters of one of these points, up to rounding."""
+        k = int(np.abs(self.values[:, : len(point)] - point).sum(axis=1).argmin())
+        return dict(zip(self.names, self.parameters[k].tolist(), strict=True))
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FromRanges:
     """The known set and the remainders that follow from ranges of physical parameters.
@@ -63,6 +86,7 @@ class FromRanges:
                     None if they do not change
     width_ratio     the largest ratio of an enclosure's width to the observed width
     cells           the number of cells into which the ranges were cut
+    quantities, ranges  theta and omega as functions of the parameters, and their ranges, for ``members``
     used            whether this is the known set of the problem; otherwise the user gave another one
     """
 
@@ -77,6 +101,17 @@ class FromRanges:
     cells: int
     nominal: Mapping[str, Any] = field(default_factory=dict)
     used: bool = True
+    quantities: _Quantities | None = field(default=None, repr=False)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict, repr=False)
+
+    def members(self, drawn: int) -> Members:
+        """The plants at the centre of the ranges, at their corners, and at ``drawn`` seeded points: a box contains others too."""
+        assert self.quantities is not None
+        names = [name for name, (low, high) in self.ranges.items() if low < high]
+        low, high = ({name: ends[side] for name, ends in self.ranges.items()} for side in (0, 1))
+        points = _points(names, low, high, drawn)
+        p, m = self.quantities.sizes[:2]
+        return Members(tuple(names), points, self.quantities.at(_columns(points, names, self.ranges))[:, : p + m], p, drawn)
 
     @property
     def is_matched(self) -> bool:
@@ -419,6 +454,8 @@ def from_ranges(plant: PhysicalPlant, A_m: Array, b: Array, scale: Array, scale_
         shares=_shares(plant, quantities, scale),
         width_ratio=found.ratio,
         cells=found.cells,
+        quantities=_Quantities(quantities.sums, quantities.sizes, quantities.b_bar),
+        ranges=plant.ranges,
         nominal={"parameters": plant.nominal, "A": A.tolist(), "b": np.asarray(b).tolist(), "theta": nominal[: ends[0]].tolist()},
     )
 
