@@ -304,7 +304,7 @@ DIFFERENCES: dict[type, Differences] = {
             "unmatched": Key(tuple[Disturbance, ...], "others: direction (n,) times the signal is added to x'", None),
         },
         optional=("A_m", "theta"),
-        without=("physical", "scale", "scale_from", "baseline", "nominal_A"),
+        without=("physical", "scale", "scale_from", "baseline", "nominal_A", "declared"),
         make=_as_given,
     ),
     **{kind: Differences(without=("output",)) for kind in BASELINES.values()},
