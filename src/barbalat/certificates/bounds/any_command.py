@@ -14,6 +14,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,6 +27,7 @@ from barbalat.certificates.entry import Assumption
 from barbalat.certificates.requested_keys import is_needed
 from barbalat.linear.enclosure import OUTWARD_FACTOR
 from barbalat.linear.followed import MOST_BITS, Generator
+from barbalat.linear.l1_norms.estimate import estimated_rows
 from barbalat.linear.l1_norms.norm import row_norms
 from barbalat.linear.l1_norms.witness import as_floats
 from barbalat.linear.l1_norms.witness import witness as norm_witness
@@ -33,6 +35,7 @@ from barbalat.problem.known_set import ParameterBox
 from barbalat.problem.state_feedback import Problem
 from barbalat.validate import Array, InputError
 
+NormsOf = Callable[[arb_mat, arb_mat, arb_mat], tuple[tuple[float, ...], int]]
 KEY = "error_bound_worst"
 MOST_CELLS, MOST_WORK = 24, 1_500_000
 """Largest number of cells, and of cells times segments times the square of the loop's states: three seconds on one core."""
@@ -67,24 +70,21 @@ def worst_bound(problem: Problem, loop: KnownLoop) -> tuple[float, NormedCell]:
     [command] = problem.commands
     size = float(command.bound)  # type: ignore[attr-defined]
 
-    def entered(low: Array, high: Array) -> tuple[float, int, NormedCell]:
-        cell = _cell(problem, loop, size, low, high)
-        return -cell.bound, next(order), cell
-
-    cells = [entered(known_set.lower, known_set.upper)]
-    whole = cells[0][2]
-    attained = whole.attained
+    whole = _cell(problem, loop, size, known_set.lower, known_set.upper, _norms)
+    cells, attained = [(-whole.bound, next(order), whole)], whole.attained
     most = min(MOST_CELLS, MOST_WORK // (states**2 * whole.segments))
-    while len(cells) < most and cells[0][2].bound > CLOSE * attained:
+    while len(cells) < most and -cells[0][0] > CLOSE * attained:
         _, _, widest = heapq.heappop(cells)
         for low, high in with_halves(widest.low, widest.high, widest.side):
-            half = entered(low, high)
-            widest.halves.append(half[2])
-            attained = max(attained, half[2].attained)
-            heapq.heappush(cells, half)
-    if not math.isfinite(cells[0][2].bound):
+            half = _cell(problem, loop, size, low, high, _estimated)  # estimates choose the cells, and enclosures bound them
+            widest.halves.append(half)
+            attained = max(attained, half.attained)
+            heapq.heappush(cells, (-half.bound, next(order), half))
+    leaves = [_cell(problem, loop, size, cell.low, cell.high, _norms) for _, _, cell in cells] if whole.halves else [whole]
+    bound = max(leaf.bound for leaf in leaves)
+    if not math.isfinite(bound):
         raise InputError("the small gain over a cell of the known set is not below 1")
-    return cells[0][2].bound, whole
+    return bound, whole
 
 
 def systems(problem: Problem, loop: KnownLoop, center: Array) -> dict[str, tuple[arb_mat, arb_mat, arb_mat]]:
@@ -116,11 +116,19 @@ def _norms(A: arb_mat, B: arb_mat, C: arb_mat) -> tuple[tuple[float, ...], int]:
     return row_norms(as_floats(A), as_floats(B), as_floats(C), np.zeros((C.nrows(), 1)), work_limit=MOST_SEGMENTS)
 
 
-def _cell(problem: Problem, loop: KnownLoop, size: float, low: Array, high: Array) -> NormedCell:
+def _estimated(A: arb_mat, B: arb_mat, C: arb_mat) -> tuple[tuple[float, ...], int]:
+    found = estimated_rows(as_floats(A), as_floats(B), as_floats(C))
+    if found is None:
+        raise ValueError("not Hurwitz")
+    return tuple(found.tolist()), 0
+
+
+def _cell(problem: Problem, loop: KnownLoop, size: float, low: Array, high: Array, norms_of: NormsOf) -> NormedCell:
+    """The cell with its bound; ``norms_of`` encloses or estimates the rows' norms of a system, and counts its segments."""
     center, n = low + (high - low) / 2, problem.known.n
     rho = np.nextafter(np.maximum(high - center, center - low), np.inf)
     try:
-        found = {name: _norms(*parts) for name, parts in systems(problem, loop, center).items()}
+        found = {name: norms_of(*parts) for name, parts in systems(problem, loop, center).items()}
     except ValueError:  # not certainly Hurwitz
         return NormedCell(low, high, math.inf, rho, 0.0, 1)
     norms = {name: np.array(upper) * ROUNDED for name, (upper, _) in found.items()}
