@@ -329,3 +329,18 @@ def test_a_remainder_is_judged_in_any_unit():
         model, reference = ReferenceModel(k_0=2.0), Sine(amplitude=1.0, frequency=1.5)
         problem = Problem(plant=plant, reference_model=model, reference=reference, truth=Truth(A=A, b=T @ b))
         assert any("A has an unmatched remainder" in one.sentence for one in departures(problem)), scale
+
+
+@pytest.mark.parametrize(
+    ("own", "true", "said"),
+    [
+        (PlantInput(delay=0.1), PlantInput(delay=0.1 * 1.1), "delay 0.11, not 0.1"),
+        (PlantInput(saturation=(-1, 1)), PlantInput(saturation=(-0.1 * 3, 0.1 * 3)), "saturation [-0.3, 0.3], not [-1, 1]"),
+        (PlantInput(rate_limit=2.0), PlantInput(rate_limit=2.0000001), "rate_limit 2.0000001, not 2.0"),
+        (PlantInput(), PlantInput(quantization=1 / 3), "quantization 0.3333, not none"),
+    ],
+)
+def test_another_input_path_is_told_in_the_digits_that_it_needs(own, true, said):
+    problem = designed(truth=Truth(input=true))
+    problem = replace(problem, plant=replace(problem.plant, input=own))
+    assert f"before its input there is another path: {said}" in [one.sentence for one in departures(problem)]

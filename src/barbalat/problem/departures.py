@@ -178,7 +178,7 @@ def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
             if one.name != "gain" and not _same(getattr(own, one.name), getattr(true, one.name))
         ]
         if differs:
-            said = ", ".join(f"{name} {_of(getattr(true, name))}, not {_of(getattr(own, name))}" for name in differs)
+            said = ", ".join(f"{name} {_apart(getattr(true, name), getattr(own, name))}" for name in differs)
             yield Departure(f"before its input there is another path: {said}")
     if around.disturbance is not problem.disturbance:
         yield Departure("another disturbance enters with u")
@@ -189,8 +189,16 @@ def _of_the_surroundings(problem: Problem) -> Iterator[Departure]:
         yield Departure("its state is measured by another sensor")
 
 
+def _apart(true: object, own: object) -> str:
+    """Both values with few digits; with all of them if they differ only there."""
+    short = [_of(true), _of(own)]
+    return ", not ".join(short if short[0] != short[1] else [validate.show(true), validate.show(own)])
+
+
 def _of(value: object) -> str:
-    return "none" if value is None else validate.show(value)
+    if value is None:
+        return "none"
+    return _shown(np.asarray(value)) if isinstance(value, (int, float, tuple, np.ndarray)) else validate.show(value)
 
 
 def _same(one: object, other: object) -> bool:
