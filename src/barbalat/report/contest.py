@@ -6,6 +6,7 @@ import numpy as np
 
 from barbalat.comparison.contest.result import Contest, Paired
 from barbalat.comparison.contest.tuned import Qualified
+from barbalat.report.omissions import grouped_omissions
 from barbalat.report.terminal.layout import Screen
 from barbalat.study.verdicts import Criterion
 from barbalat.validate import counted
@@ -157,6 +158,6 @@ def show(screen: Screen, found: Contest) -> None:
     for name, numbers, objective, _ in own(found):
         screen.line(f"{name}: {numbers}; {objective}", indent="    ")
     screen.line("")
-    for note in (*found.notes, *found.left_out):
+    for note in grouped_omissions((*found.notes, *found.left_out)):
         screen.line(f"Note: {note}.", "yellow")
     screen.line(f"{found.seconds:.0f} s. Measured on these plants and commands; not a guarantee.")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from barbalat.comparison.design.design import Candidate, Design
 from barbalat.pictures.symbols import number_text
+from barbalat.report.omissions import grouped_omissions
 from barbalat.report.terminal.layout import Screen
 
 COLUMNS = (
@@ -47,5 +48,5 @@ def show(screen: Screen, found: Design) -> None:
     screen.title("All that competed")
     for name, said, meets in sentences(found):
         screen.line(f"{name} {'meets it: it ' if meets else ''}{said}.", start="- ")
-    for said in found.contest.left_out:
-        screen.line(f"{said}.", start="- ")
+    for said in grouped_omissions(found.contest.left_out):
+        screen.line(f"{said[0].upper()}{said[1:]}.", start="- ")

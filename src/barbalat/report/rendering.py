@@ -19,6 +19,7 @@ from barbalat.pictures.palette import COLOURS, ON_DARK
 from barbalat.pictures.scripts import CHARTS, UPLOT, UPLOT_LICENCE, UPLOT_STYLE, as_script_data, script_of
 from barbalat.pictures.symbols import number_text
 from barbalat.report.notation import mathematics, naming
+from barbalat.report.omissions import grouped_omissions
 from barbalat.run.results.findings import Told, together
 from barbalat.run.results.outcome import about_u, ends_of, units_of
 from barbalat.run.results.result import Result
@@ -66,6 +67,7 @@ def templates() -> Environment:
         "ends": partial(ends_of, text=number_text),
         "mathematics": mathematics,
         "naming": naming,
+        "grouped_omissions": grouped_omissions,
         "script_data": lambda data: Markup(as_script_data(data)),
     }
     environment.globals |= {"version": barbalat.__version__, "figure_columns": figure_columns, "properties": PROPERTIES}

@@ -9,6 +9,7 @@ import numpy as np
 from barbalat.comparison.tradeoff.picture import TITLES, tuning_text
 from barbalat.comparison.tradeoff.tradeoff import Cloud, TradeOff
 from barbalat.pictures.symbols import held, number_text
+from barbalat.report.omissions import grouped_omissions
 from barbalat.report.terminal.layout import Screen
 
 ERRORS = (1e-3, 1e-2, 3e-2, 0.1, 0.3)
@@ -132,5 +133,5 @@ def show(screen: Screen, found: TradeOff) -> None:
         for scheme in schemes:
             part = part.replace(scheme, held(scheme))  # noqa: PLW2901
         screen.line(part, indent="    ", start="  ")
-    for sentence in found.notes:
+    for sentence in grouped_omissions(found.notes):
         screen.line(f"Note: {sentence}.", "yellow", "  ")

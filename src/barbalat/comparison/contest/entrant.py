@@ -153,7 +153,7 @@ def entrants_of(
     found, outside = [], {id(one) for one in own}
     for name, one in [*candidates, *((one.name, one) for one in own)]:
         if not isinstance(one, Tunable):
-            left_out.append(f"{name} is omitted: its tunable settings are not declared")
+            left_out.append(f"{name} is omitted: it does not declare what can be tuned")
             continue
         entrant = Entrant(knobs=one.knobs(reach))
         if id(one) in outside and reach.theta_hat0 is not None:

@@ -1,0 +1,31 @@
+"""Schemes that take no part, grouped by the reason."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from barbalat.controllers import SCHEMES
+
+_OMITTED = re.compile(r"(?P<who>.+?) is omitted: (?P<why>.+)")
+
+
+def grouped_omissions(sentences: Iterable[str]) -> list[str]:
+    """These sentences, with one for all schemes that are omitted for the same reason."""
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for sentence in sentences:
+        found = _OMITTED.fullmatch(sentence)
+        why = sentence if found is None else _reason(found["why"])
+        groups.setdefault(why, []).append((sentence, "" if found is None else found["who"]))
+    return [
+        group[0][0] if len(group) == 1 else f"{', '.join(who for _, who in group)} are omitted: each {why}"
+        for why, group in groups.items()
+    ]
+
+
+def _reason(why: str) -> str:
+    """A reason without the scheme's own name, and without the schemes that do take such a plant."""
+    first, _, rest = why.partition(" ")
+    if first in SCHEMES:
+        return rest.partition("; ")[0]
+    return rest if first == "it" else why

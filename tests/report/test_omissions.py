@@ -1,0 +1,21 @@
+"""Sentences on schemes that take no part, as terminals and pages show them."""
+
+from barbalat.report.omissions import grouped_omissions
+
+
+def test_schemes_that_are_omitted_for_one_reason_share_a_sentence():
+    others = "all schemes but robust-mrac and linear take uncertainty.input_gain"
+    given = [
+        "gains above 100 are not tried",
+        f"Robust MRAC is omitted: robust-mrac takes the input gain as known; {others}",
+        "mit-rule is omitted: it does not declare what can be tuned",
+        f"Normalised MRAC is omitted: mrac-normalized takes the input gain as known; {others}",
+        "known-parameters is omitted: it does not declare what can be tuned",
+        "ADRC is omitted: adrc needs independent columns of plant.b",
+    ]
+    assert grouped_omissions(given) == [
+        "gains above 100 are not tried",
+        "Robust MRAC, Normalised MRAC are omitted: each takes the input gain as known",
+        "mit-rule, known-parameters are omitted: each does not declare what can be tuned",
+        given[-1],
+    ]
