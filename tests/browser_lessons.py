@@ -75,7 +75,7 @@ def estimated(tab: Page) -> Iterator[str]:
 
 
 def by_address(tab: Page, file: Path) -> Iterator[str]:
-    """A lesson with its example in the address is opened as reached, its shares taken of its beginning."""
+    """A lesson whose example is in the address opens with its goal reached; shares refer to its initial state."""
     lesson = PAGES[file.name][0]
     numbers = "".join(f"&{path}={value}" for path, value in lesson.example.items())
     tab.goto("about:blank")

@@ -98,7 +98,7 @@ def check(law: Any, problems: Mapping[str, TrackingProblem] | None = None) -> Re
                 if one is _traces:
                     break  # equations that can't be traced can't be simulated
     if not taken and not wrong:
-        wrong.extend(["none of the problems is taken", *told])
+        wrong.extend(["none of the problems can be used", *told])
     if wrong:
         listed = "\n".join(f"  {sentence}" for sentence in wrong)
         raise CheckFailed(f"{controller.name} does not keep what a controller has to:\n{listed}")

@@ -448,7 +448,7 @@ def test_the_certified_condition_lies_inside_the_exact_boundary(claims):
 
 
 def test_one_number_has_one_verdict(section_v_runs, quick):
-    """Figure 3's "proportional to kappa": by the rule's tenth in the figure and in the row, on the same number."""
+    """Figure 3's "proportional to kappa": the figure and the row apply the rule's 10 % to the same number."""
     checks = paper_figures.paper_figures(section_v_runs)[1].checks
     (check,) = [one for one in checks if "proportional to kappa" in one.statement]
     factor = float(re.search(r"multiplies it by ([\d.]+)", check.measured)[1])

@@ -360,7 +360,7 @@ def oscillation_by_hand(
     for k in range(steps):
         t = k * h
         u[k] = command(s[:2], s[4:], t)
-        u[k + 1] = u[k] if k == 0 else 2 * u[k] - u[k - 1]  # read by delays below a step alone
+        u[k + 1] = u[k] if k == 0 else 2 * u[k] - u[k - 1]  # only delays shorter than a step use it
         now, half, then = (None,) * 3 if delay == 0 else (held(k), held(k + 0.5), held(k + 1))
         k_1 = rate(s, t, now)
         k_2 = rate([a + h / 2 * b for a, b in zip(s, k_1, strict=True)], t + h / 2, half)

@@ -58,7 +58,7 @@ def test_the_median_is_infinite_where_half_of_the_runs_failed():
 
 
 def test_many_pairs_share_one_confidence():
-    """Holm's own order: of chances 0.01, 0.02, 0.04, 0.5 at 5 %, each beside 5 % over how many are left."""
+    """Holm's method at 5 %: the smallest chance is compared with 5 % over all pairs, the next with 5 % over the others."""
     shares = {name: Share(count=count, judged=100) for name, count in {"a": 64, "b": 37, "c": 61, "d": 52}.items()}
     assert [round(one.chance, 3) for one in shares.values()] == [0.007, 0.012, 0.035, 0.764]
     assert beyond_chance(shares) == {"a": 1, "b": -1, "c": 0, "d": 0}  # 0.0125, 0.0167 and 0.025 are asked of the first three

@@ -41,7 +41,7 @@ def test_a_single_pair_differs_beyond_chance_as_the_sign_test_says(better, says)
 
 
 def test_among_equals_any_pair_is_called_different_as_seldom_as_it_says():
-    """36 controllers' pairs through one failure, all errors drawn alike: the whole is wrong in 5 % of all cases at most."""
+    """36 pairs of nine controllers with errors from one distribution: some difference is claimed in at most 5 % of trials."""
     random, wrong, trials = np.random.default_rng(3), 0, 60
     names = tuple("abcdefghi")
     for _ in range(trials):

@@ -37,7 +37,7 @@ LINEAR_UNSTABLE = "no theorem: the linear loop with the nominal parameters is un
 LINEAR_BEYOND = "a small gain of the linear controller's loop with several inputs or with phi(x) instead of x"
 SLOPE = "a bound with f(t, y) that is less conservative than the small gain with its slope"
 OUTPUT_LOOP = "a bound of the linear loop with limits, a delay, noise or unbounded signals"
-UNKNOWN_LAW = "a Lyapunov function of this law, of which the package knows none"
+UNKNOWN_LAW = "a Lyapunov function of this law; the package has none"
 
 
 def joined(theorems: Iterable[str]) -> str:

@@ -146,7 +146,7 @@ def _delay() -> Claim:
     return Claim(
         sentence=sentence,
         readings=(sentence.reads(steady, f"over the last decade {told}"),),
-        shows=f"With kappa = {KAPPAS[0]:g} s the delay margin is {delays[KAPPAS[0]][-1]:.3g} s at the highest gain, after a dip to {delays[KAPPAS[0]].min():.2g} s at Gamma = {GAINS[int(delays[KAPPAS[0]].argmin())]:.1e}; the MRAC's {over_gains(None).delay[-1]:.0e} s.",
+        shows=f"With kappa = {KAPPAS[0]:g} s the delay margin is {delays[KAPPAS[0]][-1]:.3g} s at the highest gain, after a dip to {delays[KAPPAS[0]].min():.2g} s at Gamma = {GAINS[int(delays[KAPPAS[0]].argmin())]:.1e}; that of MRAC is {over_gains(None).delay[-1]:.0e} s.",
         measured=f"over the last decade of gain {told}; the limit of fast adaptation is pi kappa/2",
         how=HOW, listings=(_listing(),), would_change="a delay margin that keeps falling with the gain",
     )  # fmt: skip

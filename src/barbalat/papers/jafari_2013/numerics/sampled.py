@@ -18,7 +18,7 @@ from barbalat.problem.actuation import PlantInput
 from barbalat.protocols import Controller
 from barbalat.run.engine.simulate import simulate
 from barbalat.solvers.simulation import Simulation
-from barbalat.validate import Array
+from barbalat.validate import Array, counted
 
 GAINS = (1e2, 1e4, 1e6, 1e8)
 
@@ -100,7 +100,7 @@ def delays() -> Claim:
     return Claim(
         sentence=sentence,
         readings=readings,
-        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {borne:g} samples of {SAMPLE_TIME:g} s without the filter, {borne_by_l1:g} with it.",
+        shows=f"At Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {counted(round(borne), 'sample')} of {SAMPLE_TIME:g} s without the filter, {borne_by_l1:g} with it.",
         measured=f"at Gamma = {DELAY_GAINS[-1]:g} the estimates stay quiet up to a delay of {borne:g} T with MRAC by the midpoint "
         f"form, {borne_by_l1:g} T with L1-AC; beyond it those of MRAC swing between their bounds, and |e| is at most {ratio:.2f} times that "
         "of the Euler form, at any gain and delay",
