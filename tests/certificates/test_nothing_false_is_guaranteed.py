@@ -53,7 +53,10 @@ ERROR_BOUNDS = ("error_bound", "error_bound_worst", "error_bound_command")
 
 @pytest.mark.parametrize("name", bundled())
 def test_no_pair_of_disturbing_features_leaves_a_guarantee(name, by_turns, no_searches):
-    """For the bundled cases, whatever small gain or Theorem 1 still gives is compared with a run."""
+    """For the bundled cases, whatever small gain or Theorem 1 still gives is compared with a run.
+
+    Projected estimates bound e beside bounded disturbances, also with an unknown gain in its interval; e need not vanish then.
+    """
     case = load_case(name)
     horizon = Simulation(t_end=min(case.simulation.t_end, 10.0), dt=5e-4)  # whole steps in every case's sample time
     random = np.random.default_rng(len(name))
@@ -67,7 +70,8 @@ def test_no_pair_of_disturbing_features_leaves_a_guarantee(name, by_turns, no_se
             bounded = certificate.guaranteed & {*ERROR_BOUNDS, "reference_error_bound", "output_bound"}
             if not held and not bounded:
                 continue
-            by_theorem_1 = not held and set(pair) <= {"gain", "disturbance"}
+            projected = "error_bound" in certificate.guaranteed and set(held) == {"stability", "transient"}
+            by_theorem_1 = set(pair) <= {"gain", "disturbance"} and (not held or projected)
             assert by_theorem_1 or certificate.guaranteed & {"output_bound", "state_bound"}, where
             (run,) = simulate(problem, [controller], horizon).values()
             assert not exceeded(certificate, column, run), where
